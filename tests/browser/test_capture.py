@@ -95,7 +95,7 @@ def test_a_capture_plays_and_its_attitude_is_right(
     captures: Path,
     expected: dict[int, list[float]],
 ) -> None:
-    server = serve(f"{captures}/xbus/mti_100hz_49s.bin?speed=10")
+    server = serve(f"{captures}/xbus/mti_100hz_49s.bin?speed=25")
     page = open_page(server.url)
     counters = list(expected)
     last = counters[-1]

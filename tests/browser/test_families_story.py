@@ -1,37 +1,36 @@
-"""Pages of Inertial Sense and IDTP devices, from recorded frames: accessibility, and room on a phone.
+"""Pages of IDTP devices, from recorded frames: accessibility, and room on a phone and on a desktop.
 
-Attitude, satellites, position and marks of trust are tested in web/src/pages/live.test.tsx.
+The page of an Inertial Sense device is looked at in test_families.py. Attitude, satellites, position and marks of trust
+are tested in web/src/pages/live.test.tsx.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import pytest
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, serious, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until
 
-SHOWN = {"isb": "[data-numeral]", "idtp": "[data-numeral]", "secure": "[data-key=wanted]"}
+SHOWN = {"idtp": "[data-numeral]", "secure": "[data-key=wanted]"}
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_their_pages_are_accessible(open_page: Callable[..., Page], size: tuple[int, int]) -> None:
+def test_their_pages_are_accessible(open_page: Callable[..., Page]) -> None:
     """No serious findings of axe, no horizontal scrolling, and touch targets of sufficient size.
 
-    On a phone the elements are the same, so axe runs once. Contrast is checked where colours differ.
+    The elements are the same at both widths, so axe runs once. Contrast is checked where colours differ.
     """
-    is_phone = size == PHONE
     for family, shown in SHOWN.items():
         with Story(family) as story:
-            page = story.open(open_page, width=size[0], height=size[1], touch=is_phone, still=True)
+            page = story.open(open_page, width=PHONE[0], height=PHONE[1], touch=True, still=True)
             until(page, f"document.querySelector('{shown}') !== null")
             drawn(page)
-            if not is_phone:
-                assert serious(page, colours=family != "idtp") == [], family
-            assert fits(page, width=size[0]), family
-            if is_phone:
-                small = small_targets(page)
-                assert not small, "\n".join([family, *small])
+            small = small_targets(page)
+            assert not small, "\n".join([family, *small])
+            assert fits(page), family
+            assert fits(page, width=DESKTOP[0]), family
+            page.set_viewport_size({"width": DESKTOP[0], "height": DESKTOP[1]})
+            drawn(page)
+            assert serious(page, colours=family != "idtp") == [], family

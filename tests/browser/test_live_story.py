@@ -22,9 +22,9 @@ SHOWN = (
 BOX = "(e => e && (({x, y, right, bottom}) => [x, y, right, bottom])(e.getBoundingClientRect()))"
 
 
-def test_a_desktop(open_page: Callable[..., Page]) -> None:
+def test_a_desktop_and_a_tablet(open_page: Callable[..., Page]) -> None:
     """Nothing serious from axe, no motion where it is unwanted, a ring on each focus, and lanes that say what they
-    are.
+    are; on a tablet, panels over the page.
     """
     with Story("xbus") as story:
         page = story.open(open_page, still=True)
@@ -60,25 +60,26 @@ def test_a_desktop(open_page: Callable[..., Page]) -> None:
         page.keyboard.press("?")
         link = page.get_by_role("dialog").get_by_role("link", name="API reference")
         assert link.get_attribute("href") == "/docs"
+        page.keyboard.press("Escape")
+        panels_of_a_tablet_lie_over_the_page(page)
 
 
-def test_the_panels_of_a_tablet_lie_over_the_page(open_page: Callable[..., Page]) -> None:
+def panels_of_a_tablet_lie_over_the_page(page: Page) -> None:
     """At its edge, from the bar to the foot of the window; nothing moves below it."""
-    with Story("xbus") as story:
-        page = story.open(open_page, width=1000, height=800)
-        for place in ("#/", "#/configure"):
-            go_to(page, place)
-            middle = f"{BOX}(document.querySelector('main'))"
-            until(page, f"{middle} !== null && document.querySelector('.bar [aria-controls=rail]') !== null")
-            before = page.evaluate(middle)
-            for name in ("rail", "side"):
-                toggle = page.locator(f".bar [aria-controls={name}]:visible").first
-                toggle.click()
-                x, y, right, bottom = until(page, f"{BOX}(document.querySelector('.{name}.open'))")
-                assert (x if name == "rail" else right) == (0 if name == "rail" else 1000)
-                assert (y, bottom) == (page.locator(".bar").evaluate("e => e.getBoundingClientRect().bottom"), 800)
-                assert page.evaluate(middle) == before
-                toggle.click()
+    page.set_viewport_size({"width": 1000, "height": 800})
+    for place in ("#/", "#/configure"):
+        go_to(page, place)
+        middle = f"{BOX}(document.querySelector('main'))"
+        until(page, f"{middle} !== null && document.querySelector('.bar [aria-controls=rail]') !== null")
+        before = page.evaluate(middle)
+        for name in ("rail", "side"):
+            toggle = page.locator(f".bar [aria-controls={name}]:visible").first
+            toggle.click()
+            x, y, right, bottom = until(page, f"{BOX}(document.querySelector('.{name}.open'))")
+            assert (x if name == "rail" else right) == (0 if name == "rail" else 1000)
+            assert (y, bottom) == (page.locator(".bar").evaluate("e => e.getBoundingClientRect().bottom"), 800)
+            assert page.evaluate(middle) == before
+            toggle.click()
 
 
 def test_the_bar_has_room_at_every_width(open_page: Callable[..., Page]) -> None:

@@ -1,10 +1,12 @@
-"""Measuring in a real browser, counted in actions from a fresh page, and its numbers against those of the server."""
+"""Numbers of a measured range of a recording in a real browser, against those of the server and of numpy.
+
+Gestures that measure are tested in test_panels.py.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
-import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -12,39 +14,16 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, TARGETS, serious, show
-from tests.browser.page_checks import opened as live
-from tests.browser.test_panels import ABOUT, HISTOGRAM, INK, OUTLINES, XY
+from tests.browser.page_checks import serious, show
+from tests.browser.test_panels import ABOUT, BYTES, COUNTED, HISTOGRAM, INK, OUTLINES, XY
+from tests.browser.test_panels import MEASURED as PANEL
 from tests.browser.test_recordings import ask, opened, recorded
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
 __all__ = ["recorded"]  # a fixture
 
-PANEL = "document.querySelector('.measure')"
-COUNTED = f"{PANEL} !== null && {PANEL}.querySelector('.pending') === null && {PANEL}.querySelector('td') !== null"
-DIALOG = "document.querySelector('.packet')"
-BYTES = f"{DIALOG}?.querySelector('tbody tr') != null"
-ROWS = f"""[...{DIALOG}.querySelectorAll('tbody tr')].map(row => [...row.cells].map(cell => cell.textContent))"""
-SOURCE = "sim:xbus?product=MTi-630&rate=100&seed=1"
-DRAWN_ANEW = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
 COPIED = "window.copied = undefined; navigator.clipboard.writeText = async text => { window.copied = text; }"
-
-
-def floats(text: str) -> tuple[float, ...]:
-    data = bytes.fromhex(text)
-    return struct.unpack(f">{len(data) // 4}f", data)
-
-
-def area(page: Page) -> tuple[float, float, float]:
-    """Left and right edge of the plots, and a height within the first one, px."""
-    box = page.locator(".stack .plot > canvas").first.bounding_box()
-    assert box is not None
-    gutter = page.evaluate(
-        "parseFloat(getComputedStyle(document.querySelector('.stack')).getPropertyValue('--gutter-w'))"
-    )
-    tail = page.evaluate("parseFloat(getComputedStyle(document.querySelector('.stack')).getPropertyValue('--tail-w'))")
-    return box["x"] + gutter, box["x"] + box["width"] - tail, box["y"] + box["height"] * 0.6
 
 
 def figures(page: Page) -> list[dict[str, str]]:
@@ -53,82 +32,6 @@ def figures(page: Page) -> list[dict[str, str]]:
     page.get_by_role("button", name="Copy CSV").click()
     until(page, "window.copied !== undefined")
     return list(csv.DictReader(io.StringIO(page.evaluate("window.copied"))))
-
-
-def test_live_is_measured_and_led_to_its_bytes(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
-) -> None:
-    """Two clicks measure, cursors are dragged, one key measures; one action leads to the bytes, and one back."""
-    page = live(serve(SOURCE), open_page, DESKTOP)
-    until(page, "imuscope.store.channels.value.some(({ring}) => ring.length > 800)")
-    left, right, y = area(page)
-    page.mouse.click(left + 0.8 * (right - left), y)
-    page.keyboard.down("Shift")
-    page.mouse.click(left + 0.9 * (right - left), y)
-    page.keyboard.up("Shift")
-    page.get_by_role("button", name="Pause").click()  # a live window moves on while axe looks
-    until(page, COUNTED)
-    assert serious(page, PANEL) == []
-    page.evaluate(DRAWN_ANEW)  # the window as paused is on screen
-    span, end, b = page.evaluate("[imuscope.view.value.span, imuscope.view.value.end, imuscope.measure.value]")
-    left, right, y = area(page)
-    x = right - (end - b) / span * (right - left)
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x - 60, y, steps=4)
-    page.mouse.up()
-    moved = page.evaluate("imuscope.measure.value")
-    assert moved == pytest.approx(b - 60 * span / (right - left), abs=2 * span / (right - left))
-    page.get_by_role("button", name="Snap to samples").click()
-    until(
-        page,
-        """imuscope.store.channels.value.some(({info, ring}) => info.name === 'Acceleration'
-            && Array.from({length: ring.length}, (_, i) => ring.time(i)).includes(imuscope.measure.value))""",
-    )
-    page.keyboard.press("Escape")
-    until(page, f"{PANEL} === null")
-
-    page.get_by_role("button", name="Live", exact=True).click()
-    page.keyboard.press("b")
-    until(page, COUNTED)
-    page.keyboard.press("b")
-    until(page, f"{PANEL} === null")
-
-    left, right, y = area(page)
-    page.mouse.click(left + 0.8 * (right - left), y, button="right")
-    until(page, BYTES)
-    rows: Any = page.evaluate(ROWS)
-    acceleration = next(row for row in rows if row[2].startswith("Acceleration:"))
-    assert [float(word) for word in acceleration[3].split(", ")] == pytest.approx(floats(acceleration[1]), rel=1e-6)
-    assert "".join(row[1] for row in rows).startswith("FA")
-    assert "device time" in page.evaluate(f"{DIALOG}.textContent")
-    assert serious(page, "document.querySelector('dialog')") == []
-    counted = next(row[3] for row in rows if row[2].startswith("PacketCounter"))
-    page.keyboard.press("ArrowRight")
-    until(page, f"{ROWS}.some(row => row[2] === 'PacketCounter: {(int(counted) + 1) % 65536}')")
-    page.get_by_role("button", name="Show in plot").click()
-    until(page, f"{DIALOG} === null && imuscope.cursor.value?.kind === 'pinned'")
-
-
-def test_a_thumb_measures_and_reads_bytes(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    page = live(serve(SOURCE), open_page, PHONE)
-    left, right, y = area(page)
-    page.touchscreen.tap(left + 0.8 * (right - left), y)
-    finger = page.context.new_cdp_session(page)
-    place = {"x": left + 0.9 * (right - left), "y": y}
-    finger.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [place]})
-    until(page, "imuscope.measure.value !== undefined")
-    finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    until(page, COUNTED)
-    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
-    small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{PANEL}.querySelectorAll"))
-    assert not small, small
-
-    page.keyboard.press("p")
-    until(page, BYTES)
-    width = "document.querySelector('dialog').scrollWidth - document.querySelector('dialog').clientWidth"
-    assert page.evaluate(width) <= 0
-    assert serious(page, "document.querySelector('dialog')") == []
 
 
 def test_numbers_of_a_recording_are_those_of_numpy(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:

@@ -1,21 +1,24 @@
-"""Panels and plots of one's own in a real browser: shown, read, dragged, kept by a reload, undone; and on a phone."""
+"""Panels, plots of one's own, and measuring with real gestures on a page of recorded frames: dragged, drawn, kept by a
+reload; and with a thumb.
+
+Choices and words of each panel are tested beside it: web/src/xy, histogram, signals, workspace, measure, bytes and
+analysis; figures of the server against numpy in test_measuring.py.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, drag, fits, opened, reload, serious, show, small_targets
+from tests.browser.page_checks import DESKTOP, PHONE, drag, drawn, fits, reload, serious, show, small_targets
+from tests.browser.stories import Answer, Story
 from tests.chromium import until
-from tests.server_process import ServerProcess
 
-PANELS = ("XY plot", "Histogram", "Track")
-XY, HISTOGRAM, TRACK = (f"document.querySelector('[data-panel={name}]')" for name in ("xy", "histogram", "track"))
+XY, HISTOGRAM = (f"document.querySelector('[data-panel={name}]')" for name in ("xy", "histogram"))
 ABOUT = f"{XY}?.querySelector('.xy-foot')?.innerText"
-READING = f"{XY}?.querySelector('.xy-reading')?.innerText"
 INK = f"""(() => {{
   const canvas = {XY}.querySelector('canvas');
   const {{ data }} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
@@ -25,81 +28,231 @@ INK = f"""(() => {{
   return coloured;
 }})()"""
 OUTLINES = f"{HISTOGRAM}?.querySelectorAll('path.bins').length"
-FIGURES = f"{HISTOGRAM}?.querySelector('tbody')?.innerText ?? ''"
-PLACE = f"/\\d+\\.\\d+.*°.*°/.test({TRACK}?.querySelector('.track-summary')?.innerText ?? '')"
 TREE = "document.querySelector('.signals-panel')"
 OWN = "[...document.querySelectorAll('.stack .remove-plot')].length"
 SHEET = "document.querySelector('.arrange')"
 KEYS = "[...document.querySelectorAll('.stack > .plot')].map(one => one.dataset.key).slice(0, 3).join(' ')"
 HEIGHT = "Math.round(document.querySelector('.plot[data-key=RateOfTurn]').getBoundingClientRect().height)"
-DEFAULT = "Acceleration RateOfTurn MagneticField"
+DEFAULT, CHANGED = "Acceleration RateOfTurn MagneticField", "RateOfTurn Acceleration MagneticField"
+PANELS = "[...document.querySelectorAll('[data-panel]')].map(one => one.dataset.panel).join(' ')"
+WIDTH = "Math.round(document.querySelector('.side').getBoundingClientRect().width)"
+MEASURED = "document.querySelector('.measure')"
+COUNTED = (
+    f"{MEASURED} !== null && {MEASURED}.querySelector('.pending') === null && {MEASURED}.querySelector('td') !== null"
+)
+DIALOG = "document.querySelector('.packet')"
+BYTES = f"{DIALOG}?.querySelector('tbody tr') != null"
 
 
-@pytest.fixture(scope="module")
-def device(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """A device with a receiver, whose track and pressure the panels show."""
-    data: Path = tmp_path_factory.mktemp("panels")
-    with ServerProcess("sim:xbus?product=MTi-680G&rate=100&seed=1", data=data) as server:
-        yield server
+def histogram(_: Any, body: Any) -> Answer:
+    """Three columns of each signal, in two bins."""
+    figures = {
+        **{"edges": [1, 2, 3], "counts": [10, 30], "density": [0.25, 0.75], "n": 43, "below": 1, "above": 2},
+        **{"mean": 2.2, "sigma": 0.4, "min": 0.5, "max": 3.5, "at_min": 1, "at_max": 2, "width": 1, "notes": []},
+    }
+    return [
+        {"signal": signal, "device": "1", "units": {}, "figures": figures}
+        for signal in body["signals"]
+        for _ in range(3)
+    ]
 
 
-def test_panels_on_a_desktop(device: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(device, open_page, DESKTOP)
-    show(page, *PANELS)
-    until(page, f"/[1-9].* samples? · same sample times/.test({ABOUT})")
-    until(page, f"{INK} > 20")
-    page.get_by_label("y", exact=True).select_option(label="Acceleration z")
-    page.get_by_label("x", exact=True).select_option(label="Pressure (Pa)")
-    until(page, f"/at the times of .* interpolated/.test({ABOUT})")
-    page.get_by_role("button", name="Nearest").click()
-    until(page, f"/nearest sample/.test({ABOUT})")
-
-    histogram = page.locator("[data-panel=histogram]")
-    until(page, f"{OUTLINES} === 3")
-    page.get_by_label("Quantity", exact=True).select_option(label="Acceleration (m/s²)")
-    histogram.get_by_role("button", name="x", exact=True).click()
-    histogram.get_by_role("button", name="y", exact=True).click()
-    until(page, f"{OUTLINES} === 1 && /9\\.\\d+ ± /.test({FIGURES})")
-    page.get_by_label("Bins", exact=True).select_option("50")
-    page.get_by_role("combobox", name="Values").select_option("3")
-    histogram.get_by_role("button", name="Density", exact=True).click()
-    until(page, f"{HISTOGRAM}.innerText.includes('Density, 1/(m/s²)')")
-
-    until(page, PLACE)
-    assert page.evaluate(f"{TRACK}.querySelector('canvas').clientHeight") > 100
-
-    page.keyboard.press(" ")
-    page.locator(".xy canvas").focus()
-    page.keyboard.press("ArrowLeft")
-    until(page, f"/^x .*Pa  y .*m.s²/.test({READING})")
-    for panel in (XY, HISTOGRAM, TRACK):
-        assert serious(page, panel) == []
-
-    # what was chosen comes back with a reload, and can be undone
-    reload(page)
-    until(page, f"/nearest sample/.test({ABOUT})")
-    until(page, f"{OUTLINES} === 1 && {HISTOGRAM}.innerText.includes('Density, 1/(m/s²)')")
-    until(page, PLACE)
-    page.locator("[data-panel=xy]").get_by_role("button", name="Trail").click()
-    until(page, f"{XY}.querySelector('.xy-key').hidden")
-    page.keyboard.press("Control+z")
-    until(page, f"!{XY}.querySelector('.xy-key').hidden")
+def frames(story: Story) -> Answer:
+    """Bytes of a frame, and those around it."""
+    frame = {
+        **{"kind": "frame", "gap_ms": 10, "rank": 0, "size": 4, "hex": "fa0102c8", "name": "MTData2"},
+        **{"title": "MTData2", "protocol": "xbus", "verdict": "Accepted.", "reason": "", "doc": "Measured data."},
+        **{"source": "MT0101P 5.3.6", "fields": {"PacketCounter": 258}, "flags": {}},
+        "spans": [
+            {"offset": 0, "size": 1, "label": "preamble", "path": ""},
+            {"offset": 1, "size": 2, "label": "PacketCounter: 258", "path": "PacketCounter"},
+            {"offset": 3, "size": 1, "label": "checksum", "path": ""},
+        ],
+    }
+    packets = [{**frame, "arrival": story.time - 1 + 0.01 * n} for n in range(3)]
+    return {"device": "1", "protocol": "xbus", "at": 1, "time": story.time - 1, "packets": packets}
 
 
-def test_panels_on_a_phone(device: ServerProcess, open_page: Callable[..., Page]) -> None:
-    """Panels, a plot from the tree of signals, and another order of plots, with a thumb."""
-    page = opened(device, open_page, PHONE)
-    show(page, *PANELS, phone=True)
-    until(page, f"/same sample times/.test({ABOUT})")
-    until(page, f"{OUTLINES} === 3")
-    until(page, PLACE)
-    assert page.evaluate(f"{TRACK}.querySelector('canvas').clientHeight") > 200
-    assert fits(page)
-    for panel in (XY, HISTOGRAM, TRACK):
-        assert small_targets(page, panel) == []
-    page.locator(".xy").scroll_into_view_if_needed()
-    until(page, f"{INK} > 20")
+def story_of() -> Story:
+    story = Story("xbus", answers={"POST /api/analysis/histogram": histogram})
+    story.answers["GET /api/devices/1/frames"] = frames(story)
+    return story
 
+
+def opened(story: Story, open_page: Callable[..., Page], size: tuple[int, int]) -> Page:
+    page = story.open(open_page, width=size[0], height=size[1], touch=size == PHONE)
+    until(page, f"{KEYS} === '{DEFAULT}' && document.querySelector('[data-numeral]') !== null")
+    page.evaluate("imuscope.view.value = {...imuscope.view.value, span: 2}")  # half a second of it was recorded
+    drawn(page)
+    return page
+
+
+def area(page: Page) -> tuple[float, float, float]:
+    """Left and right edge of the plots, and a height within the first one, px."""
+    box = page.locator(".stack .plot > canvas").first.bounding_box()
+    assert box is not None
+    gutter, tail = (
+        page.evaluate(f"parseFloat(getComputedStyle(document.querySelector('.stack')).getPropertyValue('{name}'))")
+        for name in ("--gutter-w", "--tail-w")
+    )
+    return box["x"] + gutter, box["x"] + box["width"] - tail, box["y"] + box["height"] * 0.6
+
+
+def test_a_page_is_arranged_with_the_mouse_and_kept(open_page: Callable[..., Page]) -> None:
+    with story_of() as story:
+        page = opened(story, open_page, DESKTOP)
+        plots_are_moved_and_sized(page)
+        panels_are_arranged(page)
+        signals_are_plotted(page)
+        page.keyboard.press("Escape")
+        until(page, f"{TREE} === null")
+        show(page, "XY plot", "Histogram")
+        until(page, f"/[1-9].* samples? · same sample times/.test({ABOUT})")
+        until(page, f"{INK} > 20 && {OUTLINES} === 3")
+        assert serious(page, "document.querySelector('main')") == []
+
+        before = page.evaluate(f"[{PANELS}, {KEYS}, {WIDTH}, {HEIGHT}].join(' | ')")
+        reload(page)
+        until(page, f"[{PANELS}, {KEYS}, {WIDTH}, {HEIGHT}].join(' | ') === {before!r}")
+        until(page, f"{OWN} === 2 && {INK} > 20")
+        page.keyboard.press("w")
+        page.get_by_role("button", name="Default layout").click()
+        until(page, f"{PANELS} === 'attitude plots values health alarms events'")
+
+
+def plots_are_moved_and_sized(page: Page) -> None:
+    height = page.evaluate(HEIGHT)
+    drag(page, page.locator(".plot[data-key=RateOfTurn] .plot-title"), 0, -height)
+    until(page, f"{KEYS} === '{CHANGED}'")
+    drag(page, page.locator(".plot[data-key=RateOfTurn] .plot-edge"), 0, 60)
+    until(page, f"Math.abs({HEIGHT} - {height + 60}) < 4")
+    drawn(page)
+    drawn(page)  # a plot has its height a frame later than the pointer
+    sized = page.evaluate(HEIGHT)
+    page.keyboard.press("w")  # the list of the workspace has the same for the keyboard
+    until(page, f"{SHEET} !== null")
+    page.get_by_role("button", name="Make Rate of turn taller").click()
+    until(page, f"{HEIGHT} === {sized + 24}")
+    page.get_by_role("button", name="Automatic height of Rate of turn").click()
+    until(page, f"Math.abs({HEIGHT} - {height}) < 4")
+
+
+def panels_are_arranged(page: Page) -> None:
+    width = page.evaluate(WIDTH)
+    page.get_by_label("Place of Events").select_option("main")
+    until(page, f"{PANELS} === 'attitude plots events values health alarms'")
+    drag(page, page.get_by_role("separator", name="Width of the side column"), -120, 0)
+    until(page, f"Math.abs({WIDTH} - {width + 120}) < 3")
+    row = page.locator("[data-row=health] .grip")
+    to, at = page.locator("[data-row=values]").bounding_box(), row.bounding_box()
+    assert to is not None
+    assert at is not None
+    drag(page, row, 0, to["y"] - at["y"] - 5)
+    until(page, f"{PANELS} === 'attitude plots events health values alarms'")
+    page.keyboard.press("Escape")
+    until(page, f"{SHEET} === null")
+    page.locator("[data-panel=values] h2").dblclick()
+    until(page, f"document.querySelector('.maximised')?.clientWidth === {DESKTOP[0]}")
+    page.keyboard.press("Escape")
+    until(page, "document.querySelector('.maximised') === null")
+
+
+def signals_are_plotted(page: Page) -> None:
+    """In two actions, and by dragging: under the plots, and onto one, which gets a second axis."""
+    page.keyboard.press("s")  # 1
+    page.get_by_role("button", name="Plot Acceleration on a new plot").click()  # 2
+    until(page, f"{OWN} === 1")
+    page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .more-quantities"))
+    until(page, f"{OWN} === 2")
+    own = page.locator(".stack .plot", has=page.locator(".remove-plot")).first
+    page.get_by_role("treeitem", name="Rate of turn").drag_to(own)
+    until(page, "document.querySelector('.y-gutter.right') !== null")
+    page.get_by_role("treeitem", name="Magnetic field").drag_to(own)
+    until(page, f"{TREE}.querySelector('[role=status]').innerText.includes('Put it on a new plot')")
+    assert serious(page, TREE, colours=False) == []
+
+
+def test_clicks_measure_and_lead_to_the_bytes(open_page: Callable[..., Page]) -> None:
+    """Two clicks measure, cursors are dragged, one key measures; one action leads to the bytes, and one back."""
+    with story_of() as story:
+        page = opened(story, open_page, DESKTOP)
+        left, right, y = area(page)
+        page.mouse.click(left + 0.05 * (right - left), y)
+        page.keyboard.down("Shift")
+        page.mouse.click(left + 0.2 * (right - left), y)
+        page.keyboard.up("Shift")
+        page.get_by_role("button", name="Pause").click()
+        until(page, COUNTED)
+        assert serious(page, MEASURED) == []
+        drawn(page)  # the window as paused
+        span, end, b = page.evaluate("[imuscope.view.value.span, imuscope.view.value.end, imuscope.measure.value]")
+        left, right, y = area(page)
+        x = right - (end - b) / span * (right - left)
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x - 30, y, steps=4)
+        page.mouse.up()
+        moved = page.evaluate("imuscope.measure.value")
+        assert moved == pytest.approx(b - 30 * span / (right - left), abs=2 * span / (right - left))
+        page.get_by_role("button", name="Snap to samples").click()
+        until(
+            page,
+            """imuscope.store.channels.value.some(({info, ring}) => info.name === 'Acceleration'
+                && Array.from({length: ring.length}, (_, i) => ring.time(i)).includes(imuscope.measure.value))""",
+        )
+        page.keyboard.press("Escape")
+        until(page, f"{MEASURED} === null")
+        page.get_by_role("button", name="Live", exact=True).click()
+        page.keyboard.press("b")
+        until(page, COUNTED)
+        page.keyboard.press("b")
+        until(page, f"{MEASURED} === null")
+
+        left, right, y = area(page)
+        page.mouse.click(left + 0.2 * (right - left), y, button="right")
+        until(page, BYTES)
+        assert any(one.startswith("GET /api/devices/1/frames?") for one in story.asked)
+        assert serious(page, "document.querySelector('dialog')") == []
+        page.get_by_role("button", name="Show in plot").click()
+        until(page, f"{DIALOG} === null && imuscope.cursor.value?.kind === 'pinned'")
+
+
+def test_a_thumb_arranges_plots_and_measures(open_page: Callable[..., Page]) -> None:
+    with story_of() as story:
+        page = opened(story, open_page, PHONE)
+        a_thumb_measures_and_reads_bytes(page)
+        show(page, "XY plot", "Histogram", phone=True)
+        until(page, f"/same sample times/.test({ABOUT})")
+        until(page, f"{OUTLINES} === 3")
+        assert fits(page)
+        for panel in (XY, HISTOGRAM):
+            assert small_targets(page, panel) == []
+        page.locator(".xy").scroll_into_view_if_needed()
+        until(page, f"{INK} > 20")
+        a_thumb_plots_signals(page)
+        a_thumb_arranges(page)
+
+
+def a_thumb_measures_and_reads_bytes(page: Page) -> None:
+    left, right, y = area(page)
+    page.touchscreen.tap(left + 0.12 * (right - left), y)
+    finger = page.context.new_cdp_session(page)
+    place = {"x": left + 0.24 * (right - left), "y": y}
+    finger.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [place]})
+    until(page, "imuscope.measure.value !== undefined")
+    finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    until(page, COUNTED)
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
+    assert small_targets(page, MEASURED) == []
+    page.keyboard.press("p")
+    until(page, BYTES)
+    width = "document.querySelector('dialog').scrollWidth - document.querySelector('dialog').clientWidth"
+    assert page.evaluate(width) <= 0
+    page.keyboard.press("Escape")
+    until(page, f"{DIALOG} === null")
+
+
+def a_thumb_plots_signals(page: Page) -> None:
     page.get_by_role("button", name="All signals…").click()
     page.get_by_role("treeitem", name="Acceleration").first.click()
     page.get_by_role("button", name="New plot", exact=True).click()
@@ -111,10 +264,12 @@ def test_panels_on_a_phone(device: ServerProcess, open_page: Callable[..., Page]
     page.locator(".stack .remove-plot").first.click()
     until(page, f"{OWN} === 0")
 
+
+def a_thumb_arranges(page: Page) -> None:
     page.locator(".arrange-phone").tap()
     until(page, f"{SHEET} !== null")
     page.get_by_role("button", name="Move Acceleration down").tap()
-    until(page, f"{KEYS} === 'RateOfTurn Acceleration MagneticField'")
+    until(page, f"{KEYS} === '{CHANGED}'")
     assert fits(page)
     assert small_targets(page, SHEET) == []
     page.get_by_label("Place of Values").select_option("hidden")
@@ -123,70 +278,3 @@ def test_panels_on_a_phone(device: ServerProcess, open_page: Callable[..., Page]
     until(page, f"document.querySelector('.maximised')?.clientWidth === {PHONE[0]}")
     page.get_by_role("button", name="Restore panel").tap()
     until(page, "document.querySelector('.maximised') === null")
-
-
-def test_plots_of_ones_own(device: ServerProcess, open_page: Callable[..., Page]) -> None:
-    """A signal is plotted in two actions, an expression in three; both are dragged, kept by a reload and removed."""
-    page = opened(device, open_page, DESKTOP)
-    page.keyboard.press("s")  # 1
-    page.get_by_role("button", name="Plot Acceleration on a new plot").click()  # 2
-    until(page, f"{OWN} === 1")
-    assert serious(page, TREE) == []
-    page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .more-quantities"))
-    until(page, f"{OWN} === 2")
-    page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .plot").first)
-    gutter = "document.querySelector('.y-gutter.right')"
-    fixed = f"{gutter}?.getAttribute('aria-label') ?? ''"
-    zoom = f"{gutter}?.dispatchEvent(new KeyboardEvent('keydown', {{key: '+', bubbles: true, cancelable: true}}))"
-    until(page, f"({zoom}, /^y axis of Acceleration, right, fixed from .* °.s$/.test({fixed}))")  # once it is drawn
-    assert page.get_by_role("button", name="y axis of Acceleration, automatic").count() > 0  # the left one as before
-    page.get_by_role("treeitem", name="Magnetic field").drag_to(page.locator(".stack .plot").first)
-    until(page, f"{TREE}.querySelector('[role=status]').innerText.includes('Put it on a new plot')")
-    until(page, "location.hash.split('plot=').length === 4")
-    reload(page)
-    until(page, f"{OWN} === 2 && /right, fixed/.test({fixed})")
-    until(page, "[...document.querySelectorAll('.stack .series-value')].at(-1).innerText.trim() !== '—'")
-
-    page.keyboard.press("s")  # 1
-    page.get_by_role("button", name="New signal").click()  # 2
-    field = page.get_by_role("combobox", name="Expression")
-    until(page, "document.activeElement.getAttribute('role') === 'combobox'")
-    field.fill("norm(Acceleration) - 1 g")  # 3, with Enter
-    until(page, "document.querySelector('.signal-preview path')?.getAttribute('d').length > 50")
-    assert serious(page, "document.querySelector('dialog[open]')") == []
-    field.press("Enter")
-    until(page, f"{OWN} === 3")
-    until(page, "/\\d/.test([...document.querySelectorAll('.stack .series-value')].at(-1).innerText)")
-    page.get_by_role("treeitem", name="norm(Acceleration)").click()
-    page.locator(".signal-targets").get_by_role("button", name="Remove").click()
-    until(page, f"{OWN} === 2")
-
-
-def test_plots_are_moved_and_sized(device: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(device, open_page, DESKTOP)
-    assert page.evaluate(KEYS) == DEFAULT
-    height = page.evaluate(HEIGHT)
-    title = page.locator(".plot[data-key=RateOfTurn] .plot-title")
-    drag(page, title, 0, -height)
-    until(page, f"{KEYS} === 'RateOfTurn Acceleration MagneticField'")
-    drag(page, page.locator(".plot[data-key=RateOfTurn] .plot-edge"), 0, 60)
-    until(page, f"Math.abs({HEIGHT} - {height + 60}) < 4")
-    page.evaluate("document.querySelector('.plot[data-key=RateOfTurn] canvas').focus()")
-    sized = page.evaluate(HEIGHT)
-
-    # the list of the workspace has the same for the keyboard
-    page.keyboard.press("w")
-    until(page, f"{SHEET} !== null")
-    page.get_by_role("button", name="Move Rate of turn down").press("Enter")
-    until(page, f"{KEYS} === '{DEFAULT}'")
-    page.get_by_role("button", name="Make Rate of turn taller").press("Enter")
-    until(page, f"{HEIGHT} === {sized + 24}")
-    reload(page)
-    until(page, f"{KEYS} === '{DEFAULT}' && {HEIGHT} === {sized + 24}")
-    page.keyboard.press("w")
-    page.get_by_role("button", name="Automatic height of Rate of turn").click()
-    until(page, f"Math.abs({HEIGHT} - {height}) < 4")
-    page.get_by_role("button", name="Undo").click()
-    until(page, f"{HEIGHT} === {sized + 24}")
-    page.get_by_role("button", name="Default layout").click()
-    until(page, f"Math.abs({HEIGHT} - {height}) < 4")

@@ -132,6 +132,15 @@ test("devices that share a link are selected one by one", async () => {
   await eventually(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(0));
 });
 
+test("a lost device is named as such where it is listed", async () => {
+  const { store } = await open("xbus");
+  await eventually(() => expect(document.querySelector(".device .choose-device")).not.toBeNull());
+  expect(document.querySelector(".device .why")).toBeNull();
+  const devices = store.devices.value.map((one) => ({ ...one, status: "lost" as const, is_open: false }));
+  store.receive({ kind: "text", text: { op: "devices", devices } });
+  await eventually(() => expect(text(".device .why .tag.bad")).toBe("lost"));
+});
+
 test("a notice of the link is shown on the page", async () => {
   await open("two-senders");
   await eventually(() => expect(text(".notice")).toMatch(/127\.0\.0\.1:\d+ and 127\.0\.0\.1:\d+/));

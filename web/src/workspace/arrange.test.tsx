@@ -125,3 +125,15 @@ it("an earlier workspace, with spectrum and Allan deviation in one panel, opens 
   fireEvent.click(await screen.findByRole("button", { name: "Allan deviation" }, { timeout: 20_000 }));
   expect(await screen.findByLabelText("Motion")).toBeTruthy();
 });
+
+it("lanes are in one place only: below the plots, or in a panel of their own", async () => {
+  await arranging();
+  const below = () => document.querySelector<HTMLElement>("#plots .lanes");
+  await waitFor(() => expect(below()?.hidden).toBe(false));
+  fireEvent.click(screen.getByLabelText(TEXT.showPanel("Lanes")));
+  await waitFor(() => expect(document.querySelector("[data-panel=lanes] .lane-names")).not.toBeNull());
+  await waitFor(() => expect(below()?.hidden).toBe(true));
+  fireEvent.change(screen.getByLabelText(TEXT.placeOf("Lanes")), { target: { value: "hidden" } });
+  await waitFor(() => expect(below()?.hidden).toBe(false));
+  expect(document.querySelector("[data-panel=lanes]")).toBeNull();
+});
