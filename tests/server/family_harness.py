@@ -13,7 +13,7 @@ from server.links.base import LinkSettings
 from server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock, FakeLink
 
-STEP_S = 0.05
+STEP_S = 0.1
 
 
 class FamilyWire(FakeLink):
@@ -38,15 +38,14 @@ class FamilyHarness:
         self._began = self.clock.ns
 
     async def run(self, device: Any, seconds: float) -> None:
-        """Output of a device during some seconds, in chunks of 50 ms."""
-        for step in range(round(seconds / STEP_S)):
+        """Output of a device during some seconds, in chunks of 100 ms."""
+        for _ in range(round(seconds / STEP_S)):
             self.clock.move(STEP_S)
             if data := device.advance(self.clock.ns - self._began):
                 self.link.send(data)
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
-            if step % 2 == 0:
-                self.session.tick(self.clock())
+            self.session.tick(self.clock())
             self.session.decode()
         await asyncio.sleep(0.001)
 

@@ -83,7 +83,7 @@ def test_a_foreign_snapshot_shows_nothing(body: dict[str, Any]) -> None:
 
 @in_a_loop
 async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
-    async with recorder(tmp_path, times=SILENT) as (made, one):
+    async with recorder(tmp_path, times=SILENT, patience=1.0) as (made, one):
         desk = await made.add("sim:xbus?rate=20")
 
         async def refuse(data: bytes) -> None:

@@ -174,7 +174,7 @@ def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
     """
 
     async def check() -> None:
-        async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1, times=SILENT) as here:
+        async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
             desk = await here.add(f"serial://{there.slave}?baud=115200")
             job = await over(await faster(here, desk))
             assert desk.pending_rollback is not None
@@ -199,7 +199,7 @@ def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -
     """Restoring communication ended when the plug was pulled, which is how such a device is switched off."""
 
     async def check() -> None:
-        async with house(tmp_path, rounds=1, times=SILENT) as here:
+        async with house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
             desk = await here.add(f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1")
             await over(await faster(here, desk))
             assert desk.pending_rollback is not None
