@@ -75,9 +75,6 @@ def test_a_workspace_is_stored_chosen_and_shared(
     # another person: the default of the family, and an edit at the same time
     other = opened(server, open_page, DESKTOP)
     until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
-    other.goto(link)
-    other.reload()
-    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
     for one in (page, other):
         one.keyboard.press("w")
         one.get_by_label("Stored workspace").select_option("Bench 3")
@@ -95,7 +92,6 @@ def test_a_workspace_is_stored_chosen_and_shared(
     other.locator(".stored input[type=file]").set_input_files(file)
     until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
     until(other, f"{SHEET}.innerText.includes('1 alarm that this server does not have: Hard knock.')")
-    assert serious(other, SHEET, colours=False) == []
     other.get_by_role("button", name="Add 1 alarm").click()
     until(other, f"{SHEET}.innerText.includes('1 alarm added: Hard knock.')")
     (alarm,) = page.request.get(f"{server.url}/api/alarms").json()
