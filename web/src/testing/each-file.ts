@@ -19,8 +19,26 @@ afterEach(() => {
 });
 
 if (typeof document !== "undefined") {
-  const { cleanup, configure } = await import("@testing-library/preact");
-  configure({ asyncUtilTimeout: PATIENCE.timeout });
+  const { buildDetachedTreesOnce } = await import("./detached-trees"); // which loads happy-dom
+  buildDetachedTreesOnce();
+  const { cleanup, configure, prettyDOM } = await import("@testing-library/preact");
+  configure({ asyncUtilTimeout: PATIENCE.timeout, getElementError: lazyError });
+
+  /** Printing the document with each element that is not there yet took a fifteenth of the time: it is printed when somebody reads it. */
+  function lazyError(words: string | null, container: Element): Error {
+    let text: string | undefined;
+    const error = new Error();
+    const get = (): string => {
+      text ??= [words, prettyDOM(container)].filter(Boolean).join("\n\n");
+      return text;
+    };
+    return Object.defineProperty(error, "message", { get, set: (value) => (text = value), configurable: true });
+  }
+
+  // No style sheet is loaded, so a style is what its element says. Roles and names ask for the style of each element and of all that it
+  // is in, for which happy-dom takes a tenth of the time.
+  window.getComputedStyle = (element) => (element as HTMLElement).style;
+
   afterEach(() => {
     cleanup();
     document.body.replaceChildren();

@@ -70,8 +70,7 @@ export function feed(store: Store, { samples }: Pick<Recorded, "samples">, texts
   }
 }
 
-export const bytesOf = (base64: string): Uint8Array<ArrayBuffer> =>
-  Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+export const bytesOf = (base64: string): Uint8Array<ArrayBuffer> => new Uint8Array(Buffer.from(base64, "base64"));
 
 /** A request. */
 export interface Asked {
