@@ -52,7 +52,7 @@ def test_a_fleet(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
         look(page, fleet, lost)
 
 
-def reach_by_keys(page: Page, *_: object) -> None:
+def reach_by_keys(page: Page, *others: object) -> None:
     go(page, "#/fleet?sort=name", f"{NAMES}[0] === 'amr-001'")
     page.get_by_role("grid").focus()
     page.keyboard.press("End")
@@ -91,7 +91,7 @@ def show_on_a_map(page: Page, _: SyntheticFleet, lost: set[str]) -> None:
     assert serious(page, "document.querySelector('main')") == []
 
 
-def filter_and_group(page: Page, *_: object) -> None:
+def filter_and_group(page: Page, *others: object) -> None:
     go(page, "#/fleet?view=list")
     page.get_by_role("button", name="Losing samples").click()
     page.get_by_label("Group by").select_option("firmware")
@@ -129,7 +129,7 @@ def hold_still_while_figures_change(page: Page, fleet: SyntheticFleet, _: object
     until(page, f"{NAMES}.join() !== {','.join(names)!r}")
 
 
-def use_a_phone(page: Page, *_: object) -> None:
+def use_a_phone(page: Page, *others: object) -> None:
     page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
     go(page, "#/fleet?view=list")
     assert serious(page, colours=False) == []

@@ -216,7 +216,7 @@ def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
     assert shown[7] == pytest.approx(z, abs=0.01)
 
 
-def analyse(_: ServerProcess, page: Page) -> None:
+def analyse(recorded: ServerProcess, page: Page) -> None:
     """A spectrum in one action, and of an expression in one more."""
     page.keyboard.press("a")
     until(page, f"{CURVES} === 3 && document.querySelector('dialog[open]').innerText.includes('at {RATE} Hz')")
@@ -245,7 +245,7 @@ def share_a_link(page: Page) -> None:
     assert page.evaluate(pressed) == "false"
 
 
-def export_the_view(_: ServerProcess, page: Page) -> None:
+def export_the_view(recorded: ServerProcess, page: Page) -> None:
     page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 2); }")
     for _ in range(5):
         page.keyboard.press("+")
