@@ -31,8 +31,8 @@ from tests.timeouts import PATIENCE_S, http_client
 from tests.turned_loop import TurnedLoop
 from tests.waiting import block_until
 
-SOURCE = "sim:xbus?product=MTi-630&rate=5"
-PROFILE_HZ, OTHER_HZ = 10, 5  # each sample costs each server
+SOURCE = "sim:xbus?product=MTi-630&rate=10"
+PROFILE_HZ, OTHER_HZ = 20, 10
 QUATERNION = 0x2010
 LONG_S = 300.0
 """A time of watching that somebody at the robot ends."""

@@ -126,7 +126,7 @@ def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(fleet: Ro
     assert over["devices"][0]["words"] == "The device was rolled back to the old settings, as requested."
 
 
-OWN_HZ = 4  # that somebody sets at the robot
+OWN_HZ = 5  # that somebody sets at the robot
 
 
 def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(fleet: RolloutFleet) -> None:
