@@ -98,7 +98,6 @@ class RolloutFleet:
         names: of the robots; the first one has the profile.
         behind: robots each with a line that can be cut.
         is_process: the fleet server is a process, to be killed; it has the product's timings.
-        timing: of rollouts.
     """
 
     def __init__(
@@ -108,9 +107,8 @@ class RolloutFleet:
         *,
         behind: str = "",
         is_process: bool = False,
-        timing: RolloutTiming = BRIEF,
     ) -> None:
-        self._folder, self._names, self._is_process, self._timing = folder, names, is_process, timing
+        self._folder, self._names, self._is_process = folder, names, is_process
         self._port = free_port()
         self.number = 1  # of the newest rollout
         self.lines = {name: CutLine(self._port) for name in behind}
@@ -149,8 +147,9 @@ class RolloutFleet:
             self._server = self._open.enter_context(http_client(base_url=self._process.url))
             return
         config = Config(port=0, data=data, fleet_server=FleetServerSettings(listen=listen))
-        server = create_fleet_server(config, self._timing)
+        server = create_fleet_server(config, BRIEF)
         server.open()
+        self.rollouts = server.rollouts
         self._server = self._open.enter_context(
             InProcessServer(config, open_link, all_protocols(), fleet_server=server)
         ).client

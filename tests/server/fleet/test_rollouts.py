@@ -91,20 +91,22 @@ def test_a_profile_is_applied_in_waves_and_confirmed(fleet: RolloutFleet) -> Non
     assert fleet.send("rollouts/77/stop", by="Ada").status_code == 404
 
 
-def test_a_device_that_stops_to_deliver_is_rolled_back_and_the_next_wave_does_not_begin(tmp_path: Path) -> None:
-    timing = replace(BRIEF, watch_more_s=0.1)  # nothing arrives, however long it is waited for
-    with RolloutFleet(tmp_path, timing=timing) as fleet, pytest.MonkeyPatch.context() as patch:
-        plan = fleet.plan()["id"]
-        patch.setattr(XbusSimulator, "_due", no_samples(XbusSimulator._due))
-        assert fleet.start(plan, watch_s=1).status_code == 202
-        over = fleet.until_over()
-        assert (over["state"], fleet.states()) == ("failed", {"b": "failed", "c": "not-started"}), over
-        assert over["words"].startswith("b, MTi-630: It delivered ")
-        assert over["words"].endswith(" 1 was not started.")
-        assert f"instead of {PROFILE_HZ}. The device was rolled back" in over["words"]
-        assert fleet.rollback("b") == "rolled-back"
-        assert [fleet.rate(name) for name in "bc"] == [OTHER_HZ, OTHER_HZ]
-        assert not any("Command" in text for text in fleet.events("c"))
+def test_a_device_that_stops_to_deliver_is_rolled_back_and_the_next_wave_does_not_begin(
+    fleet: RolloutFleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet.rollouts, "_timing", replace(BRIEF, watch_more_s=0.1))  # nothing arrives, however long
+    plan = fleet.plan()["id"]
+    monkeypatch.setattr(XbusSimulator, "_due", no_samples(XbusSimulator._due))
+    assert fleet.start(plan, watch_s=1).status_code == 202
+    over = fleet.until_over()
+    not_started = {"c": "not-started", "d": "not-started"}
+    assert (over["state"], fleet.states()) == ("failed", {"b": "failed", **not_started}), over
+    assert over["words"].startswith("b, MTi-630: It delivered ")
+    assert over["words"].endswith(" 2 were not started.")
+    assert f"instead of {PROFILE_HZ}. The device was rolled back" in over["words"]
+    assert fleet.rollback("b") == "rolled-back"
+    assert [fleet.rate(name) for name in "bcd"] == [OTHER_HZ] * 3
+    assert not any(f"rollout {fleet.number}:" in text for name in "cd" for text in fleet.events(name))
 
 
 def no_samples(due: Callable[[XbusSimulator, int, list[bytes]], None]) -> Callable[..., None]:
