@@ -184,13 +184,14 @@ def test_viser_ends_with_the_server_however_that_ends(tmp_path: Path) -> None:
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     """The start would take seconds longer: what draws, hands on or reads tables is imported by who does that."""
     code = (
-        "import sys; import server.cli; from server.app import create_app; from server.auth import Access; from "
-        "server.config import Config; config = Config(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
+        "import sys; import server.cli; import server.fleet.publisher; from server.app import create_app; "
+        "from server.auth import Access; from server.config import Config; "
+        "config = Config(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
         "create_app(config, Access(config)); print(*{name.split('.')[0] for name in sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     imported = set(done.stdout.split())
     assert "fastapi" in imported, done.stderr
     heavy = {"viser", "foxglove", "rerun", "rerun_bindings", "pyarrow", "trimesh", "scipy", "pandas", "PIL"}
-    heavy |= {"rosbags", "zenoh", "xxhash"}  # ROS 2
+    heavy |= {"rosbags", "zenoh", "xxhash"}  # ROS 2, and the bus of a fleet
     assert not imported & heavy

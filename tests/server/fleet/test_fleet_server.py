@@ -6,8 +6,6 @@ import json
 import os
 import signal
 import sqlite3
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +22,7 @@ from server.fleet.reports import RobotReport, RobotStatus, encode
 from tests.each_row import each_row
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port
-from tests.server_process import ROOT, ServerProcess, imuscope
+from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
 
@@ -332,9 +330,3 @@ def test_an_address_in_use_is_one_line(bus: str, tmp_path: Path) -> None:
         session.close()
     assert refused.returncode == 1
     assert "cannot be opened" in refused.stderr.splitlines()[-1]
-
-
-def test_a_robot_without_a_fleet_does_not_load_zenoh() -> None:
-    code = "import sys, server.app, server.fleet.publisher; print('zenoh' in sys.modules)"
-    command = [sys.executable, "-c", code]
-    assert subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout == "False\n"
