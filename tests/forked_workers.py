@@ -109,8 +109,17 @@ async def _forked(
         else:
             ours.append(-1)
             theirs.append(os.dup(2) if is_read else os.open(os.devnull, os.O_RDONLY))
+    starting = asyncio.ensure_future(asyncio.to_thread(nursery.start, words, *theirs, module=module))
     try:
-        child = await asyncio.to_thread(nursery.start, words, *theirs, module=module)
+        child = await asyncio.shield(starting)
+    except asyncio.CancelledError:  # the first of its kind is imported for a second: nobody waits for it any more
+        child = await starting
+        child.kill()
+        await asyncio.to_thread(child.wait)
+        for one in ours:
+            if one >= 0:
+                os.close(one)
+        raise
     finally:
         for one in theirs:
             os.close(one)
