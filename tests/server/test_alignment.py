@@ -19,7 +19,7 @@ from tests.each_row import each_row
 
 Floats = NDArray[np.float64]
 START = 1_760_000_000.0
-RUNS = 10
+RUNS = 20
 
 
 def signal(time: Floats, values: Floats, period: float = 0.0) -> Signal:
@@ -55,11 +55,11 @@ def tap(random: np.random.Generator) -> Callable[[Floats], Floats]:
 
 
 def test_the_stated_interval_holds_the_true_offset() -> None:
-    """It does so in 95 of 100 cases; at least 90 are to be expected, 8 of 10 of each kind, and none far off."""
+    """It does so in 95 of 100 cases; at least 92 are to be expected, 17 of 20 of each kind, and none far off."""
     kinds = list(itertools.product([(sway, 0.02), (sway, 0.5), (turns, 0.05), (tap, 0.1)], [white, coloured]))
     held = [_held(motion, sigma, noise) for (motion, sigma), noise in kinds]
-    assert min(held) >= 0.8 * RUNS, held
-    assert sum(held) >= 0.9 * RUNS * len(kinds), held
+    assert min(held) >= 0.85 * RUNS, held
+    assert sum(held) >= 0.92 * RUNS * len(kinds), held
 
 
 def _held(motion: Any, sigma: float, noise: Any) -> int:
