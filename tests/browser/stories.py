@@ -29,6 +29,7 @@ from playwright.sync_api import Page
 
 from server.api.static_files import HEADERS
 from tests.chromium import until
+from tests.conftest import READY
 from tests.record_wire import recorded
 from tests.server_process import ROOT
 
@@ -120,6 +121,7 @@ class Story:
         page = open_page(self.url + place, before=CLOCK.replace("TIME", repr(self.time)), **how)
         self._pages.append(page)
         until(page, "window.imuscope?.store.connection.value === 'open' && !window.imuscope.store.filling.value")
+        until(page, READY if self.samples and place.partition("?")[0] in ("", "/", "/#/") else "true")  # for its keys
         return page
 
     def answer(self, method: str, path: str, body: str) -> Answer:

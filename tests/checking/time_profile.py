@@ -2,8 +2,8 @@
 
     IMUSCOPE_PROFILE=FOLDER pytest -p tests.checking.time_profile …
 
-Each pytest process writes FOLDER/WORKER-PROCESS.jsonl. Its first line holds the processor time until its first test
-(imports, collecting), each further one a test:
+Each pytest process writes FOLDER/WORKER-PROCESS.jsonl. The first line of the one that collects holds its processor time
+until the first test (imports, collecting, compiled code), each other line is a test:
 
     {"test", "setup", "call", "teardown": seconds that passed, "own", "begun", "browser": seconds of a processor}
 
@@ -29,11 +29,15 @@ from tests.checking.machine import descendants, name_of, processor_seconds
 class TimeProfile:
     """Writes one line per test."""
 
-    def __init__(self, file: IO[str]) -> None:
+    def __init__(self, file: IO[str], *, is_forked: bool = False) -> None:
         self._file = file
         self._phases: dict[str, float] = {}
         self._before = (0.0, 0.0, 0.0)
-        self._is_first = True
+        self._is_first = not is_forked
+
+    @pytest.hookimpl(optionalhook=True, trylast=True)
+    def pytest_before_workers(self) -> None:
+        self._spend({"start": True})
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
@@ -73,17 +77,17 @@ class TimeProfile:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    _register(config, "main")
+    _register(config, "main", is_forked=False)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_worker_begins(config: pytest.Config, name: str) -> None:
     config.pluginmanager.unregister(name="time_profile_lines")
-    _register(config, name)
+    _register(config, name, is_forked=True)
 
 
-def _register(config: pytest.Config, name: str) -> None:
+def _register(config: pytest.Config, name: str, *, is_forked: bool) -> None:
     if folder := os.environ.get("IMUSCOPE_PROFILE"):
         file = (Path(folder) / f"{name}-{os.getpid()}.jsonl").open("w")
-        config.pluginmanager.register(TimeProfile(file), "time_profile_lines")
+        config.pluginmanager.register(TimeProfile(file, is_forked=is_forked), "time_profile_lines")
         config.add_cleanup(file.close)

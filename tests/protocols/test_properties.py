@@ -27,6 +27,7 @@ from hypothesis import strategies as st
 from protocols.events import Batch, Event, Reply
 from protocols.idtp import frames as idtp
 from protocols.isb import frames as isb
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.xbus.frames import build
 from tests.each_row import each_row
 from tests.protocols import idtp_vectors, isb_vectors, mip_vectors
@@ -323,6 +324,7 @@ def test_without_compilation(tmp_path: Path) -> None:
     """NUMBA_DISABLE_JIT=1 runs the same source as plain Python and gives the same answers."""
     noise = bytes(range(256)) + b"\xfa\xff\x36\x05" + b"$HCHDM,123.45,M*18\r\n" + b"\xfa\xff\x36\xff\x1f\xff"
     streams = {name: noise.join(one.everything())[:60_000] for name, one in SPEAKERS.items()}
+    streams["isb"] += IsbSimulator().advance(7 * 10**9)[-20_000:]  # its clocks go from uptime to time of week
     for name, stream in streams.items():
         (tmp_path / name).write_bytes(stream)
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}

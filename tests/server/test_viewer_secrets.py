@@ -24,6 +24,7 @@ from server.config import Config
 from server.integrations.foxglove_worker import ConnectionGuard
 from server.integrations.shared_secret import HEADER, SecretEndpoint, has_secret
 from tests.each_row import each_row
+from tests.forked_workers import workers_of
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connecting, get
 from tests.viser_client import looking, messages, subprotocol
@@ -40,16 +41,10 @@ def ports_of(parent: int) -> dict[str, int]:
         if fields[3] == "0A":  # LISTEN
             inodes[f"socket:[{fields[9]}]"] = int(fields[1].partition(":")[2], 16)
     found = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            if int(stat.read_text().rpartition(")")[2].split()[1]) != parent:
-                continue
-            command = (stat.parent / "cmdline").read_text()
-            held = [path.readlink().name for path in (stat.parent / "fd").iterdir()]
-        except OSError:
-            continue  # gone meanwhile
-        if name := re.search(r"server\.integrations\.(\w+)_worker", command):
-            found.update((name[1], inodes[inode]) for inode in held if inode in inodes)
+    for name in ("viser", "foxglove"):
+        for pid in workers_of(parent, f"server.integrations.{name}_worker"):
+            held = [path.readlink().name for path in Path(f"/proc/{pid}/fd").iterdir()]
+            found.update((name, inodes[inode]) for inode in held if inode in inodes)
     return found
 
 

@@ -228,6 +228,7 @@ def test_a_question_ends_with_its_client_and_another_waits_its_turn(
 
 def test_a_question_that_is_killed_does_not_harm_the_server(server: InProcessServer, workers: StartedWorkers) -> None:
     found: list[Any] = []
+    block_until(lambda: not workers.running(), "former questions have ended")
     asking = threading.Thread(target=lambda: found.append(_ask(server, sql=ENDLESS)))
     asking.start()
     block_until(lambda: bool(workers.running()), "the question runs")

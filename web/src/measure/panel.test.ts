@@ -148,7 +148,16 @@ it("asks the server where the page holds only some samples, and dims what is of 
     draw();
     expect(host.querySelector("tr.pending")).toBeNull();
   });
+  const copied: string[] = [];
+  vi.stubGlobal("navigator", { clipboard: { writeText: async (text: string) => void copied.push(text) } });
+  const copiedCount = (): string | undefined => {
+    host.querySelectorAll<HTMLButtonElement>("button.edge")[2]!.click();
+    const [head = [], line = []] = (copied.pop() ?? "").split("\n").map((text) => text.split(","));
+    return line[head.indexOf("n")];
+  };
+  expect(copiedCount()).toBe("1000");
   state.actions.pinMeasure(ring.time(ring.length - 2));
+  expect(copiedCount()).toBe(""); // the server counted another range
   draw();
   expect(host.querySelector("tr.pending")).not.toBeNull();
 });

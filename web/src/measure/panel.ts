@@ -38,6 +38,9 @@ export interface MeasureDeps extends Partial<SampleAccess> {
 /** Time for figures in one frame's 16 ms, in ms; one series is done in any case. */
 const FIGURES_MS = 3;
 
+/** Of a line whose figures are not known yet, or are those of another range. */
+const UNKNOWN: RangeFigures = { ...NO_FIGURES, n: NaN, gaps: NaN };
+
 interface Line {
   readonly series: Series;
   readonly unit: string;
@@ -122,13 +125,23 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     ...handles.map((handle) => handle.words()),
     `${TEXT.time} ${delta.node.data}   ${TEXT.frequency} ${frequency.node.data}`,
   ];
-  const rows = (): MeasuredRow[] =>
-    lines.map(({ series, unit: own, values, figures }) => ({
-      signal: series.key,
-      unit: own,
-      decimals: series.decimals,
-      figures: { ...values, ...figures },
-    }));
+  /** The lines as of now, whatever of them is drawn yet. */
+  const rows = (): MeasuredRow[] => {
+    const range = rangeOf();
+    return lines.map((line) => {
+      if (range !== undefined) read(line, range.a, range.b);
+      const figures = range !== undefined && count(line, range) ? line.figures : UNKNOWN;
+      const { series, unit: own, values } = line;
+      return { signal: series.key, unit: own, decimals: series.decimals, figures: { ...values, ...figures } };
+    });
+  };
+
+  /** The cursors, and the range between them; undefined unless both are set. */
+  const rangeOf = (): (MeasuredRange & { readonly a: number; readonly b: number }) | undefined => {
+    const [a, b] = [actions.cursorTime(), viewState.measure.peek()];
+    if (a === undefined || b === undefined) return undefined;
+    return { a, b, t0: Math.min(a, b), t1: Math.max(a, b), base: view.peek().timeBase };
+  };
 
   const read = (line: Line, a: number, b: number): void => {
     const { timeBase: base } = view.peek();
@@ -162,9 +175,9 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
 
   return {
     update(now) {
-      const [a, b] = [actions.cursorTime(), viewState.measure.peek()];
-      if (a === undefined || b === undefined) return;
-      const range = { t0: Math.min(a, b), t1: Math.max(a, b), base: view.peek().timeBase };
+      const found = rangeOf();
+      if (found === undefined) return;
+      const { a, b, ...range } = found;
       if (due(now)) {
         const specs = visible(actions.plots(), viewState.hiddenSeries.peek());
         const key = keyOf(specs);
@@ -236,7 +249,7 @@ export function byUnit(plot: PlotSpec): readonly PlotSpec[] {
 function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): Line {
   const info = series.channel.info.columns[series.column];
   const own = info?.unit || plot.unit;
-  const tr = el("tr", {}, el("th", { scope: "row", class: series.colour }, series.label));
+  const tr = el("tr", { class: "pending" }, el("th", { scope: "row", class: series.colour }, series.label));
   const cells = Object.fromEntries(FIGURE_KEYS.map((key) => [key, new LiveText()])) as Record<FigureKey, LiveText>;
   for (const key of FIGURE_KEYS) {
     const text = unitOf(key, own);
@@ -246,5 +259,5 @@ function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): 
   }
   body.append(tr);
   const none = { a: NaN, b: NaN, delta: NaN };
-  return { series, unit: own, tr, cells, values: none, figures: NO_FIGURES, stamp: "" };
+  return { series, unit: own, tr, cells, values: none, figures: UNKNOWN, stamp: "" };
 }
