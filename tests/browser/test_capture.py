@@ -61,8 +61,8 @@ def euler_degrees(w: float, x: float, y: float, z: float) -> dict[str, float]:
 
 
 def number(text: str) -> float:
-    """A number as the page writes it: true minus, thin spaces, unit behind."""
-    return float(text.replace("\u2212", "-").replace("\u2009", "").rstrip("° "))
+    """A number as the page writes it: true minus, thin spaces, unit behind; NaN before it is written."""
+    return float(text.replace("\u2212", "-").replace("\u2009", "").rstrip("° ") or "nan")
 
 
 @pytest.fixture(scope="module")

@@ -98,8 +98,8 @@ def table(parts: Sequence[PartTime], profile: Profile, *, passed: float, memory:
         "|---|---|---|",
         *(f"| {part.name} | {part.passed:.0f} | {part.processor:.0f} |" for part in parts),
         "",
-        f"Of pytest: {sum(profile.starts):.0f} s of a processor to import, to collect and to load compiled code, once for "
-        "all workers. The tests themselves, in seconds:",
+        f"Of pytest: {sum(profile.starts):.0f} s of a processor to import, to collect and to load compiled code, once "
+        "for all workers. The tests themselves, in seconds:",
         "",
         "| folder | tests | set-up | call | tear-down | waiting | processor: pytest | begun by it | Chromium |",
         "|---|---|---|---|---|---|---|---|---|",
