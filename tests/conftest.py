@@ -88,10 +88,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_before_workers() -> None:
-    """Load once what each worker would load: compiled functions, and what servers are forked from."""
+    """Load once what each worker would load: compiled functions, what is known of the sources, and what servers are
+    forked from.
+    """
     from protocols import registry  # noqa: F401 (its modules have the functions)
+    from server.library.sources import decoding_mark
 
     jit.load(checked=True)
+    decoding_mark()
     if fork_server.IS_THERE:
         fork_server.share()
 

@@ -391,9 +391,10 @@ def _run(request: _Request) -> int:
     return 1
 
 
-def _end(status: int) -> NoReturn:
-    """End a child as the interpreter does, but leave its memory to the system. To free what was imported would copy
-    all of it first, which took most of the time of a short command.
+def end(status: int) -> NoReturn:
+    """End this process as the interpreter does, but leave its memory to the system.
+
+    To free what was imported would copy all of it first, which took most of the time of a short command.
     """
     threading._shutdown()  # type: ignore[attr-defined]
     atexit._run_exitfuncs()
@@ -407,7 +408,7 @@ def _end(status: int) -> NoReturn:
 
 def _main(listener: socket.socket, owner: socket.socket) -> NoReturn:
     request = _Nursery(listener, owner).run()
-    _end(0 if request is None else _run(request))
+    end(0 if request is None else _run(request))
 
 
 if __name__ == "__main__":

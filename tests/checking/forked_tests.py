@@ -26,6 +26,8 @@ from typing import Any, NoReturn
 
 import pytest
 
+from tests import fork_server
+
 BROWSERS = 2
 Group = list[pytest.Item]
 
@@ -62,6 +64,7 @@ class ForkedTests:
         self._groups: list[Group] = []
         self._workers: list[_Worker] = []
         self._begun = 0
+        self._status: int | None = None
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
@@ -89,6 +92,15 @@ class ForkedTests:
                     os.kill(worker.pid, 9)
                 os.waitpid(worker.pid, 0)
         return True
+
+    def pytest_sessionfinish(self, exitstatus: int) -> None:
+        self._status = int(exitstatus)
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_unconfigure(self) -> None:
+        """End here: what follows frees everything that was collected, and a library lists what it leaks."""
+        if self._status is not None:
+            fork_server.end(self._status)
 
     def _begin(self, session: pytest.Session) -> None:
         """Fork a worker with a file to run, if one is left for it."""

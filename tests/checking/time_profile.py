@@ -54,7 +54,8 @@ class TimeProfile:
 
     def _spend(self, line: dict[str, Any]) -> None:
         now = (time.process_time(), *self._begun())
-        spent = [round(after - before, 3) for after, before in zip(now, self._before, strict=True)]
+        # less than nothing: a browser that has ended, and was not waited for
+        spent = [round(max(0.0, after - before), 3) for after, before in zip(now, self._before, strict=True)]
         self._before = now
         self._file.write(json.dumps({**line, **dict(zip(("own", "begun", "browser"), spent, strict=True))}) + "\n")
         self._file.flush()
