@@ -10,6 +10,7 @@ import contextlib
 import socket
 import threading
 from contextlib import ExitStack
+from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -263,6 +264,10 @@ class RolloutFleet:
         if answer.status_code == 202:
             self.number = answer.json()["id"]
         return answer
+
+    def roll_out(self, **options: Any) -> None:
+        """Start a rollout of the plan, once it stands still: reports of the robots change it."""
+        block_until(lambda: self.start(self.plan()["id"], **options).status_code == HTTPStatus.ACCEPTED, self.plan)
 
     def rollout(self) -> dict[str, Any]:
         """The newest rollout."""

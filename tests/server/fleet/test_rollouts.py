@@ -72,7 +72,7 @@ def test_a_profile_is_applied_in_waves_and_confirmed(fleet: RolloutFleet) -> Non
     assert fleet.start("another").json()["kind"] == "changed"
     assert fleet.start(plan["id"], by=" ").json()["kind"] == "bad-value"
     assert fleet.start(plan["id"], waves="none").json()["kind"] == "bad-value"
-    assert fleet.start(plan["id"], watch_s=1).status_code == 202
+    fleet.roll_out(watch_s=1)
     assert fleet.start(plan["id"]).json()["kind"] == "busy"
     over = fleet.until_over()
     assert (over["state"], fleet.states()) == ("done", dict.fromkeys("bcd", "done")), over
@@ -120,7 +120,7 @@ def no_samples(due: Callable[[XbusSimulator, int, list[bytes]], None]) -> Callab
 
 
 def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(fleet: RolloutFleet) -> None:
-    assert fleet.start(fleet.plan()["id"]).status_code == 202
+    fleet.roll_out()
     fleet.until_state("b", "watching")
     assert fleet.post("b", "roll-back", {}).status_code == 200
     over = fleet.until_over()
@@ -132,7 +132,7 @@ OWN_HZ = 5  # that somebody sets at the robot
 
 
 def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(fleet: RolloutFleet) -> None:
-    assert fleet.start(fleet.plan()["id"], waves="1").status_code == 202
+    fleet.roll_out(waves="1")
     fleet.until_state("b", "watching")
     outputs = fleet.values("c")["OutputConfiguration"]
     for one in outputs["outputs"]:
@@ -148,7 +148,7 @@ def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(fleet: Rol
 
 def test_a_robot_whose_line_is_cut_rolls_back_by_itself(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path, behind="b") as fleet:
-        assert fleet.start(fleet.plan()["id"]).status_code == 202
+        fleet.roll_out()
         fleet.until_state("b", "watching")
         fleet.lines["b"].cut()
         over = fleet.until_over()
@@ -162,7 +162,7 @@ def test_a_robot_whose_line_is_cut_rolls_back_by_itself(tmp_path: Path) -> None:
 
 
 def test_a_stop_finishes_what_has_begun_and_begins_nothing_else(fleet: RolloutFleet) -> None:
-    assert fleet.start(fleet.plan()["id"]).status_code == 202
+    fleet.roll_out()
     fleet.until_state("b", "watching")
     assert fleet.send(f"rollouts/{fleet.number}/stop", by="  ").json()["kind"] == "bad-value"
     assert fleet.send(f"rollouts/{fleet.number}/stop", by="Ben").json()["stopped_by"] == "Ben"
@@ -179,7 +179,7 @@ def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
         fleet.lose("d")
         plan = fleet.plan()
         assert [(one["robot"], one["why"]) for one in plan["left_out"]] == [("d", "The robot is lost.")]
-        assert fleet.start(plan["id"]).status_code == 202
+        fleet.roll_out()
         fleet.until_state("b", "watching")
         fleet.lose("c")
         fleet.confirm("b")
@@ -191,7 +191,7 @@ def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
 
 def test_a_fleet_server_that_is_killed_says_what_it_interrupted_and_sends_nothing_again(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path, is_process=True) as fleet:
-        assert fleet.start(fleet.plan()["id"]).status_code == 202
+        fleet.roll_out()
         fleet.until_state("b", "watching")
         fleet.kill()
         fleet.robots["b"].turn(2 * LONG_S)
