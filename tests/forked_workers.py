@@ -29,12 +29,24 @@ class ForkedProcess:
         self.stdin: asyncio.StreamWriter | None = None
         self.stdout: asyncio.StreamReader | None = None
         self.stderr: asyncio.StreamReader | None = None
-        self.terminate, self.kill = child.terminate, child.kill
         self._child = child
         self._has_ended = asyncio.Event()
         self._loop = asyncio.get_running_loop()
         self._descriptor = child.fileno()
         self._loop.add_reader(self._descriptor, self._end)
+
+    def terminate(self) -> None:
+        self._child.terminate()
+        self._look()
+
+    def kill(self) -> None:
+        self._child.kill()
+        self._look()
+
+    def _look(self) -> None:
+        """What is sent a signal may be found to have ended, which is told once only."""
+        if self._child.returncode is not None and not self._has_ended.is_set():
+            self._end()
 
     def _end(self) -> None:
         self._loop.remove_reader(self._descriptor)
