@@ -49,6 +49,7 @@ class _Robot:
     status: RobotStatus | None = None
     boots: list[str] = field(default_factory=list)  # announced runs; more than one: several robots of one name
     latest: int = 0  # number that the robot has of that run
+    heard: int = 0  # number of the newest report of the live run, also while those of an earlier run are taken
     left: str | None = None  # run whose reports were being taken when a second robot of the name came
     written: str = ""  # RUN.NUMBER that are on disk
     ends: dict[str, int] = field(default_factory=dict)  # numbers up to which reports of earlier runs were taken
@@ -151,6 +152,7 @@ class Collector:
         now = self._now()
         if not alive:
             robot.boots.remove(boot)
+            robot.heard = 0
             if not robot.boots:
                 robot.stored.is_live, robot.stored.since = False, now
                 robot.ask_at = float("inf")
@@ -164,6 +166,7 @@ class Collector:
             words = f"Several robots call themselves {name}; the one that came last is shown. Give each its own name."
             self._note(name, "error", words)
         robot.boots.append(boot)
+        robot.heard = 0
         if robot.stored.boot != boot:
             robot.stored.is_live = False
         if len(robot.boots) > 1:  # which of them has earlier runs is not known
@@ -189,6 +192,7 @@ class Collector:
             self.counts.unannounced += 1  # it is asked for when the token arrives
             return
         self.counts.reports += 1
+        robot.heard = max(robot.heard, report.number)
         if report.boot != robot.stored.boot:  # the reports of earlier runs come first
             self._take_status(robot, report)
             self._changed(robot)
@@ -232,7 +236,8 @@ class Collector:
         if answer.following and stored.number >= answer.last and answer.boot not in robot.boots:
             self._turn_to(robot, answer.following)
             return
-        robot.latest = max(robot.latest, answer.last)
+        heard = robot.heard if answer.boot == robot.live_boot else 0  # since it was answered
+        robot.latest = max(robot.latest, answer.last, heard)
         robot.ask_at = float("inf")
         if robot.latest > stored.number:  # there is more; an answer without reports: the line of the robot is limited
             robot.ask_at = self._now() + (0.0 if answer.reports else 1.0)

@@ -110,6 +110,22 @@ def bus(tmp_path: Path) -> Bus:
     return bus
 
 
+def test_reports_that_overtake_the_first_answer_are_asked_for(tmp_path: Path) -> None:
+    """Without a later report they were missing for minutes."""
+    bus = Bus(tmp_path)
+    bus.announce(alive=True)
+    bus.report()
+    [(_, boot, after, kept)] = bus.collector.questions(10)
+    answer = bus.journal.answer(boot, after, earlier=True, kept=kept)
+    bus.report()
+    bus.report()
+    bus.collector.on_journal(keys.journal_key(NAME), answer)
+    assert bus.events == ["1"]
+    assert bus.ask() == 1
+    assert bus.events == ["1", "2", "3"]
+    assert bus.ask() == 0
+
+
 def test_a_robot_comes_and_goes(bus: Bus) -> None:
     bus.report()
     robot = bus.robots.get(NAME)
