@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from server.workers import Worker
-from tests.fork_server import VIEWERS, WORKERS, Child, ForkServer, worker_name
+from tests.fork_server import Child, ForkServer
+from tests.nursery_modules import VIEWERS, WORKERS, worker_name
 
 _start = Worker.create_process
 

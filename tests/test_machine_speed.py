@@ -39,14 +39,19 @@ SUSPECT = re.compile(
     rf"time\.|sleep\(|(?:{'|'.join(LIMITED)})\([\d.]|(?:{'|'.join(KEYWORDS)})=[\d.]"
 )  # else not parsed
 
+STAMPS = "messages carry the time of now, which no assertion measures"
+BY_HAND = "fuzzing by hand lasts as long as was asked for"
+TODAY = "a stamp is of today, not of 1970"
+AGE = "the age of a file"
+PACE = "the pace of a sender"
 LISTED: dict[str, tuple[dict[str, int], str]] = {
     "browser/guide_pictures.py": (
         {"clock": 4, "wait": 17},
         "pictures for the guide, taken by hand of a page that runs",
     ),
-    "browser/test_messages.py": ({"clock": 2}, "messages carry the time of now, which no assertion measures"),
-    "browser/test_scene.py": ({"limit": 1}, "the pace of a sender"),
-    "cache_folder.py": ({"clock": 1}, "the age of a file"),
+    "browser/test_messages.py": ({"clock": 2}, STAMPS),
+    "browser/test_scene.py": ({"limit": 1}, PACE),
+    "cache_folder.py": ({"clock": 1}, AGE),
     "check.py": ({"clock": 2}, "the time of each part is reported"),
     "chromium.py": ({"clock": 2, "wait": 1}, "the end of patience; a look now and then"),
     "fault_injection/ending.py": ({"clock": 2}, "the time an end took is reported"),
@@ -54,22 +59,22 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
         {"clock": 2, "wait": 1},
         "the server's own process stands still; time is counted beside what it reports",
     ),
-    "fault_injection/test_restarts.py": ({"clock": 1}, "messages carry the time of now, which no assertion measures"),
-    "fuzz/__main__.py": ({"clock": 7}, "fuzzing by hand lasts as long as was asked for"),
-    "fuzz/external_inputs.py": ({"clock": 3}, "fuzzing by hand lasts as long as was asked for"),
+    "fault_injection/test_restarts.py": ({"clock": 1}, STAMPS),
+    "fuzz/__main__.py": ({"clock": 7}, BY_HAND),
+    "fuzz/external_inputs.py": ({"clock": 3}, BY_HAND),
     "links/message_sources.py": (
         {"clock": 3},
-        "the pace of a sender; messages carry the time of now, which no assertion measures",
+        f"{PACE}; {STAMPS}",
     ),
     "links/test_baud_scan.py": ({"wait": 1}, "the plug is pulled at any moment of the search"),
     "links/test_capture_file.py": ({"clock": 2, "wait": 2}, "a file is read ahead, and nothing tells how far"),
-    "links/test_foxglove_source.py": ({"clock": 5}, "messages carry the time of now, which no assertion measures"),
+    "links/test_foxglove_source.py": ({"clock": 5}, STAMPS),
     "links/test_held.py": ({"clock": 4, "wait": 1}, "a holder that is quiet for a time of its own process"),
     "links/test_held_clients.py": ({"clock": 6}, "a client that is quiet for a time of the holder's process"),
     "links/test_network.py": ({"wait": 2}, "a host that never answers; a reading thread that is held up"),
     "links/test_read_loop.py": ({"clock": 5}, "a wait lasts at least as long as was asked for"),
     "links/test_replay.py": ({"wait": 1}, "the second device is opened later"),
-    "links/test_ros2_source.py": ({"clock": 3}, "messages carry the time of now, which no assertion measures"),
+    "links/test_ros2_source.py": ({"clock": 3}, STAMPS),
     "links/test_serial.py": (
         {"clock": 2, "wait": 2},
         "the event loop is busy with something else; stamps lie between two readings of the clock",
@@ -87,27 +92,27 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "record_wire.py": ({"clock": 2, "wait": 5}, "what is recorded for the page's tests holds figures of some seconds"),
     "recordings/test_recording_writer.py": (
         {"clock": 1},
-        "messages carry the time of now, which no assertion measures",
+        STAMPS,
     ),
-    "server/fleet/test_compact.py": ({"clock": 2}, "the age of a file"),
+    "server/fleet/test_compact.py": ({"clock": 2}, AGE),
     "server/fleet/test_page_streams.py": ({"limit": 2}, "a wait that must not end, looked at for a moment"),
-    "server/test_backward_compatibility.py": ({"clock": 2}, "the age of a file"),
+    "server/test_backward_compatibility.py": ({"clock": 2}, AGE),
     "server/test_bounds.py": ({"clock": 2}, "processor time, of work that took minutes"),
     "server/test_byte_memory.py": ({"clock": 2}, "the memory of bytes is kept by the clock"),
     "server/test_clients.py": ({"wait": 1}, "a pause in which nothing is published"),
     "server/test_control.py": ({"wait": 1}, "the pace of a device"),
-    "server/test_foxglove.py": ({"clock": 1}, "a stamp is of today, not of 1970"),
+    "server/test_foxglove.py": ({"clock": 1}, TODAY),
     "server/test_load.py": ({"clock": 4}, "the rate limit of the server is by its clock"),
-    "server/test_message_recording.py": ({"clock": 1}, "messages carry the time of now, which no assertion measures"),
-    "server/test_metrics.py": ({"clock": 1}, "a stamp is of today, not of 1970"),
+    "server/test_message_recording.py": ({"clock": 1}, STAMPS),
+    "server/test_metrics.py": ({"clock": 1}, TODAY),
     "server/test_rerun.py": ({"limit": 1, "wait": 1}, "the pace of a device; a wait that must not end"),
-    "server/test_ros2.py": ({"clock": 2}, "a stamp is of today, not of 1970"),
+    "server/test_ros2.py": ({"clock": 2}, TODAY),
     "server/test_settings_diff.py": ({"wait": 1}, "the device's up-time goes on"),
     "server/test_stream.py": ({"clock": 5, "limit": 1}, "the end of patience; a stamp is of today"),
     "server_process.py": ({"clock": 2, "wait": 1}, "the end of patience; a look now and then"),
     "synthetic_fleet.py": ({"clock": 1, "wait": 1}, "a fleet for benchmarks"),
     "waiting.py": ({"clock": 7, "wait": 2}, "the end of patience; a look now and then, that costs little"),
-    "wire_scenes.py": ({"clock": 2, "limit": 2}, "the pace of a sender"),
+    "wire_scenes.py": ({"clock": 2, "limit": 2}, PACE),
 }
 
 

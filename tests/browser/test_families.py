@@ -52,6 +52,25 @@ def enlarged(page: Page) -> None:
     until(page, f"({INK})({LARGE}) > 100")
 
 
+def shown_on_a_map(page: Page, story: Story) -> None:
+    """Tiles cover the large track; each is asked for once, and the map can be taken away."""
+    enlarged(page)
+    until(page, "document.querySelector('dialog .attribution')?.innerText.includes('the survey')")
+    until(page, f"({COVERED})({LARGE}) > 0.9")
+
+    def tiles() -> list[str]:
+        return [one for one in story.asked if "/tiles/" in one]
+
+    while len(tiles()) < 4:  # further out the picture is where tiles meet
+        page.get_by_role("dialog").get_by_role("button", name="Zoom out", exact=True).click()
+        drawn(page)
+    until(page, f"({COVERED})({LARGE}) > 0.9")
+    assert len(tiles()) < 200
+    assert len(tiles()) == len(set(tiles())), "each is asked for once"
+    page.get_by_role("dialog").get_by_role("button", name="Map", exact=True).click()
+    until(page, f"({COVERED})({LARGE}) === 0")
+
+
 def test_the_track_is_large_with_a_map_where_there_is_one(open_page: Callable[..., Page]) -> None:
     map_of: dict[str, Any] = {"tiles": False, "attribution": ""}
     answers = {"GET /api/map": lambda *_: map_of, "GET /api/tiles/*": MAGENTA}
@@ -89,18 +108,4 @@ def test_the_track_is_large_with_a_map_where_there_is_one(open_page: Callable[..
         assert not [one for one in story.asked if "/tiles/" in one], "no map was configured"
 
         map_of |= {"tiles": True, "attribution": "© the survey"}
-        enlarged(page)
-        until(page, "document.querySelector('dialog .attribution')?.innerText.includes('the survey')")
-        until(page, f"({COVERED})({LARGE}) > 0.9")
-
-        def tiles() -> list[str]:
-            return [one for one in story.asked if "/tiles/" in one]
-
-        while len(tiles()) < 4:  # further out the picture is where tiles meet
-            page.get_by_role("dialog").get_by_role("button", name="Zoom out", exact=True).click()
-            drawn(page)
-        until(page, f"({COVERED})({LARGE}) > 0.9")
-        assert len(tiles()) < 200
-        assert len(tiles()) == len(set(tiles())), "each is asked for once"
-        page.get_by_role("dialog").get_by_role("button", name="Map", exact=True).click()
-        until(page, f"({COVERED})({LARGE}) === 0")
+        shown_on_a_map(page, story)

@@ -31,6 +31,35 @@ def save(page: Page, name: str) -> None:
     until(page, f"{SHEET}.innerText.includes('{name} is saved.')")
 
 
+def follow_link(page: Page, wanted: str) -> None:
+    """Time range, both cursors and the workspace go into a link in one action; it shows the arrangement."""
+    page.keyboard.press("Escape")
+    page.keyboard.press(" ")
+    stack = page.locator(".stack")
+    stack.click(position={"x": 300, "y": 60})
+    stack.click(position={"x": 360, "y": 60}, modifiers=["Shift"])
+    page.keyboard.press("c")
+    link = page.evaluate("location.href")
+    assert all(f"{name}=" in link for name in ("t0", "t1", "cursor", "measure", "workspace"))
+    reload(page)
+    until(page, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
+
+
+def save_both(page: Page, other: Page) -> None:
+    """Change a workspace on two pages at the same time: who comes second is told, and opens the newer one."""
+    for one in (page, other):
+        one.keyboard.press("w")
+        one.get_by_label("Stored workspace").select_option("Bench 3")
+        until(one, f"{SHEET}.innerText.includes('Bench 3 is open.')")
+    page.get_by_label("Place of Health").select_option("hidden")
+    page.get_by_role("button", name="Save", exact=True).click()
+    until(page, f"{SHEET}.innerText.includes('Bench 3 is saved.')")
+    other.get_by_role("button", name="Save", exact=True).click()
+    until(other, f"{SHEET}.innerText.includes('was changed since it was opened')")
+    other.get_by_role("button", name="Open the newer one").click()
+    until(other, f"{PANELS} === 'attitude plots events alarms'")
+
+
 def test_a_workspace_is_stored_chosen_and_shared(
     serve: Callable[..., ServerProcess], open_page: Callable[..., Page], tmp_path: Path
 ) -> None:
@@ -59,33 +88,11 @@ def test_a_workspace_is_stored_chosen_and_shared(
     until(
         page, f"{SHEET}.innerText.includes('Pages without a layout') && {SHEET}.querySelector('input:checked') !== null"
     )
+    follow_link(page, wanted)
 
-    # a link: time range, both cursors and the workspace, in one action
-    page.keyboard.press("Escape")
-    page.keyboard.press(" ")
-    stack = page.locator(".stack")
-    stack.click(position={"x": 300, "y": 60})
-    stack.click(position={"x": 360, "y": 60}, modifiers=["Shift"])
-    page.keyboard.press("c")
-    link = page.evaluate("location.href")
-    assert all(f"{name}=" in link for name in ("t0", "t1", "cursor", "measure", "workspace"))
-    reload(page)
-    until(page, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
-
-    # another person: the default of the family, and an edit at the same time
     other = opened(server, open_page, DESKTOP)
-    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
-    for one in (page, other):
-        one.keyboard.press("w")
-        one.get_by_label("Stored workspace").select_option("Bench 3")
-        until(one, f"{SHEET}.innerText.includes('Bench 3 is open.')")
-    page.get_by_label("Place of Health").select_option("hidden")
-    page.get_by_role("button", name="Save", exact=True).click()
-    until(page, f"{SHEET}.innerText.includes('Bench 3 is saved.')")
-    other.get_by_role("button", name="Save", exact=True).click()
-    until(other, f"{SHEET}.innerText.includes('was changed since it was opened')")
-    other.get_by_role("button", name="Open the newer one").click()
-    until(other, f"{PANELS} === 'attitude plots events alarms'")
+    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")  # the default of the family
+    save_both(page, other)
 
     # a file brings back what was exported, alarms too; one that is none changes nothing
     other.get_by_text("Export, import, default").click()

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -86,10 +87,12 @@ class ForkedTests:
                     raise session.Failed(session.shouldfail)
                 if session.shouldstop:
                     raise session.Interrupted(session.shouldstop)
+            if self._groups:
+                raise RuntimeError(f"no worker is left for {self._groups[0][0].nodeid} and what comes after it")
         finally:
             for worker in self._workers:
                 with suppress(ProcessLookupError):
-                    os.kill(worker.pid, 9)
+                    os.kill(worker.pid, signal.SIGKILL)
                 os.waitpid(worker.pid, 0)
         return True
 
