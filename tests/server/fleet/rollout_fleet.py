@@ -291,6 +291,13 @@ class RolloutFleet:
         found = self._server.get("/api/fleet/events", params={"limit": 500}).json()
         return [one["text"] for one in reversed(found) if one["robot"] == robot]
 
+    def until_event(self, robot: str, beginning: str) -> None:
+        """Wait until an event of a robot that begins so is written, which the fleet server does now and then."""
+        block_until(
+            lambda: any(text.startswith(beginning) for text in self.events(robot)),
+            lambda: (beginning, self.events(robot)),
+        )
+
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:

@@ -81,10 +81,9 @@ def test_a_profile_is_applied_in_waves_and_confirmed(fleet: RolloutFleet) -> Non
         assert fleet.rollback(name) == "confirmed"
     number = fleet.number
     told = f"Command through the fleet server of Ada, rollout {number}: POST /api/devices/1/apply."
-    block_until(lambda: told in fleet.events("b"), lambda: fleet.events("b"))
-    texts = fleet.events("b")
-    assert any(text.startswith(f"Rollout {number} of Ada, MTi-630: done.") for text in texts), texts
-    assert f"Rollout {number} to 3 devices of the group otters was started by Ada." in fleet.events("")
+    fleet.until_event("b", told)
+    fleet.until_event("b", f"Rollout {number} of Ada, MTi-630: done.")
+    fleet.until_event("", f"Rollout {number} to 3 devices of the group otters was started by Ada.")
     block_until(lambda: fleet.plan()["same"] == 4, "all are as the profile")
     assert fleet.start(fleet.plan()["id"]).json()["kind"] == "not-now"
     assert fleet.send(f"rollouts/{number}/stop", by="Ada").json()["kind"] == "not-now"
@@ -171,7 +170,7 @@ def test_a_stop_finishes_what_has_begun_and_begins_nothing_else(fleet: RolloutFl
     assert (over["state"], over["words"]) == ("stopped", "Stopped by Ben: 2 not started."), over
     assert fleet.states() == {"b": "done", "c": "not-started", "d": "not-started"}
     assert [fleet.rate(name) for name in "bcd"] == [PROFILE_HZ, OTHER_HZ, OTHER_HZ]
-    assert f"Rollout {fleet.number} was stopped by Ben." in fleet.events("")
+    fleet.until_event("", f"Rollout {fleet.number} was stopped by Ben.")
 
 
 def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
