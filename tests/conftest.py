@@ -25,6 +25,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
 from protocols import jit
@@ -66,7 +67,11 @@ if fork_server.IS_THERE:
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=30, deadline=None, derandomize=True, suppress_health_check=SLOW)
 settings.register_profile("deep", max_examples=2000, deadline=None, print_blob=True, suppress_health_check=SLOW)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+settings.load_profile(PROFILE := os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+if PROFILE == "fast":
+    # Values that occur in the code are tried too, of all modules that happen to be imported: the examples of a test
+    # would depend on the tests that ran before it in its worker, and a failure would not come again alone.
+    providers._get_local_constants = providers.Constants
 
 
 COMPILE = "from server import jit_cache; jit_cache.load(report=print)"
