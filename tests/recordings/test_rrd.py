@@ -368,7 +368,7 @@ def test_a_layout_is_known_without_rerun() -> None:
     assert said.stdout.strip() == "False"
 
 
-@pytest.mark.parametrize("name", ["drive.mcap", "yard (2), left/right", "Straße 7.", "…", ""])
+@each_row("name", ["drive.mcap", "yard (2), left/right", "Straße 7.", "…", ""])
 def test_an_application_has_a_name_that_rerun_takes(name: str, capfd: pytest.CaptureFixture[str]) -> None:
     """A dot in it made Rerun print a warning with each export, and gave the application another name."""
     stream = stream_of(name)

@@ -12,6 +12,7 @@ import pytest
 from httpx import Client
 
 from server.wire import SUBPROTOCOL
+from tests.each_row import each_row
 from tests.server.control_harness import at_rate, outputs
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, http_client
@@ -97,7 +98,7 @@ def test_an_orientation_reset_is_stored_with_nothing_between(http: Client) -> No
     assert read(http)["AlignmentRotation.RotLocal"] == before
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("path", "body"),
     [
         ("read", {}),
@@ -361,7 +362,7 @@ def test_nothing_but_json_is_a_body(http: Client) -> None:
     assert (answer.status_code, answer.json()["kind"]) == (415, "not-json")
 
 
-@pytest.mark.parametrize("path", ["forms", "jobs", "traffic", "snapshots", "values"])
+@each_row("path", ["forms", "jobs", "traffic", "snapshots", "values"])
 def test_a_missing_device_is_reported(http: Client, path: str) -> None:
     answer = http.get(f"/api/devices/99/{path}")
     assert (answer.status_code, answer.json()["kind"]) == (404, "not-found")

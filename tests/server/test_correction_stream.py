@@ -342,33 +342,34 @@ async def test_a_file_is_played_at_its_own_pace_and_then_is_over(tmp_path: Path)
     assert state.message == "base.rtcm3 has finished."
 
 
-@pytest.mark.parametrize("turns", range(8))
-async def test_a_stream_ends_although_a_message_arrives_at_that_moment(
-    turns: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arrived: asyncio.Queue[bytes] = asyncio.Queue()
-
+async def test_a_stream_ends_although_a_message_arrives_at_that_moment(monkeypatch: pytest.MonkeyPatch) -> None:
     class Source:
+        def __init__(self, arrived: asyncio.Queue[bytes]) -> None:
+            self._arrived = arrived
+
         async def open(self, gga: bytes) -> None: ...
 
         async def chunks(self) -> AsyncIterator[bytes]:
             while True:
-                yield await arrived.get()
+                yield await self._arrived.get()
 
         async def report(self, gga: bytes) -> None: ...
 
         async def close(self) -> None: ...
 
-    monkeypatch.setattr(correction_stream, "source_of", lambda source: Source())
-    stream = CorrectionForwarder(Receiver("isb"), "tcp://base:1")
-    arrived.put_nowait(STREAM)
-    await until(lambda: sum(stream.state().messages.values()) == 4, "the first messages")
-    arrived.put_nowait(STREAM)
-    for _ in range(turns):  # of the loop: the message is on its way to whoever waits for it
-        await asyncio.sleep(0)
-    closing = asyncio.ensure_future(stream.close())
-    done, _ = await asyncio.wait({closing}, timeout=PATIENCE_S)
-    assert done
+    for turns in range(8):
+        arrived: asyncio.Queue[bytes] = asyncio.Queue()
+        used = Source(arrived)
+        monkeypatch.setattr(correction_stream, "source_of", lambda source, used=used: used)
+        stream = CorrectionForwarder(Receiver("isb"), "tcp://base:1")
+        arrived.put_nowait(STREAM)
+        await until(lambda one=stream: sum(one.state().messages.values()) == 4, "the first messages")
+        arrived.put_nowait(STREAM)
+        for _ in range(turns):  # of the loop: the message is on its way to whoever waits for it
+            await asyncio.sleep(0)
+        closing = asyncio.ensure_future(stream.close())
+        done, _ = await asyncio.wait({closing}, timeout=PATIENCE_S)
+        assert done, f"{turns} turns of the loop after the message"
 
 
 def test_messages_are_whole_however_the_stream_is_cut() -> None:

@@ -12,6 +12,7 @@ import pytest
 from protocols.xbus.frames import build
 from server.cli import main
 from server.commands.decode import Bar
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.recordings.vendor_logs import LOGS, NAME, needs_logs
 
@@ -31,7 +32,7 @@ def test_a_log_becomes_a_file_per_message(tmp_path: Path, capsys: pytest.Capture
     assert float(rows[0]["I.acc.z (m/s²)"]) == pytest.approx(-9.80665, abs=1e-6)
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".mcap", ".mtb", ".bin"])
+@each_row("suffix", [".parquet", ".mcap", ".mtb", ".bin"])
 def test_the_suffix_chooses(suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "out").mkdir()
     kept = drive(tmp_path / "a.mcap", seconds=1.0)

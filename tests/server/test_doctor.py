@@ -17,6 +17,7 @@ import pytest
 from server.commands import doctor
 from server.diagnostics import checks
 from server.diagnostics.checks import Finding, Machine, run_checks
+from tests.each_row import each_row
 from tests.server_process import imuscope
 
 NOW = 1_760_000_000.0
@@ -178,7 +179,7 @@ def test_a_data_folder_that_cannot_be_written(machine: Machine) -> None:
     assert "sudo chown pi" in only(machine, "problem", "data folder").todo[0]
 
 
-@pytest.mark.parametrize(("free", "status"), [(3e9, "warning"), (2e8, "problem")])
+@each_row(("free", "status"), [(3e9, "warning"), (2e8, "problem")])
 def test_a_disk_that_is_nearly_full(
     machine: Machine, free: float, status: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

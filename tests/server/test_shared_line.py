@@ -245,7 +245,7 @@ def test_a_script_names_one_device_of_a_line(capsys: pytest.CaptureFixture[str])
     assert len(set(told)) == 2
 
 
-@pytest.mark.parametrize("device", ["0", "256", "x"])
+@each_row("device", ["0", "256", "x"])
 def test_an_invalid_bus_identifier_is_refused(device: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["send", SOURCE, "ReqDID", "--device", device])

@@ -11,6 +11,7 @@ import pytest
 
 from recordings.mcap_writer import RecordingError
 from server.workers import Worker
+from tests.each_row import each_row
 
 ECHO = "import json, sys; print(json.dumps({'asked': json.load(sys.stdin), 'words': sys.argv[1:]}))"
 CUT_SHORT = """import os; print('{"progress": 0.5}\\n{"prog', end="", flush=True); os._exit(3)"""
@@ -65,7 +66,7 @@ def test_a_message_and_a_hint_are_its_failure(module: Callable[[str], str]) -> N
     asyncio.run(check())
 
 
-@pytest.mark.parametrize(("patience_s", "status"), [(10.0, 7), (0.0, -signal.SIGKILL)])
+@each_row(("patience_s", "status"), [(10.0, 7), (0.0, -signal.SIGKILL)])
 def test_it_ends_with_time_to_clean_up_or_at_once(module: Callable[[str], str], patience_s: float, status: int) -> None:
     async def check() -> None:
         worker = await Worker.start(module(WAITS))

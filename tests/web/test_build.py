@@ -11,6 +11,7 @@ from types import ModuleType
 
 import pytest
 
+from tests.each_row import each_row
 from tests.server_process import ROOT
 
 
@@ -50,7 +51,7 @@ def test_a_renamed_source_makes_the_page_stale(build: ModuleType) -> None:
     assert build.digest(build.sources()) != before
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("printed", "hint"),
     [
         ("npm error code ENOTFOUND\nnpm error network request failed", "NPM_CONFIG_REGISTRY"),

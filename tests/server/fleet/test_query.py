@@ -16,15 +16,19 @@ import pyarrow as pa
 import pytest
 
 from server.fleet.tables import TABLES
+from tests.each_row import each_row
 from tests.server.fleet.store_fixtures import Commands
 from tests.server_process import ROOT
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 
-@pytest.mark.parametrize("table", TABLES)
-@pytest.mark.parametrize("exists", [False, True])
-def test_an_empty_store_has_all_tables_without_rows(table: str, exists: bool, commands: Commands, store: Path) -> None:
+@each_row("table", TABLES)
+@each_row("exists", [False, True])
+def test_an_empty_store_has_all_tables_without_rows(
+    table: str, exists: bool, commands: Commands, tmp_path: Path
+) -> None:
+    store = tmp_path / "store"
     if exists:
         store.mkdir()
     assert commands.query(store, f"SELECT * FROM {table}") == []
@@ -57,7 +61,7 @@ def test_rows_of_the_tables_join_by_recording_and_device(commands: Commands, rec
     assert commands.query(store, sql) == [{"serial_number": "0080800001", "samples": 5, "cause": "device"}]
 
 
-@pytest.mark.parametrize("value", ["'inf'::DOUBLE", "'-inf'::DOUBLE", "'nan'::FLOAT", "NULL"])
+@each_row("value", ["'inf'::DOUBLE", "'-inf'::DOUBLE", "'nan'::FLOAT", "NULL"])
 def test_values_that_are_not_finite_are_null(value: str, commands: Commands, store: Path) -> None:
     assert commands.query(store, f"SELECT {value} AS x, [{value}] AS l") == [{"x": None, "l": [None]}]
 
@@ -67,7 +71,7 @@ def test_columns_of_one_name_are_told_apart(commands: Commands, store: Path) -> 
     assert sorted(row.values()) == [1, 2, 3]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("sql", "words"),
     [
         ("SELEC 1", "syntax error"),

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from server.config import Config
 from server.fleet.robots import Robots, TooManyRobotsError
 from server.fleet.summaries import FleetRobots, RobotDevice, RobotSummary
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
@@ -134,7 +135,7 @@ def test_a_quiet_robot_changes_nothing(robots: Robots) -> None:
     assert robots.revision == revision
 
 
-@pytest.mark.parametrize(
+@each_row(
     "changed",
     [{"rate": 98.0}, {"rate": 0.0}, {"loss": 0.00001}, {"lost": 1}, {"temperature": 32.5}, {"temperature": None}],
 )

@@ -17,6 +17,7 @@ from server.fleet.questions import QUESTIONS
 from server.fleet.samples import fields_for, plain_name, sample_rows
 from server.fleet.tables import SAMPLES, SIGNAL, UNIT
 from server.library.decode import decode
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import START, drive
 from tests.server.fleet.store_fixtures import Commands, delta
 
@@ -133,7 +134,7 @@ def test_a_signal_that_is_not_there_has_no_rows(commands: Commands, recording: P
     assert both["n"] > 600
 
 
-@pytest.mark.parametrize("name", QUESTIONS)
+@each_row("name", QUESTIONS)
 def test_a_prepared_question_is_answered_by_an_empty_store_too(name: str, commands: Commands, store: Path) -> None:
     status, out, err = commands.run("query", "--store", store, "--question", name, "--format", "json")
     assert (status, out, err) == (0, "[]\n", "")

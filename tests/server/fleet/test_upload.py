@@ -142,11 +142,12 @@ class Cut(BaseException):
     """A process that ends here."""
 
 
-@pytest.mark.parametrize("after", range(7))
+@each_row("after", range(7))
 def test_an_upload_that_was_cut_off_is_finished_by_the_next(
-    after: int, commands: Commands, recording: Path, store: Path, monkeypatch: pytest.MonkeyPatch
+    after: int, commands: Commands, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Cut after the object, and after each of the commits; meanwhile, no view shows a part of it."""
+    store = tmp_path / "store"
     steps, append = iter(range(100)), uploading.append_once
 
     def cut(*given: object) -> bool:
@@ -205,7 +206,7 @@ def test_a_lost_object_is_uploaded_again(commands: Commands, recording: Path, st
     assert counts(store) == COUNTS
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("store", "words"),
     [
         ("ftp://host/x", "ftp:// is not a kind of store"),
@@ -224,7 +225,7 @@ def test_an_invalid_store_is_one_line(store: str, words: str, commands: Commands
         assert "secret" not in said
 
 
-@pytest.mark.parametrize("robot", ["", "..", "a/b", "a\nb", "x" * 101, "-x", "a:b"])
+@each_row("robot", ["", "..", "a/b", "a\nb", "x" * 101, "-x", "a:b"])
 def test_an_invalid_name_of_a_robot_is_one_line(robot: str, commands: Commands, recording: Path, store: Path) -> None:
     assert "is not a valid name" in commands.refused("upload", recording, "--store", store, f"--robot={robot}")
     assert not store.exists()
