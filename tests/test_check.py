@@ -7,6 +7,7 @@ import json
 import os
 import sys
 import textwrap
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from tests.checking import affected, hang_report, parts, time_table
 from tests.checking.machine import descendants, memory_of, state
 from tests.checking.parts import Part
 from tests.checking.stress import busy_loops, stress
+from tests.timeouts import PATIENCE_S
 
 FLAKY = """
 import pathlib, sys
@@ -66,21 +68,22 @@ def test_a_part_that_goes_silent_is_ended_with_what_it_began(
     assert "nothing printed" in capsys.readouterr().out
 
 
-def test_a_test_that_hangs_is_named_with_its_stack(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hang_report, "LONG_S", 0.01)
+def test_a_test_that_hangs_is_named_with_its_stack_and_given_up() -> None:
     read, written = os.pipe()
-    watch = hang_report.HangReport(written)
+    is_given_up = threading.Event()
+    watch = hang_report.HangReport(written, is_given_up.set, long_s=0.01)
     protocol = watch.pytest_runtest_protocol(Item("tests/test_x.py::test_hangs"))  # type: ignore[arg-type]
     next(protocol)
     printed = ""
     while "memory" not in printed:  # the end of the report
         printed += os.read(read, 1 << 16).decode()
+    assert is_given_up.wait(PATIENCE_S)
     with pytest.raises(StopIteration):
         protocol.send(None)
     watch.close()
     os.close(read)
     assert "tests/test_x.py::test_hangs has been running" in printed
-    assert "in test_a_test_that_hangs_is_named_with_its_stack" in printed
+    assert "in test_a_test_that_hangs_is_named_with_its_stack_and_given_up" in printed
 
 
 @dataclass

@@ -1,17 +1,18 @@
 """pytest plugin: a test that runs for long says which it is, and where each of its threads stands.
 
-The report comes every 50 s and changes nothing: on a busy machine a test may take that long and be well. A run that
-prints nothing any more is ended by tests/check.py. pytest's own report (faulthandler_timeout) is made without the lock
-of the interpreter, and has crashed a process that was only slow.
+The report comes every 50 s: on a busy machine a test may take that long and be well. After ten minutes the worker ends,
+which fails the test, and another one goes on; by hand, where a person may be debugging, nothing ends. pytest's own
+report (faulthandler_timeout) is made without the lock of the interpreter, and has crashed a process that was only slow.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -19,6 +20,7 @@ from tests import each_row
 from tests.checking import machine
 
 LONG_S = 50.0
+MOST_REPORTS = 12  # until the process ends
 
 
 class HangReport:
@@ -26,10 +28,14 @@ class HangReport:
 
     Args:
         descriptor: of the file to write to, which is not the one that a test's output is captured from.
+        give_up: called when a test hangs.
+        long_s: between two reports.
     """
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, give_up: Callable[[], object], *, long_s: float = LONG_S) -> None:
         self._descriptor = descriptor
+        self._give_up = give_up
+        self._long_s = long_s
         self._begun = threading.Condition()
         self._test = ""
         self._is_over = False
@@ -58,15 +64,21 @@ class HangReport:
         os.close(self._descriptor)
 
     def _watch(self) -> None:
+        reports = 0
         with self._begun:
             while not self._is_over:
-                if not self._begun.wait(LONG_S) and self._test:
-                    os.write(self._descriptor, self._report().encode())
+                if self._begun.wait(self._long_s):
+                    reports = 0
+                elif self._test:
+                    reports += 1
+                    os.write(self._descriptor, self._report(reports * self._long_s).encode())
+                    if reports == MOST_REPORTS:
+                        self._give_up()
 
-    def _report(self) -> str:
+    def _report(self, seconds: float) -> str:
         names = {thread.ident: thread.name for thread in threading.enumerate()}
         row = f", row {each_row.current}" if each_row.current else ""
-        lines = [f"\n{self._test}{row} has been running for {LONG_S:.0f} s and more:\n"]
+        lines = [f"\n{self._test}{row} has been running for {seconds:.0f} s and more:\n"]
         for ident, frame in sys._current_frames().items():
             if ident != self._thread.ident:
                 lines += [f"thread {names.get(ident, ident)}:\n", *traceback.format_stack(frame)[-MOST_FRAMES:]]
@@ -78,15 +90,15 @@ MOST_FRAMES = 12  # of each thread, the innermost
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.option.workers == 1:
-        _register(config)
+        _register(config, lambda: None)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_worker_begins(config: pytest.Config) -> None:
-    _register(config)  # a thread is not forked
+    _register(config, lambda: os.kill(os.getpid(), signal.SIGKILL))  # a thread is not forked
 
 
-def _register(config: pytest.Config) -> None:
-    report = HangReport(os.dup(2))
+def _register(config: pytest.Config, give_up: Callable[[], object]) -> None:
+    report = HangReport(os.dup(2), give_up)
     config.pluginmanager.register(report, "hang_report_watch")
     config.add_cleanup(report.close)

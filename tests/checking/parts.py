@@ -17,7 +17,7 @@ from pathlib import Path
 
 from tests.source_files import ROOT
 
-SILENT_S = 300.0  # a part that prints nothing for so long hangs: a single test that hangs is reported after 50 s
+SILENT_S = 300.0  # a part that prints nothing for so long hangs; a test that hangs is reported (hang_report.py)
 
 ABORT_S = 5.0  # to print that
 INHERITED: tuple[int, ...] = ()  # descriptors of this process that parts keep

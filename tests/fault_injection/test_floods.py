@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.each_row import each_row
 from tests.fault_injection.beside import ANSWERS, Beside, Watched, watched
 from tests.fault_injection.floods import FLOODS
 
@@ -25,7 +26,7 @@ def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
         yield found
 
 
-@pytest.mark.parametrize("name", FLOODS)  # on a busy machine each takes its time, and a test has a limit
+@each_row("name", FLOODS)
 def test_beside_a_flood_the_server_answers_and_another_recording_is_whole(name: str, there: Watched) -> None:
     with Beside(there) as beside:
         there.place.lasts = beside.some_answers

@@ -14,6 +14,7 @@ import pytest
 from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
 from protocols.xbus.data_identifiers import ITEMS
 from protocols.xbus.decoder import XbusDecoder
+from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 from tests.protocols.xbus_vectors import GOLDEN, flat
 
@@ -25,17 +26,18 @@ def decode(data: bytes, chunk: int = 1000) -> list[Event]:
     return decode_chunks(XbusDecoder(), ((at, data[at : at + chunk]) for at in range(0, len(data), chunk)))
 
 
-@pytest.fixture(scope="module", params=CAPTURES)
-def capture(request: pytest.FixtureRequest, captures: Path) -> tuple[list[Event], list[dict[str, Any]]]:
-    data = captures / "xbus" / f"{request.param}.bin"
+def capture(captures: Path, name: str) -> tuple[list[Event], list[dict[str, Any]]]:
+    """What is decoded of a capture, and the values of the vendor's reader."""
+    data = captures / "xbus" / f"{name}.bin"
     if not data.is_file():
         pytest.skip(f"no capture {data.name}")
     expected = data.with_suffix(".expected.jsonl").read_text().splitlines()
     return decode(data.read_bytes()), [json.loads(line) for line in expected]
 
 
-def test_line_by_line(capture: tuple[list[Event], list[dict[str, Any]]]) -> None:
-    events, lines = capture
+@each_row("name", CAPTURES)
+def test_line_by_line(name: str, captures: Path) -> None:
+    events, lines = capture(captures, name)
     rows = {int(o): (batch, i) for batch in events if isinstance(batch, Batch) for i, o in enumerate(batch.offset)}
     assert sorted(rows) == [line["offset"] for line in lines]
     for line in lines:
@@ -58,9 +60,10 @@ def compare(got: Any, expected: Any) -> None:
         assert one == other or math.isclose(one, other, rel_tol=2**-23)
 
 
-def test_time_and_loss(capture: tuple[list[Event], list[dict[str, Any]]]) -> None:
+@each_row("name", CAPTURES)
+def test_time_and_loss(name: str, captures: Path) -> None:
     """Device time is SampleTimeFine in ns, also for GNSS messages with an older one; nothing is lost."""
-    events, lines = capture
+    events, lines = capture(captures, name)
     for batch in events:
         if isinstance(batch, Batch):
             if batch.time_ns is None:  # without a reported fix, the clock of a GNSS message is arbitrary

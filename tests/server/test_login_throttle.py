@@ -32,9 +32,13 @@ def clock() -> Clock:
     return ManualClock(0.0)
 
 
+def access(clock: Clock) -> Access:
+    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), LoginThrottle(clock))
+
+
 @pytest.fixture
 def rules(clock: Clock) -> Access:
-    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), LoginThrottle(clock))
+    return access(clock)
 
 
 def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: Clock) -> None:
@@ -125,8 +129,11 @@ def test_short_tokens_are_reported() -> None:
 # ── as a browser or a script meets it ──
 
 
-@pytest.mark.parametrize("way", ["bearer", "query", "cookie", "page", "websocket"])
-def test_every_login_route_counts_failures_and_gives_retry_after(way: str, rules: Access, clock: Clock) -> None:
+@each_row("way", ["bearer", "query", "cookie", "page", "websocket"])
+def test_every_login_route_counts_failures_and_gives_retry_after(way: str) -> None:
+    clock = Clock(0.0)
+    rules = access(clock)
+
     async def app(scope: Any, receive: Any, send: Any) -> None:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b""})
