@@ -70,3 +70,8 @@ def allow(connection: duckdb.DuckDBPyConnection, files: list[ParquetFiles]) -> N
 def quoted(text: str) -> str:
     """A text as SQL has it."""
     return "'" + text.replace("'", "''") + "'"
+
+
+def identifier(name: str) -> str:
+    """A name as SQL has it, whatever it holds."""
+    return '"' + name.replace('"', '""') + '"'

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ import pyarrow.dataset as ds
 
 from server.fleet.delta_dataset import check_readable, dataset_of
 from server.fleet.delta_tables import open_table
-from server.fleet.parquet_files import ParquetFiles, allow, files_of, quoted
+from server.fleet.parquet_files import ParquetFiles, allow, files_of, identifier, quoted
 from server.fleet.store import StoreError, StoreLocation, store_error, told
 from server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
@@ -72,13 +72,15 @@ def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> 
         with _explained(connection, sql, guard, limits, store), told(store):
             _check(connection, sql)
             words = {word.lower() for word in _WORD.findall(sql)}
-            files = [
-                _view(connection, store, table, sql)
+            asked = [
+                _stored(connection, store, table)
                 for table in TABLES.values()
                 if table is RECORDINGS or words & {table.name, f"{table.name}_wide", *_CATALOG}
             ]
-            allow(connection, [one for one in files if one is not None])
-            _lock(connection, limits)
+            allow(connection, [one.files for one in asked if one.files is not None])
+            _lock(connection, limits)  # before anything is used that others wrote
+            for one in asked:
+                _view(connection, one, sql)
             with guard, ThreadPoolExecutor(1, "question") as thread:
                 yield _Answer(connection.sql(sql), guard, thread).reader()
     finally:
@@ -96,37 +98,63 @@ def _check(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
         raise QueryError(f"{statements[0].type.name} changes something; a store is read-only", "Start with SELECT.")
 
 
-def _view(
-    connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable, sql: str
-) -> ParquetFiles | None:
-    """A view with the name of a table, empty before anything was uploaded; the files that DuckDB reads for it."""
+@dataclass(frozen=True, slots=True)
+class _Stored:
+    """A table, its columns as the store has them, and the files that DuckDB reads; None: it has a dataset."""
+
+    table: StoreTable
+    schema: pa.Schema
+    files: ParquetFiles | None
+
+
+def _stored(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable) -> _Stored:
+    """What a question reads of a table, empty before anything was uploaded."""
     found = open_table(store, table.name)
-    schema, files = table.schema, None
     if found is None:
-        connection.register(f"stored_{table.name}", ds.dataset(schema.empty_table()))
-    else:
-        check_readable(store, found)
-        schema = pa.schema(found.schema().to_arrow())
-        files = files_of(store, found, table)
-        if files is not None:
-            connection.execute(f"CREATE VIEW stored_{table.name} AS SELECT * FROM {files.sql}")
-        else:
-            connection.register(f"stored_{table.name}", dataset_of(store, found, table))
-    known = [column.name for column in table.columns]
+        connection.register(f"stored_{table.name}", ds.dataset(table.schema.empty_table()))
+        return _Stored(table, table.schema, None)
+    check_readable(store, found)
+    files = files_of(store, found, table)
+    if files is None:
+        connection.register(f"stored_{table.name}", dataset_of(store, found, table))
+    return _Stored(table, pa.schema(found.schema().to_arrow()), files)
+
+
+def _view(connection: duckdb.DuckDBPyConnection, stored: _Stored, sql: str) -> None:
+    """Define a table as a view. Its name and those of its own columns are ours, all others are of any robot."""
+    table = stored.table
+    if stored.files is not None:
+        _define(connection, f"CREATE VIEW stored_{table.name} AS SELECT * FROM {stored.files.sql}")
     own = [
-        f"CAST({one.name if one.name in schema.names else 'NULL'} AS {_sql_type(one.type)}) AS {one.name}"
+        f"CAST({one.name if one.name in stored.schema.names else 'NULL'} AS {_sql_type(one.type)}) AS {one.name}"
         for one in table.columns
     ]
-    columns = ", ".join([*own, *(f'"{name}"' for name in schema.names if name not in known)])
+    others = list(_nameable(stored.schema, table))
+    columns = ", ".join([*own, *(identifier(field.name) for field in others)])
     whole = "" if not table.joined else " WHERE recording IN (SELECT recording FROM stored_recordings)"
     view = f"{table.name}_wide" if table is SAMPLES else table.name
-    connection.execute(f"CREATE VIEW {view} AS SELECT {columns} FROM stored_{table.name}{whole}")
+    _define(connection, f"CREATE VIEW {view} AS SELECT {columns} FROM stored_{table.name}{whole}")
     if table is SAMPLES:
-        _long_view(connection, schema, sql)
-    return files
+        _long_view(connection, others, sql)
 
 
-def _long_view(connection: duckdb.DuckDBPyConnection, schema: pa.Schema, sql: str) -> None:
+def _nameable(schema: pa.Schema, table: StoreTable) -> Iterator[pa.Field]:
+    """Further columns that a question can name: SQL does not tell capitals from small letters."""
+    taken = {column.name for column in table.columns}
+    for field in schema:
+        name = field.name.casefold()
+        if name and name.isprintable() and name not in taken:
+            taken.add(name)
+            yield field
+
+
+def _define(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
+    """Execute one statement, and never several: it holds names that others chose."""
+    (statement,) = connection.extract_statements(sql)
+    connection.execute(statement)
+
+
+def _long_view(connection: duckdb.DuckDBPyConnection, fields: Sequence[pa.Field], sql: str) -> None:
     """The view `samples`, one row for each value, and `samples(signal)`, the rows of one signal.
 
     A signal is a branch of a union. DuckDB drops those that a condition on `signal` excludes, but looks at each; where
@@ -136,17 +164,17 @@ def _long_view(connection: duckdb.DuckDBPyConnection, schema: pa.Schema, sql: st
     every = len(_SAMPLES.findall(sql)) > len(_NAMED.findall(sql))
     keys = "date, time, robot, recording, device, message"
     branches = [f"SELECT {keys}, '' AS signal, '' AS unit, 0::DOUBLE AS value FROM samples_wide WHERE false"]
-    for field in schema:
+    for field in fields:
         about = field.metadata or {}
         signal, unit = about.get(SIGNAL, b"").decode(), about.get(UNIT, b"").decode()
         if signal and (every or quoted(signal)[1:-1] in named):
             texts = f"{quoted(signal)} AS signal, {quoted(unit)} AS unit"
             branches.append(
-                f'SELECT {keys}, {texts}, CAST("{field.name}" AS DOUBLE) AS value'
-                f' FROM samples_wide WHERE "{field.name}" IS NOT NULL'
+                f"SELECT {keys}, {texts}, CAST({identifier(field.name)} AS DOUBLE) AS value"
+                f" FROM samples_wide WHERE {identifier(field.name)} IS NOT NULL"
             )
-    connection.execute(f"CREATE VIEW samples AS {' UNION ALL '.join(branches)}")
-    connection.execute("CREATE MACRO samples(name) AS TABLE SELECT * FROM samples WHERE signal = name")
+    _define(connection, f"CREATE VIEW samples AS {' UNION ALL '.join(branches)}")
+    _define(connection, "CREATE MACRO samples(name) AS TABLE SELECT * FROM samples WHERE signal = name")
 
 
 def _sql_type(type: pa.DataType) -> str:

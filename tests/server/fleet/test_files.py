@@ -97,6 +97,46 @@ def test_other_files_stay_closed(commands: Commands, recording: Path, store: Pat
         assert "disabled" in said
 
 
+STATEMENTS = """robot" AS "zq" FROM stored_recordings;
+    COPY (SELECT content FROM read_text('{secret}')) TO '{copy}'; CREATE VIEW zz AS SELECT robot AS "y"""
+NAMES = ("a b", 'a"b', "Added", "", "a\nb", "--", ";", "%s", "ü", "recording")
+
+
+def add_columns(store: Path, table: str, *names: str) -> None:
+    """Write columns of these names, as any robot may, which may write to the store."""
+    some = delta(store, table).slice(0, 1)
+    for name in names:
+        if name not in some.column_names:
+            some = some.append_column(pa.field(name, pa.string()), pa.array(["v"]))
+    write_deltalake(str(store / "tables" / table), some, mode="append", schema_mode="merge")
+
+
+def test_the_name_of_a_column_is_no_statement(commands: Commands, recording: Path, store: Path, tmp_path: Path) -> None:
+    """It was: whoever asked a question read and wrote files for the robot that had chosen the name."""
+    (tmp_path / "secret").write_text("hidden")
+    name = STATEMENTS.format(secret=tmp_path / "secret", copy=tmp_path / "copy.csv")
+    for table in ("recordings", "devices", "samples"):
+        commands.uploaded(recording, tmp_path / table)
+        add_columns(tmp_path / table, table, name.replace("\n", " "), name)
+        commands.query(tmp_path / table, "SELECT * FROM recordings JOIN devices USING (recording)")
+        commands.query(tmp_path / table, "SELECT * FROM samples")
+    assert not (tmp_path / "copy.csv").exists()
+
+
+@each_row("name", NAMES)
+def test_a_column_of_an_odd_name_costs_only_itself(
+    name: str, commands: Commands, recording: Path, tmp_path: Path
+) -> None:
+    store = tmp_path / "store"
+    commands.uploaded(recording, store)
+    for table in ("recordings", "samples"):
+        add_columns(store, table, name)
+    assert commands.query(store, "SELECT count(*) AS n FROM recordings") == [{"n": 2}]
+    (row,) = commands.query(store, "SELECT * FROM recordings ORDER BY ALL LIMIT 1")
+    assert {column.name for column in RECORDINGS.columns} <= set(row)
+    assert commands.query(store, "SELECT count(*) > 600 AS many FROM samples") == [{"many": True}]
+
+
 def test_a_file_that_is_gone_or_cut_is_named_in_one_line(commands: Commands, recording: Path, store: Path) -> None:
     commands.uploaded(recording, store)
     for table in ("recordings", "samples"):
