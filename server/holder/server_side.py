@@ -15,7 +15,7 @@ from typing import Any
 
 from server.holder.clients import Client
 from server.holder.event_loop import READ, WRITE, EventLoop
-from server.holder.messages import CLIENT, VERSION, MessageError, MessageKind, json_message, message
+from server.holder.messages import CLIENT, VERSION, MessageKind, json_message, message
 from server.holder.server_connection import ServerConnection
 
 MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
@@ -118,9 +118,10 @@ class ServerSide:
                     self._on_message(kind, body)
         except BlockingIOError:
             return
-        except (OSError, MessageError, KeyError, ValueError, ImportError, AttributeError) as error:
-            if not isinstance(error, OSError):
-                print(f"the server sent nonsense: {error!r}", flush=True)
+        except OSError:
+            self.disconnect()
+        except Exception as error:  # whatever a server sends, the port stays open for all other clients
+            print(f"the server sent nonsense: {error!r}", flush=True)
             self.disconnect()
 
     def disconnect(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import select
 import signal
@@ -21,6 +22,7 @@ import pytest
 from protocols.xbus.frames import build
 from server.holder import server_side, sharing
 from server.holder.arbiter import QUIET_S
+from server.holder.messages import MessageKind, MessageReader, message
 from server.holder.places import log_of, socket_of
 from server.holder.process import Holder
 from server.links import held
@@ -28,8 +30,19 @@ from server.links.base import LinkError
 from server.links.held import ROOT, HeldLink, holder_settings
 from server.processes import programs_with
 from tests.free_ports import free_port
-from tests.links.shared_port import DevicePort, clients, eventually, hung_up, link_to, opened, received, shared
+from tests.links.shared_port import (
+    DevicePort,
+    clients,
+    eventually,
+    hung_up,
+    link_to,
+    opened,
+    read_exactly,
+    received,
+    shared,
+)
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 GO_TO_CONFIG, GO_TO_MEASUREMENT = build(0x30), build(0x10)
 XBUS = ("protocols.xbus.frame_size", "protocols.xbus.configuration_frames")
@@ -314,6 +327,56 @@ def test_a_holder_that_fails_says_why_and_its_clients_see_an_unplugged_port(port
         await link.close()
 
     asyncio.run(check())
+
+
+NONSENSE = [
+    *(b"[]", b"null", b"{", b"\xff", b"[" * 200_000, b'{"id": [], "do": "lock"}', b'{"id": null}', b'{"do": "lock"}'),
+    *(b'{"id": 1, "do": "baud", "baud": %s}' % one for one in (b"null", b"1e400", b"{}", b'"x"')),
+    *(b'{"id": 1, "do": "share", "share": %s}' % one for one in (b"null", b'{"kind": 7}', b"3", b"[1]")),
+    *(b'{"id": 1, "do": "drop", "number": []}', b'{"id": 1, "do": 1}'),
+    *(b'{"id": 1, "do": "frames", "module": %s}' % one for one in (b"7", b'"os.nothing"')),
+]
+
+
+def test_whatever_a_server_sends_its_holder_keeps_the_port_open_for_others(port: DevicePort, tmp_path: Path) -> None:
+    """One defect of the server, or a server of another version, took the port from the robot's driver."""
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            await link.close()
+            for body in NONSENSE:
+                await asyncio.to_thread(refused_by_holder, port, body)
+                port.send(b"on")
+                assert read_exactly(driver, 2) == b"on", body[:60]
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def refused_by_holder(port: DevicePort, body: bytes) -> None:
+    """Be a server that sends one request, until the holder refuses it or ends the connection."""
+    block_until(lambda: is_refused(port, body), "the holder has seen the end of the server before")
+
+
+def is_refused(port: DevicePort, body: bytes) -> bool:
+    """Whether the request was refused; not if the holder has another server."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server:
+        server.settimeout(PATIENCE_S)
+        server.connect(str(socket_of(port.path)))
+        with contextlib.suppress(OSError):  # it has ended the connection already
+            server.sendall(message(MessageKind.REQUEST, body))
+        reader = MessageReader()
+        with contextlib.suppress(ConnectionError):
+            while data := server.recv(1 << 16):
+                for kind, text in reader.feed(data):
+                    if kind == MessageKind.HELLO and json.loads(text)["busy"]:
+                        return False
+                    if kind == MessageKind.DONE:
+                        assert "error" in json.loads(text), body[:60]
+                        return True
+        return True
 
 
 def test_a_holder_that_is_stuck_is_reported(port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
