@@ -31,6 +31,7 @@ from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapRe
 from recordings.mcap_records import message
 from recordings.mcap_writer import RecordingError, disk_error
 from recordings.parent_death import die_with_parent
+from recordings.regular_file import open_regular
 
 MEMORY = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
 TEMPORARY_SUFFIX = ".packing"  # suffix of the temporary file beside the other
@@ -53,7 +54,7 @@ def compact(
     # One per process: that of a killed server may still be working when the next server starts.
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
-        with path.open("rb") as held, McapReader(path) as source, temporary.open("w+b") as out:
+        with open_regular(path) as held, McapReader(path) as source, temporary.open("w+b") as out:
             if not file_lock.share(held.fileno()):
                 raise RecordingError(
                     f"{path.name} is being recorded.", "It can be packed when the recording has ended."

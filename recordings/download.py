@@ -28,6 +28,7 @@ from recordings.library import LibraryEntry
 from recordings.mcap_reader import MAGIC, McapChannel, McapReader
 from recordings.mcap_records import bytes_of
 from recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
+from recordings.regular_file import open_regular
 from recordings.sources import Source
 
 BOM = b"\xef\xbb\xbf"
@@ -54,7 +55,7 @@ def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
                 write_compacted(recording, out, edit=entry.edits.as_metadata())
                 return
     if entry.probe.format in ("mcap", "csv"):
-        with entry.path.open("rb") as file:
+        with open_regular(entry.path) as file:
             _with_edits(file, entry.edits, entry.probe.format, out)
         return
     wrap_capture(open_file(entry.path), entry.title, entry.edits, out)

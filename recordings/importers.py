@@ -29,6 +29,7 @@ from recordings.capture_timing import CaptureTiming
 from recordings.mcap_reader import MAGIC, FileDamage, McapReader
 from recordings.mcap_writer import READABLE, RecordingError
 from recordings.message_source import MessageSource
+from recordings.regular_file import open_regular, read_regular, readable_name
 from recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
 from recordings.tabular import CsvSource
 
@@ -68,7 +69,7 @@ class CaptureSource:
         return self._damage
 
     def _recognise(self) -> str:
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             guesses = detect(file.read(GUESS_BYTES))
         return guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
 
@@ -150,7 +151,7 @@ class IndexedSource(CaptureSource):
         start = self._started()
         done = 0
         for file in self._files:
-            data = file.read_bytes()
+            data = read_regular(file)
             index = vendor_logs.read_index(file, self._log)
             assert index is not None
             offsets, ms = index
@@ -181,7 +182,7 @@ class PacketSource(CaptureSource):
 
     def _packets(self) -> Iterator[bytes]:
         for file in self._files:
-            yield from self._packets_of(file.read_bytes(), self._note_damage)
+            yield from self._packets_of(read_regular(file), self._note_damage)
 
     def _note_damage(self, offset: int, words: str) -> None:
         self._damage.append(FileDamage(offset, words))
@@ -204,8 +205,10 @@ def open_file(path: Path, protocol: str = "") -> Source:
     Raises:
         RecordingError: it is missing, unreadable, empty, or of an unknown format.
     """
+    if (name := readable_name(path)) != path.name:
+        raise RecordingError(f"{name} has a name that is not UTF-8.", "Give the file another name.")
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(max(len(MAGIC) + 8, vendor_logs.MARKER_BYTES))
     except IsADirectoryError:
         raise RecordingError(f"{path.name} is a folder.", "Give a file in it.") from None
@@ -268,7 +271,7 @@ class _Joined:
             if self._open is None:
                 if not self._files:
                     return b""
-                self._open = self._files.pop(0).open("rb")
+                self._open = open_regular(self._files.pop(0))
             data = self._open.read(size)
             if data:
                 return data

@@ -20,12 +20,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import re
 import secrets
 import shutil
 import threading
 import time
-import unicodedata
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,16 +33,16 @@ from recordings import atomic_write, file_lock, sidecar, vendor_logs
 from recordings.column_store import ColumnStore
 from recordings.importers import SUFFIXES, open_file
 from recordings.mcap_writer import RecordingError, disk_error
-from recordings.probe import ProbedDevice, RecordingProbe, probe
+from recordings.probe import ALWAYS_LISTED, ProbedDevice, RecordingProbe, probe
 from recordings.quota import BIN
+from recordings.regular_file import read_regular, readable_name
 from recordings.sidecar import Edits, Marker
 from recordings.summary import is_summary, summarize
+from recordings.upload_names import clean_name
 
 INDEX, INCOMING = ".index", ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
 STALE_S = 3600.0  # age of an abandoned upload
-LONGEST_NAME = 120
-DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # reserved names on Windows
 _SWEEP_S = 600.0
 _COMPANIONS = (".idx",)
 
@@ -79,7 +77,12 @@ class LibraryEntry:
 
     @property
     def title(self) -> str:
-        return self.edits.title or self.probe.title or self.path.stem
+        return self.edits.title or self.probe.title or Path(self.name).stem
+
+    @property
+    def name(self) -> str:
+        """Name of its first file, as text."""
+        return readable_name(self.path)
 
     @property
     def markers(self) -> int:
@@ -96,7 +99,7 @@ class LibraryEntry:
         devices = [text for one in self.probe.devices for text in (one.name, one.product, one.serial_number)]
         edits = self.edits
         markers = [marker.text for marker in edits.markers]
-        texts = (self.title, self.path.name, *(edits.tags or ()), edits.notes or "", *devices, *markers)
+        texts = (self.title, self.name, *(edits.tags or ()), edits.notes or "", *devices, *markers)
         text = "\n".join((*texts, *self.marker_texts)).casefold()
         return all(word in text for word in words)
 
@@ -211,9 +214,10 @@ class Library:
                     if entry.name.startswith(".") or suffix in (sidecar.SUFFIX, *_COMPANIONS):
                         continue
                     with contextlib.suppress(OSError):
-                        if entry.is_file():
-                            stat = entry.stat()
-                            found[Path(entry.path)] = (stat.st_size, stat.st_mtime_ns)
+                        is_file = _is_file(entry)
+                        if is_file or suffix in ALWAYS_LISTED:  # what cannot be one is listed with the reason
+                            stat = entry.stat() if is_file else entry.stat(follow_symlinks=False)
+                            found[Path(entry.path)] = (stat.st_size if is_file else 0, stat.st_mtime_ns)
         except OSError:
             pass
         return found
@@ -235,7 +239,7 @@ class Library:
 
     def _apply_index(self, entry: LibraryEntry, stamp: tuple[int, int]) -> None:
         try:
-            index = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
+            index = json.loads(read_regular(self.folder / INDEX / f"{entry.path.name}.json"))
             if (index["size"], index["modified_ns"]) != stamp or not is_summary(index):
                 return
             entry.probe = _completed(entry.probe, index, entry.path.name)
@@ -407,24 +411,6 @@ class Library:
         shutil.rmtree(path.parent, ignore_errors=True)
 
 
-def clean_name(name: str) -> str:
-    """A safe file name from any name: no folder, not hidden, printable, not a command-line option or a Windows
-    device.
-
-    >>> clean_name("../../etc/passwd\\x00")
-    'passwd.bin'
-    """
-    last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
-    text = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').rstrip(" .").lstrip(" .-")
-    stem, suffix = os.path.splitext(text)
-    if suffix.lower() not in SUFFIXES:
-        stem, suffix = text, ".bin"
-    stem = stem.encode()[: LONGEST_NAME - len(suffix)].decode(errors="ignore").rstrip(" .").lstrip(" .-")
-    if DEVICES.match(stem):
-        stem = f"_{stem}"
-    return f"{stem or 'upload'}{suffix}"
-
-
 def _free(path: Path) -> Path:
     """The path, or a similar one that is not taken."""
     count, free = 1, path
@@ -454,8 +440,20 @@ def _groups(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[int, in
     return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]
 
 
+def _is_file(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_file()
+    except OSError:  # a link in a circle
+        return False
+
+
 def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Path, tuple[int, int]]]]:
     """Each group with its id, as the module's docstring defines it."""
+
+    def id_of(name: str) -> str:
+        while name in found:  # of two that differ only in what is not UTF-8
+            name = f"{name}-"
+        return name
 
     def rank(group: dict[Path, tuple[int, int]]) -> tuple[int, str]:
         first = next(iter(group))
@@ -464,8 +462,9 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
 
     found: dict[str, dict[Path, tuple[int, int]]] = {}
     for group in sorted(groups, key=rank):
-        first = next(iter(group))
-        found[first.stem if first.stem not in found else first.name] = group
+        name = readable_name(next(iter(group)))
+        stem = Path(name).stem
+        found[stem if stem not in found else id_of(name)] = group
     return list(found.items())
 
 

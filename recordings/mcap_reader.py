@@ -37,6 +37,7 @@ from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 from protocols.framing import Bytes, Ints
 from protocols.jit import BYTES, FOUR, INT, TABLE, compiled, load_for
 from recordings.mcap_writer import PROFILE, READABLE, RecordingError
+from recordings.regular_file import open_regular
 from recordings.tolerant_json import loads
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -184,7 +185,7 @@ class McapReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 self.size = file.seek(0, 2)
                 file.seek(0)
                 if file.read(len(MAGIC)) != MAGIC:

@@ -19,6 +19,7 @@ from recordings.importers import GUESS_BYTES, GUESS_SCORE, paced
 from recordings.mcap_reader import MAGIC, TIME, McapReader
 from recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
 from recordings.messages import recorded_device
+from recordings.regular_file import open_regular, readable_name
 
 ALWAYS_LISTED = (".mcap", *vendor_logs.log_suffixes(), ".bin", ".csv")  # listed even if nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
@@ -60,8 +61,12 @@ class RecordingProbe:
 
 def probe(path: Path) -> RecordingProbe | None:
     """Read a file's metadata; None if it is not a recording."""
+    if readable_name(path) != path.name:  # no page, address or table can have it
+        suffix = Path(readable_name(path)).suffix.lower()
+        damaged = "Its name is not UTF-8, so it cannot be opened. Give it another name."
+        return RecordingProbe(suffix[1:], damaged=damaged) if suffix in ALWAYS_LISTED else None
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(GUESS_BYTES)
     except OSError as error:
         return RecordingProbe(
@@ -81,7 +86,7 @@ def _csv_edits(path: Path, head: bytes) -> sidecar.Edits:
     first = head.split(b"\n", 1)[0]
     if len(first) == len(head):  # many markers make a long line
         try:
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 first = file.readline(sidecar.MAX_BYTES)
         except OSError:
             return sidecar.Edits()

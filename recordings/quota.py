@@ -17,6 +17,7 @@ from pathlib import Path
 from recordings import file_lock, sidecar
 from recordings.mcap_reader import MAGIC, McapReader
 from recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
+from recordings.regular_file import open_regular
 
 BIN = ".bin"
 RESERVE_BYTES, RESERVE_SHARE = 2 * 10**9, 20  # a disk with less of it free, and less than one part in so many, is short
@@ -118,7 +119,7 @@ def _size(path: Path) -> int:
 def _is_ours(path: Path) -> bool:
     """Whether imuscope recorded the file, by its first bytes, which are written before anything else."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(_PROFILE_AT + len(PROFILE))
     except OSError:
         return False

@@ -23,6 +23,7 @@ from typing import Any
 
 from recordings import atomic_write
 from recordings.mcap_writer import RecordingError, check_format_version
+from recordings.regular_file import read_regular
 from recordings.tolerant_json import loads
 
 SUFFIX = ".json"
@@ -133,7 +134,7 @@ def refused(path: Path) -> RecordingError | None:
     """Reason why the edits of the recording at `path` are refused; None if they are read, or absent."""
     target = sidecar_path(path)
     try:
-        body = json.loads(target.read_text(encoding="utf-8")) if 0 < target.stat().st_size <= MAX_BYTES else {}
+        body = json.loads(read_regular(target)) if 0 < target.stat().st_size <= MAX_BYTES else {}
     except (OSError, ValueError, RecursionError):
         return None
     return check_format_version(target.name, body.get("imuscope"), VERSION) if isinstance(body, dict) else None
@@ -191,7 +192,7 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_BYTES:
             return {}
-        body = loads(path.read_text(encoding="utf-8"))
+        body = loads(read_regular(path).decode())
     except (OSError, ValueError, RecursionError):
         return {}
     return body if isinstance(body, dict) and body.get("imuscope") == VERSION else {}

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from protocols.plural import counted, plural
 from recordings.mcap_reader import FileDamage
 from recordings.mcap_writer import RecordingError
+from recordings.regular_file import open_regular
 from recordings.sources import ChunkBlock, SourceDevice
 
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
@@ -145,7 +146,7 @@ class CsvSource(TableSource):
         wrong = 0
         try:
             with (
-                self.path.open("rb") as file,
+                open_regular(self.path) as file,
                 pa.csv.open_csv(_Utf8(file, self.damage), options, parsing, types) as reader,
             ):
                 for batch in reader:
@@ -164,7 +165,7 @@ class CsvSource(TableSource):
 
     def last(self) -> float:
         assert self._time is not None
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             file.seek(max(0, self.path.stat().st_size - _TAIL_BYTES))
             lines = file.read().decode(errors="replace").splitlines()
         cells = next(csv.reader(lines[-1:], delimiter=self._delimiter), [])
@@ -224,7 +225,7 @@ class _Utf8(io.RawIOBase):
 def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
     """Lines before the heading, delimiter, headings, first row."""
     skip = 0
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+    with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace", newline="") as file:
         line = file.readline(LONGEST_LINE)
         while line and (line.startswith("#") or not line.strip()):
             skip += 1

@@ -10,6 +10,7 @@ from pathlib import Path
 from protocols.family import LogFormat, LogName, ProtocolInfo
 from protocols.framing import Ints
 from protocols.registry import log_formats
+from recordings.regular_file import read_regular
 
 MARKER_BYTES = 16  # at most
 
@@ -52,6 +53,6 @@ def read_index(path: Path, format: LogFormat) -> tuple[Ints, Ints] | None:
     if format.read_index is None:
         return None
     try:
-        return format.read_index(path.with_suffix(format.index_suffix).read_bytes())
+        return format.read_index(read_regular(path.with_suffix(format.index_suffix)))
     except OSError:
         return None

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from recordings import atomic_write
+from recordings.regular_file import read_regular
 from server.errors import DomainError
 
 log = logging.getLogger("imuscope.workspaces")
@@ -169,7 +170,7 @@ class WorkspaceStore:
 
     def _read(self, path: Path) -> StoredWorkspace | None:
         try:
-            content = path.read_bytes()
+            content = read_regular(path)
             found = json.loads(content)
             name, modified, workspace = found["name"], float(found["modified"]), found["workspace"]
             _check(workspace)

@@ -32,6 +32,7 @@ from typing import Any, Literal
 from protocols.transactions import DeviceContext, DeviceDriver, DeviceRejectedError, NoReplyError, Values, WriteResult
 from recordings import atomic_write
 from recordings.mcap_writer import check_format_version
+from recordings.regular_file import read_regular
 from server import previous_names
 from server.configuration import settings_procedures
 from server.configuration.device_controller import DeviceController, JobError, QueuedJob
@@ -125,7 +126,7 @@ class RollbackStore:
         paths = sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []
         for path in paths:
             try:
-                body = json.loads(path.read_text(encoding="utf-8"))
+                body = json.loads(read_regular(path))
                 if why := check_format_version(path.name, body.pop("imuscope", FORMAT), FORMAT):
                     log.error("%s %s", why.message, why.hint)
                     continue

@@ -108,7 +108,7 @@ class _Stored:
 
 
 def _stored(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable) -> _Stored:
-    """What a question reads of a table, empty before anything was uploaded."""
+    """The source of a table, without rows before anything was uploaded."""
     found = open_table(store, table.name)
     if found is None:
         connection.register(f"stored_{table.name}", ds.dataset(table.schema.empty_table()))

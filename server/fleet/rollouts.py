@@ -19,6 +19,7 @@ from pathlib import Path
 
 from protocols.transactions import DeviceDriver
 from recordings import atomic_write
+from recordings.regular_file import read_regular
 from server.errors import DomainError
 from server.fleet.group_profiles import GroupProfiles
 from server.fleet.person import person
@@ -61,7 +62,7 @@ class RolloutFiles:
         found = []
         for path in sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []:
             try:
-                found.append(Rollout.model_validate_json(path.read_bytes()))
+                found.append(Rollout.model_validate_json(read_regular(path)))
             except (OSError, ValueError) as error:
                 log.error("%s cannot be read: %s", path, type(error).__name__)
         return sorted(found, key=lambda one: one.id)

@@ -84,7 +84,7 @@ class Catalogue:
         return RecordingInfo(
             id=entry.id,
             title=entry.title,
-            file=entry.path.name,
+            file=entry.name,
             format=found.format,
             size=entry.size,
             started=found.started,

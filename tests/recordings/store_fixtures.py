@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from recordings.mcap_writer import McapWriter
 
 START = 1_760_000_000.0
 
@@ -63,3 +64,17 @@ def store(folder: Path, n: int = 1000, rate: float = 100.0, devices: int = 2) ->
     told = {"channels": infos, "devices": about[:devices], "started": START, "ended": float(arrival[-1])}
     more = {"events": events, "markers": [{"text": "kerb"}], "damage": [], "format": "mcap", "figures": {}}
     return writer.finish({**told, **more})
+
+
+NS = round(START * 1e9)
+
+
+def recording(path: Path, title: str = "Yard loop", start: int = NS) -> Path:
+    """A recording of an MTi with a marker."""
+    writer = McapWriter(path, {"title": title})
+    writer.device("1", {"protocol": "xbus", "name": "MTi-630", "serial_number": "0080A1B2"})
+    for n in range(10):
+        writer.chunk("1", "rx", bytes.fromhex("FAFF3E00C3"), start + n * 100_000_000)
+    writer.write_note("marker", "kerb", start)
+    writer.close()
+    return path

@@ -15,24 +15,13 @@ from hypothesis import strategies as st
 from recordings import quota
 from recordings.compaction import compact
 from recordings.importers import SUFFIXES
-from recordings.library import INDEX, KEPT_S, Library, clean_name
+from recordings.library import INDEX, KEPT_S, Library
 from recordings.mcap_writer import McapWriter, RecordingError
 from recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
 from recordings.sidecar import Edits, Marker, sidecar_path
+from recordings.upload_names import clean_name
 from tests.each_row import each_row
-from tests.recordings.store_fixtures import START, store
-
-NS = round(START * 1e9)
-
-
-def recording(path: Path, title: str = "Yard loop", start: int = NS) -> Path:
-    writer = McapWriter(path, {"title": title})
-    writer.device("1", {"protocol": "xbus", "name": "MTi-630", "serial_number": "0080A1B2"})
-    for n in range(10):
-        writer.chunk("1", "rx", bytes.fromhex("FAFF3E00C3"), start + n * 100_000_000)
-    writer.write_note("marker", "kerb", start)
-    writer.close()
-    return path
+from tests.recordings.store_fixtures import NS, START, recording, store
 
 
 def ids(library: Library, search: str = "") -> list[str]:

@@ -15,7 +15,7 @@ from urllib.parse import quote
 import httpx
 import pytest
 
-from recordings.library import clean_name
+from recordings.upload_names import clean_name
 from server.api.unicode_guard import is_whole
 from server.config import Config
 from server.configuration.snapshots import Snapshot, Snapshots
