@@ -290,11 +290,18 @@ def _filter(kind: str) -> Callable[..., Quantity]:
             order = round(_constant(arguments[-1], node.arguments[-1], NO_UNIT, 0.0, MAX_ORDER))
 
         def work(t: Floats, v: Floats) -> Floats:
-            sections = signal.butter(max(1, order), cut if edges == 2 else cut[0], kind, fs=2 * nyquist, output="sos")
+            try:
+                sections = signal.butter(
+                    max(1, order), cut if edges == 2 else cut[0], kind, fs=2 * nyquist, output="sos"
+                )
+                steady = signal.sosfilt_zi(sections)
+            except (ValueError, np.linalg.LinAlgError):
+                message = f"There is no such filter of a signal with {2 * nyquist:.4g} samples per second."
+                raise ExpressionError(message, *_place(node), "Choose a higher frequency, or a lower order.") from None
             if context.zero_phase and len(v) > 3 * (2 * len(sections) + 1):
                 found: Floats = signal.sosfiltfilt(sections, v)
                 return found
-            causal: Floats = signal.sosfilt(sections, v, zi=signal.sosfilt_zi(sections) * v[0])[0]
+            causal: Floats = signal.sosfilt(sections, v, zi=steady * v[0])[0]
             return causal
 
         return in_runs(x if not x.period else _continued(x), work)

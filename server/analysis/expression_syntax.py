@@ -25,7 +25,8 @@ from server.analysis.units import NO_UNIT, SPELLINGS, SYMBOLS, Unit
 from server.errors import DomainError
 
 MAX_LENGTH = 4000
-MAX_DEPTH = 60
+MAX_DEPTH = 60  # of parentheses
+MAX_HEIGHT = 150  # of the tree: a sum of so many terms, or so many signs
 
 
 class ExpressionError(DomainError):
@@ -118,6 +119,7 @@ class _Parser:
             self._fail(
                 f"{self._token.text} was not expected.", "An operator is missing before it, or a “)” is too many."
             )
+        _check_height(node)
         return node
 
     @property
@@ -234,6 +236,18 @@ class _Parser:
             if not self._take(")"):
                 self._fail(f"A “)” is missing after the arguments of {name.text}.")
         return Call(name.text, tuple(arguments), name.begin, self._tokens[self._at - 1].end)
+
+
+def _check_height(root: Node) -> None:
+    """Raise ExpressionError if what walks the tree, level by level, could run out of levels."""
+    open_nodes = [(root, 1)]
+    while open_nodes:
+        node, height = open_nodes.pop()
+        if height > MAX_HEIGHT:
+            message = f"The expression has more than {MAX_HEIGHT} operations one within the other."
+            raise ExpressionError(message, root.begin, root.end, "Put parentheses around parts of it, or divide it.")
+        if isinstance(node, Call):
+            open_nodes += [(one, height + 1) for one in node.arguments]
 
 
 def _call(name: str, left: Node, right: Node) -> Call:

@@ -214,6 +214,13 @@ def test_missing_values_stay_missing() -> None:
     assert np.isfinite(np.delete(found, np.s_[100:105])).all()
 
 
+DEEP = [
+    *("-" * 3900 + "Acceleration.x", "not " * 900 + "1 > 2", "+".join("1" * 1900)),
+    *("-".join(["Acceleration.x"] * 250), "*".join("1" * 1900), "^".join("1" * 1900), " or ".join(["1 > 2"] * 300)),
+]
+"""Trees as deep as their text: one that walked them answered with a fault of the program."""
+
+
 @each_row(
     ("text", "marked", "words"),
     [
@@ -244,6 +251,9 @@ def test_missing_values_stay_missing() -> None:
         ("__import__('os')", "__import__('os')", "no function __import__"),
         ("(" * 100, "(", "nested too deeply"),
         ("1 +" * 2000, "1 +" * 2000, "characters"),
+        *((text, text, "one within the other") for text in DEEP),
+        ("lowpass(Acceleration.x, 1e-300 Hz, 8)", "lowpass(Acceleration.x, 1e-300 Hz, 8)", "no such filter"),
+        ("bandpass(Acceleration.x, 1e-300 Hz, 1e-299 Hz, 8)",) * 2 + ("no such filter",),
     ],
 )
 def test_a_mistake_is_marked(text: str, marked: str, words: str) -> None:
