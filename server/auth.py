@@ -279,7 +279,8 @@ def _is_forwarded(headers: Mapping[str, str]) -> bool:
 def _host_name(host: str) -> str:
     """robot.local:8080 → robot.local; [::1]:8080 → ::1."""
     if host.startswith("["):
-        return host[1:].partition("]")[0].lower()
+        name, _, after = host[1:].partition("]")
+        return name.lower() if re.fullmatch(r"(:\d+)?", after) else host.lower()
     return host.partition(":")[0].lower().rstrip(".")
 
 

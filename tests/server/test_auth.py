@@ -147,6 +147,8 @@ def test_origin(origin: str | None, host: str, is_allowed: bool) -> None:
         ("localhost.evil.example", False),
         ("", False),
         ("[", False),
+        ("[::1].evil.example", False),
+        ("[::1]:8080.evil.example", False),
         ("127.0.0.1.evil.example", False),
     ],
 )
