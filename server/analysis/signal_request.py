@@ -15,6 +15,7 @@ from server.analysis.signals import (
     ReadSamples,
     Signal,
     SignalColumn,
+    addressed_device,
     columns_named,
     finite_signal,
     temperature_of,
@@ -116,7 +117,7 @@ def requested_signals(
     Args:
         zero_phase: filters and moving windows of expressions may look ahead.
         product: of a device.
-        device: whose signals are meant where several devices have a channel of that name.
+        device: whose signals are meant by names without a device, as in `columns_named`.
         others: channels that have to be named with their device: `2/Acceleration`.
 
     Raises:
@@ -136,7 +137,7 @@ def requested_signals(
                 for one in columns
             ]
         except DomainError:
-            if not SIGNS.intersection(word) and not any(one in word for one in WORDS):
+            if not _may_be_expression(word, [*known, *others]):
                 raise
             found.append(expression_over(known, word, Context(zero_phase), device, others))
     return found
@@ -156,6 +157,13 @@ def expression_over(
         if name.name not in named:
             named[name.name] = _columns(_meant(infos, others, name.name), name, device)
     return ExpressionSignal(text, node, named, context)
+
+
+def _may_be_expression(word: str, infos: Sequence[ChannelInfo]) -> bool:
+    """Whether a word that is no signal can be an expression: `2/RateOfTurn.z` names device 2, where there is one."""
+    if addressed := addressed_device(infos, word):
+        word = word.removeprefix(f"{addressed}/")
+    return bool(SIGNS.intersection(word)) or any(one in word for one in WORDS)
 
 
 def _meant(infos: Sequence[ChannelInfo], others: Sequence[ChannelInfo], word: str) -> Sequence[ChannelInfo]:

@@ -130,27 +130,41 @@ def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str], device: st
     """The columns with these names, in this order.
 
     Args:
-        device: whose columns are meant where several devices have a channel of that name.
+        device: whose columns are meant by names without a device; "": the one device that has a channel of that name.
 
     Raises:
-        DomainError: "not-found": no such channel or column; "which-device": several devices have it.
+        DomainError: "not-found": that device has no such channel or column, never mind the others; "which-device":
+            several devices have it.
     """
     known = list(infos)
     return [column for name in names for column in _columns(known, name, device)]
 
 
-def _columns(infos: Sequence[ChannelInfo], word: str, preferred: str) -> list[SignalColumn]:
-    device, slash, name = word.partition("/")
-    own = [info for info in infos if info.device == device] if slash else []
-    if not own:
-        own, name = list(infos), word
-    fitting = [info for info in own if name == info.name or name.startswith(f"{info.name}.")]
+def addressed_device(infos: Iterable[ChannelInfo], word: str) -> str:
+    """The device that a word names, as in `2/Acceleration.x`; "" if it names none of these channels' devices."""
+    device, slash, _ = word.partition("/")
+    return device if slash and any(info.device == device for info in infos) else ""
+
+
+def _fitting(infos: Iterable[ChannelInfo], name: str) -> list[ChannelInfo]:
+    """The channels that a name may begin with: those with the longest name that fits."""
+    found = [info for info in infos if name == info.name or name.startswith(f"{info.name}.")]
+    length = max((len(info.name) for info in found), default=0)
+    return [info for info in found if len(info.name) == length]
+
+
+def _columns(infos: Sequence[ChannelInfo], word: str, device: str) -> list[SignalColumn]:
+    addressed = addressed_device(infos, word)
+    name = word.removeprefix(f"{addressed}/") if addressed else word
+    device = addressed or device
+    own = [info for info in infos if info.device == device] if device else infos
+    fitting = _fitting(own, name)
     if not fitting:
-        there = ", ".join(sorted({info.name for info in infos}))
-        raise DomainError("not-found", f"Signal {word:.60} not found.", f"Channels: {there:.400}.")
-    length = max(len(info.name) for info in fitting)
-    fitting = [info for info in fitting if len(info.name) == length]
-    fitting = [info for info in fitting if info.device == preferred] or fitting
+        there = f"Channels: {', '.join(sorted({info.name for info in own})):.400}."
+        if others := sorted({f"{info.device}/{name:.60}" for info in _fitting(infos, name)}):
+            there = f"Another device has it: {', '.join(others):.400}."
+        raise DomainError("not-found", f"Signal {word:.60} not found.", there)
+    length = len(fitting[0].name)
     devices = sorted({info.device for info in fitting})
     if len(devices) > 1:
         hint = f"Name one: {', '.join(f'{one}/{word:.60}' for one in devices):.400}."

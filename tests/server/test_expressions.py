@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -344,3 +345,43 @@ def test_a_wrong_word_is_refused(word: str, kind: str, words: str) -> None:
         [signal for one in requested_signals(INFOS, [word], zero_phase=True) for signal in one.signals(read)]
     assert raised.value.kind == kind
     assert words in raised.value.message
+
+
+OTHER = replace(channel(3, "Speed", "m/s", "value"), device="2")
+
+
+@each_row(
+    ("word", "device", "kind"),
+    [
+        ("Speed", "1", "not-found"),
+        ("1/Speed", "", "not-found"),  # it was one divided by the speed of device 2
+        ("1/Speed", "2", "not-found"),
+        ("2/Acceleration.x", "1", "not-found"),
+        ("norm(Acceleration)", "2", "bad-expression"),
+        ("Acceleration.x > 3 m/s²", "2", "bad-expression"),
+        ('norm("2/Acceleration")', "", "bad-expression"),
+    ],
+)
+def test_a_device_without_the_signal_is_not_answered_for_by_another(word: str, device: str, kind: str) -> None:
+    """Two sensors differed by 0: one of them was compared with itself."""
+    with pytest.raises(DomainError) as raised:
+        requested_signals([*INFOS, OTHER], [word], zero_phase=True, device=device)
+    assert raised.value.kind == kind
+    assert "not found" in raised.value.message
+    assert "Another device has it: " in raised.value.hint
+
+
+@each_row(
+    ("word", "device", "devices"),
+    [
+        ("Speed", "", {"2"}),
+        ("Acceleration.x", "1", {"1"}),
+        ("2/Speed", "1", {"2"}),
+        ("1 / Speed", "", {"2"}),
+        ('norm(Acceleration) / "2/Speed"', "1", {"1", "2"}),
+        ("7/Speed", "", {"2"}),  # there is no device 7
+    ],
+)
+def test_a_name_with_its_device_is_that_device_s(word: str, device: str, devices: set[str]) -> None:
+    found = requested_signals([*INFOS, OTHER], [word], zero_phase=True, device=device)
+    assert {column.device for one in found for column in one.columns} == devices
