@@ -333,3 +333,17 @@ def test_without_compilation(tmp_path: Path) -> None:
         plain = (tmp_path / name).read_text()
         assert plain.split("\n") == canonical(run(SPEAKERS[name], [stream[:1000], stream[1000:]])), name
         assert len(plain) > 5_000
+
+
+INTERPRETED = (
+    *("test_xbus_decoder.py", "test_isb_decoder.py", "test_idtp_decoder.py", "test_counters.py", "test_clock_rows.py"),
+    *("test_chunk_boundaries.py", "test_properties.py::test_like_the_oracle"),
+)
+
+
+def test_the_tests_of_decoders_pass_without_compilation() -> None:
+    """Where nothing is compiled yet, as at a first start, the loops are these."""
+    names = [f"tests/protocols/{name}" for name in INTERPRETED]
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *names]
+    done = subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True)
+    assert done.returncode == 0, done.stdout.decode()
