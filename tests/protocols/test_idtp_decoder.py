@@ -312,6 +312,16 @@ def test_datagrams_are_searched_separately() -> None:
     assert [a for e in events if isinstance(e, Batch) for a in e.arrival_ns.tolist()] == [0, 0, 2]
 
 
+def test_datagrams_that_come_at_once_are_those_one_after_the_other() -> None:
+    pieces = [acc(1) + acc(2) + bytes(8), acc(3)[:30], acc(3)[30:] + acc(4), b""]
+    ends = np.cumsum([len(one) for one in pieces])
+    together = IdtpDecoder(datagrams=True)
+    together.feed_chunks(b"".join(pieces), ends, np.arange(len(pieces)))
+    events = together.drain()
+    assert shown(events) == [1, 2, 4]
+    assert [a for e in events if isinstance(e, Batch) for a in e.arrival_ns.tolist()] == [0, 0, 2]
+
+
 def test_datagrams_of_several_devices_make_as_few_batches_as_a_stream() -> None:
     """Regression: each datagram produced separate batches, and a slow server fell behind at 350 datagrams/s."""
     decoder = IdtpDecoder(datagrams=True)

@@ -14,6 +14,7 @@ from protocols.checksums import check_sum8, sum8
 from protocols.framing import StreamBuffer
 from protocols.layouts import EncodeError, Layout, form_for_size, pack, size_of, unpack
 from protocols.schema import Field
+from protocols.validation import find_problems
 from tests.each_row import each_row
 
 RECORD = Field("r", shape=(-1,), fields=(Field("a", "u1"), Field("b", ">i2", scale=0.5)))
@@ -146,3 +147,12 @@ def test_hundredths_are_shown_as_the_decimal_that_was_sent() -> None:
         np.frombuffer(np.array([9999, -9999, 1], "<i4").tobytes(), np.uint8).reshape(3, 4)
     )
     assert [repr(float(value)) for value in shown["cno"]] == ["99.99", "-99.99", "0.01"]
+
+
+def test_a_text_too_long_in_a_list_of_texts_is_named_by_its_place() -> None:
+    names = Field("names", "ascii", (3, 4))
+    assert list(find_problems([names], {"names": ["ab", "cd", "ef"]})) == []
+    [problem] = find_problems([names], {"names": ["ab", "much too long", "ef"]})
+    assert problem.path == "names.1"
+    [problem] = find_problems([names], {"names": "much too long"})
+    assert problem.path == "names.0"

@@ -35,6 +35,14 @@ def test_the_mean_of_more_than_half_a_turn_is_its_middle(centre: float) -> None:
     assert wrapped(told.mean - centre, 360.0) == pytest.approx(0.0, abs=1e-3)
 
 
+def test_the_mean_of_a_crooked_distribution_is_that_of_its_values() -> None:
+    """Directions pull differently than values: the middle of the circle is not the mean yet."""
+    values = np.concatenate((np.full(600, -100.0), np.linspace(-100.0, 79.0, 1000)))
+    told = statistics_of(lambda: in_parts(values), 360.0)
+    assert told.mean == pytest.approx(values.mean(), abs=1e-3)
+    assert told.sigma == pytest.approx(values.std(ddof=1), rel=1e-6)
+
+
 def test_an_axis_that_spins_has_no_mean() -> None:
     told = statistics_of(lambda: in_parts(turn(0.0, 718.0, 4000)), 360.0)
     assert np.isnan(told.mean)

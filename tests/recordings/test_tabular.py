@@ -51,6 +51,16 @@ def test_times_of_every_kind(head: str, times: list[str], tmp_path: Path) -> Non
     np.testing.assert_allclose(columns.exact(1, 0, 2).time, [START + 0.5, START + 1.5], rtol=0, atol=1e-6)
 
 
+def test_lines_with_another_number_of_fields_are_skipped_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{START + n},{n},{n}\n" for n in range(20))
+    path.write_text(f"time,x,y\n{rows}{START + 20},1\n{START + 21},1,2,3\n{START + 22},7,8\n")
+    source = open_file(path)
+    columns = decode(source, tmp_path / "a.columns", protocol_set.all_protocols())
+    assert columns.rows(1) == 21
+    assert [one.words for one in source.damage] == ["2 lines do not have 3 fields and were skipped."]
+
+
 def test_times_of_no_calendar_are_counted_from_when_the_file_was_written(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t;x\n10.5;1\n11.5;2\n")

@@ -145,6 +145,19 @@ def test_a_gyroscope_is_calibrated_by_the_rest_of_both_sensors(device: Rows) -> 
     assert report["progress"] == 1
 
 
+def test_a_calibration_is_finished_with_the_samples_until_now(device: Rows) -> None:
+    noise = np.random.default_rng(1).normal(scale=0.05, size=(800, 3))
+    device.feed("RateOfTurn", "°/s", np.zeros((2, 3)))
+    client = device.running.client
+    client.post(url(device), json={"kind": "gyroscope"})
+    device.feed("RateOfTurn", "°/s", noise + np.array([0.5, 0, -0.2]), begin=device.bus.now())
+    until(device, lambda found: found["report"]["samples"] == 800)
+    ended = client.post(url(device, "/finish"), json={})
+    assert ended.status_code == 200, ended.text
+    assert (ended.json()["is_running"], latest(device)["is_running"]) == (False, False)
+    assert latest(device)["report"]["correction"]["bias"] == pytest.approx([0.5, 0, -0.2], abs=0.01)
+
+
 def test_a_running_calibration_is_replaced_and_discarded(device: Rows) -> None:
     client = device.running.client
     device.feed("RateOfTurn", "°/s", np.zeros((2, 3)))

@@ -205,6 +205,30 @@ def test_the_bias_is_found_within_its_uncertainty(
     assert report.correction.matrix == np.eye(3).tolist()
 
 
+@each_row(
+    ("degrees", "words"),
+    [
+        ([31.0, 31.2, 31.1], "Valid near 31 °C: the bias changes with temperature."),
+        ([25.0, 27.0, 31.0], "The temperature changed by 6.0 °C in the rest. Let the sensor warm up and repeat."),
+        ([], "The temperature is unknown. The bias changes with it: repeat this when the sensor is warmer."),
+    ],
+)
+def test_the_temperature_of_a_bias_is_told(degrees: list[float], words: str) -> None:
+    turn = sampled(np.random.default_rng(8).normal(scale=0.05, size=(6000, 3)))
+    inside = np.linspace(turn.time[1000], turn.time[-1000], len(degrees))
+    warmth = np.column_stack([degrees] * 3) if degrees else np.empty((0, 3))
+    report = gyroscope_bias(turn, temperature=Samples(inside, warmth))
+    assert words in report.notes
+    assert [one.name for one in report.figures if one.name == "temperature"] == ["temperature"] * bool(degrees)
+
+
+def test_a_moment_is_no_rest() -> None:
+    turn = sampled(np.random.default_rng(8).normal(scale=0.05, size=(40, 3)))
+    report = gyroscope_bias(turn)
+    assert report.refusal is not None
+    assert report.refusal.message.startswith("The longest rest is 0.0 s")
+
+
 def test_the_longest_rest_counts_and_motion_is_left_out() -> None:
     random = np.random.default_rng(8)
     turn = random.normal(scale=0.05, size=(6000, 3)) + np.array([0.2, -0.3, 0.1])

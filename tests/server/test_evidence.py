@@ -12,11 +12,13 @@ import pytest
 
 from recordings.mcap_writer import RecordingError
 from server.evidence.content import About
+from server.evidence.job import evidence_work
 from server.evidence.note_times import pieces_of
 from server.evidence.position import REDACTED, Scrubber
-from server.evidence.request import EvidencePlot, EvidenceSeries
+from server.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
 from server.evidence.series import gaps_in, intervals_for, tick_of
 from server.evidence.worker import MOST_BYTES
+from server.library.api_models import RecordingInfo
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import START
 from tests.server.evidence_harness import ECEF, LATITUDE, LONGITUDE, block_in, content_in, drive, made, series_in
@@ -90,6 +92,14 @@ def test_an_hour_of_1_khz_stays_below_the_limit_and_keeps_its_extremes(tmp_path:
     outside = (values < low[at]) | (values > high[at])
     assert outside.mean() < 1e-3  # those at an edge, by the rounding of times
     assert re.search(r"Acceleration, z: [\d\u2009]+ of 3\u2009600\u2009000 samples; of each [\d.]+ ms the least", text)
+
+
+def test_the_name_of_a_file_without_position_is_not_the_title() -> None:
+    """A title may be the name of a place."""
+    info = RecordingInfo("drive", "Yard of Ada", "drive.mcap", "mcap", 1, None, None, [])
+    work = evidence_work(info, [], EvidenceRequest(t0=1.0, t1=2.5, with_position=False))
+    assert (work.words, "Yard" in work.stem) == ("Evidence, 1.500 s, without position", False)
+    assert evidence_work(info, [], EvidenceRequest()).stem.startswith("Yard")
 
 
 def test_position_is_left_out_of_everything(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 import yaml
 
 from protocols.sensor_properties import SensorProperties
-from server.analysis.data_sheet import data_sheet_of
+from server.analysis.data_sheet import TOLERANCE, data_sheet_of
 from server.analysis.registry import FiguresOfSignal, analysis_named
 from server.analysis.report import figures_of
 from server.analysis.signals import DataSheetNoise, Floats, Signal
@@ -59,6 +60,19 @@ def test_a_bias_is_judged_only_where_the_curve_has_its_lowest_part() -> None:
     state, words = verdicts(resting(0.002, 0.01))["bias_instability"]
     assert state == "above"
     assert "times the 8 °/h of the MTi-630 data sheet" in words
+
+
+def test_a_figure_near_its_limit_is_left_open() -> None:
+    state, words = verdicts(resting(0.005 * TOLERANCE, n=3_000))["random_walk"]
+    assert state == "open"
+    assert "near the limit of the 0.3 °/√h of the MTi-630 data sheet. Record longer" in words
+
+
+def test_an_accelerometer_is_told_in_the_units_of_its_data_sheet() -> None:
+    sheet = DataSheetNoise("MTi-630", 60e-6 * 9.80665, 15e-6 * 9.80665)
+    found = verdicts(resting(180e-6 * 9.80665, unit="m/s²"), sheet)
+    assert re.match(r"Random walk 0\.1\d* m/s/√h: (2\.9|3|3\.1) times the 0\.0353 m/s/√h", found["random_walk"][1])
+    assert "the 15 µg of the MTi-630 data sheet" in found["bias_instability"][1]
 
 
 def test_a_drift_leaves_the_bias_open() -> None:

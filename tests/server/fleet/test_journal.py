@@ -288,3 +288,19 @@ def test_a_robot_that_was_killed_while_its_line_was_away_loses_nothing(tmp_path:
     rows = file.execute("SELECT boot, number, time, text FROM events WHERE number > 0").fetchall()
     file.close()
     assert [row for row, times in Counter(rows).items() if times > 1] == []
+
+
+def test_a_file_that_was_cut_anywhere_gives_what_is_whole(tmp_path: Path) -> None:
+    journal = Journal()
+    for number in range(1, 4):
+        happens(journal, str(number))
+    files = JournalFiles(tmp_path / "whole", LIMIT)
+    files.append(journal.boot, journal._runs[0].reports, 0)
+    files.close()
+    [path] = (tmp_path / "whole").iterdir()
+    data, found = path.read_bytes(), []
+    for end in range(len(data)):
+        path.write_bytes(data[:end])
+        found.append(sum(len(run.reports) for run in JournalFiles(tmp_path / "whole", LIMIT).load()))
+    assert found == sorted(found)
+    assert set(found) == {0, 1, 2}
