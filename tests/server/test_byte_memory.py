@@ -60,7 +60,9 @@ def test_a_range_of_time_is_what_arrived_then_however_it_was_packed(
             all_chunks += made
             memory.append(made, "rx")
     wanted = [(chunk.data, chunk.arrival_ns) for chunk in all_chunks if since <= chunk.arrival_ns < until]
-    found = [chunk for run in memory.runs(since, until) for piece in run.pieces() for chunk in piece]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(byte_memory, "RUN_CHUNKS", 3)
+        found = [chunk for run in memory.runs(since, until) for piece in run.pieces() for chunk in piece]
     assert found == wanted
     assert memory.span == (0, len(all_chunks) - 1)
 

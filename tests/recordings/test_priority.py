@@ -1,0 +1,20 @@
+"""Work in the background goes after live devices."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from recordings.priority import SAME, lower_priority
+
+
+def test_it_is_nicer_unless_it_must_not_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(os, "nice", asked.append)
+    monkeypatch.setenv(SAME, "1")
+    lower_priority(10)
+    assert asked == []
+    monkeypatch.delenv(SAME)
+    lower_priority(10)
+    assert asked == [10]
