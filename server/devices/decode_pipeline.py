@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from protocols.events import Doubts, Event, Remarks
+from protocols.events import Batch, Doubts, Event, Remarks, Reply
 from server.devices.decode_options import DecodeOptions
 from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import short_source
@@ -174,6 +174,20 @@ class DecodePipeline:
             self._detect(final=final)
         if self.stream is not None:
             self.stream.drain(stalled=final)
+
+    def hides_messages(self) -> bool:
+        """Whether whole messages wait behind the beginning of a message that is incomplete, and so is none.
+
+        A frame of which the rest comes late is a good frame: what waits for it is not proof of anything.
+        """
+        if self.stream is None:
+            return False
+        waiting = self.stream.undecided()
+        if len(waiting) < self.stream.buffered:
+            return True  # more than is stored, and more than any frame has
+        trial = self._protocols.decoder(self._state.info.protocol, self.options, self._link.kind)
+        trial.feed(waiting, 0)
+        return any(isinstance(event, (Batch, Reply)) for event in trial.drain(stalled=True))
 
     def _detect(self, *, final: bool) -> None:
         """Detect the protocol from the stored bytes."""

@@ -351,6 +351,11 @@ class LinkDecoder:
         at = offset - (self._end - len(self._tail))
         return bytes(self._tail[at : at + size]) if at >= 0 else b""
 
+    def undecided(self) -> bytes:
+        """Bytes that are not decoded yet; only the newest, if they are too many to be stored."""
+        size = self._decoder.buffered
+        return bytes(self._tail[-size:]) if size else b""
+
     def drain(self, *, stalled: bool = False) -> None:
         """Decode and pass on all complete messages."""
         if not (self._fed or stalled):

@@ -404,7 +404,7 @@ class Ingest:
             return LossCause("host", "this host could not decode them in time and left bytes out.")
         if rejects:
             frames = counted(rejects, "damaged frame")
-            return LossCause("wire", f"{frames} in between, so bytes were damaged on the wire.")
+            return LossCause("wire", f"{frames} in between, so bytes were lost or changed on their way here.")
         if self._line.kind == "udp":
             return LossCause("network", "the network did not deliver them.")
         capacity = self._line.capacity
@@ -412,8 +412,7 @@ class Ingest:
             return LossCause(
                 "link", "the link is full, so the device could not send them. Lower a rate or raise the baud."
             )
-        words = "no damaged bytes were received, so they were lost in the device, the adapter or the cable."
-        return LossCause("device", words)
+        return LossCause("unknown", "the cause is unknown; nothing damaged was received.")
 
 
 def _last(batch: Batch, time: NDArray[np.float64]) -> float:

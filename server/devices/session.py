@@ -45,7 +45,8 @@ log = logging.getLogger("imuscope.session")
 
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
-STALL_S = 0.25  # without bytes, after which an incomplete frame is dropped; a frame at 9600 Bd takes 0.1 s
+STALL_S = 0.25  # without bytes, after which what is incomplete is looked at; a frame at 9600 Bd takes 0.1 s
+GIVE_UP_S = 10.0  # without bytes, after which it is given up: no link needs so long for the rest of a frame
 STALL_TICKS = 3  # ticks without new bytes, also required, in case this process itself was delayed
 
 
@@ -389,9 +390,10 @@ class Session(LinkAccess):
         if stream is None and self._pipeline.detector:
             self._pipeline.mark_dirty()
             self._scheduler.request()
-        if quiet > STALL_S and looked and not self._stalled and stream is not None and stream.buffered:
-            self._stalled = True
-            self._drain(final=True)
+        if looked and stream is not None and stream.buffered and quiet > STALL_S:
+            is_new, self._stalled = not self._stalled, True
+            if quiet > GIVE_UP_S or (is_new and self._pipeline.hides_messages()):
+                self._drain(final=True)
         if self.info.status == "live" and looked and quiet > self._silence.limit and not self._link.backlog:
             hint = self.devices.own.silence_hint or LINK_SILENT_HINT
             self._fell_silent(f"No data from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)

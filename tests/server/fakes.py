@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,12 @@ class FakeDecoder:
     """`F n lo hi`: a sample with a counter and a force; `W` wakes up; `?` is noise; a lonely `F` is incomplete.
 
     The device clock is 10 ms a count.
+
+    Attributes:
+        claims: beginnings of further messages, with the sizes that they claim.
     """
+
+    claims: ClassVar[dict[bytes, int]] = {}
 
     def __init__(self) -> None:
         self._data = b""
@@ -138,11 +144,11 @@ class FakeDecoder:
         events: list[Event] = []
         while self._data:
             head = self._data[:1]
-            if head == b"F" and len(self._data) < 4:
+            if len(self._data) < (4 if head == b"F" else self.claims.get(head, 0)):
                 if not stalled:
                     break
-                events.append(RejectedFrame(self._at, len(self._data), "truncated", self._arrival))
-                self._take(len(self._data))
+                events.append(RejectedFrame(self._at, 1, "truncated", self._arrival))
+                self._take(1)
             elif head == b"F":
                 events += self._sample(self._data[1], int.from_bytes(self._data[2:4], "little", signed=True))
                 self._take(4)

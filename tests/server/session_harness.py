@@ -7,6 +7,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from server.devices.decode_options import DecodeOptions
+from server.devices.protocol_detection import ProtocolSet
 from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.streaming.telemetry import Telemetry
@@ -16,11 +17,11 @@ from tests.server.fakes import SPEECH, FakeClock, FakeLink
 class SessionHarness:
     """Telemetry, a fake link and a session that runs."""
 
-    def __init__(self, protocol: str = "fake") -> None:
+    def __init__(self, protocol: str = "fake", protocols: ProtocolSet = SPEECH) -> None:
         self.clock = FakeClock()
         self.telemetry = Telemetry.create(self.clock)
         self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.telemetry.bus, SPEECH, DecodeOptions(protocol))
+        self.session = Session("1", self.link, self.telemetry.bus, protocols, DecodeOptions(protocol))
 
     async def settle(self, seconds: float = 0.0) -> None:
         """Let the tasks run; then time passes in ticks of 0.1 s."""

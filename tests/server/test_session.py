@@ -11,12 +11,14 @@ import pytest
 from protocols.events import Batch, Event, RejectedFrame, Reply
 from server.devices import device_state, protocol_detection
 from server.devices.decode_options import DecodeOptions
-from server.devices.session import Session
+from server.devices.protocol_set import all_protocols
+from server.devices.session import GIVE_UP_S, Session
 from server.devices.sessions import Sessions
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
-from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
+from tests.protocols.protocol_cases import SPEAKERS
+from tests.server.fakes import SPEECH, FakeClock, FakeDecoder, FakeLink, sample
 from tests.server.session_harness import SessionHarness, play
 
 
@@ -40,8 +42,8 @@ def test_a_gap_names_where_it_was_lost() -> None:
         (gap,) = stage.events("gap")
         assert gap.samples == 3
         assert gap.t1 - gap.t0 == pytest.approx(0.04, abs=0.005)
-        assert gap.data == {"counter": "Count", "by": "device"}
-        assert gap.text.startswith("3 samples lost (40 ms): no damaged bytes")
+        assert gap.data == {"counter": "Count", "by": "unknown"}
+        assert gap.text == "3 samples lost (40 ms): the cause is unknown; nothing damaged was received."
         await stage.send(b"????" + sample(15))
         assert stage.events("gap")[-1].data["by"] == "wire"
         health = stage.session.health(stage.clock())
@@ -130,11 +132,65 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
     asyncio.run(run())
 
 
-def test_an_incomplete_frame_is_given_up_after_a_stall() -> None:
+def test_a_frame_of_which_the_rest_is_late_is_a_good_frame() -> None:
+    """It was dropped after a quarter of a second, and the wire was blamed for it."""
+
+    async def test(stage: SessionHarness) -> None:
+        for count in range(5):
+            await stage.send(sample(2 * count), sample(2 * count + 1)[:2])
+            await stage.settle(0.6)
+            await stage.send(sample(2 * count + 1)[2:])
+        health = stage.session.health(stage.clock())
+        assert (health.rejects, health.lost, stage.events("gap")) == (0, 0, [])
+        assert stage.channel("Count").ring.total == 10
+
+    play(test)
+
+
+@each_row("family", ["xbus", "isb", "idtp"])
+def test_halves_of_a_frame_of_any_family_may_come_half_a_second_apart(family: str) -> None:
+    frames = [frame for frame in SPEAKERS[family].everything() if len(frame) > 6][:25]
+
+    async def delivered(within: float, between: float) -> tuple[int, dict[str, int], int]:
+        stage = SessionHarness(family, all_protocols())
+        stage.session.start()
+        await stage.settle()
+        for frame in frames:
+            await stage.settle(between)
+            await stage.send(frame[: len(frame) // 2])
+            await stage.settle(within)
+            await stage.send(frame[len(frame) // 2 :])
+        await stage.settle()
+        health = stage.session.health(stage.clock())
+        rows = sum(one.ring.total for one in stage.telemetry.store.all)
+        await stage.session.close()
+        return health.rejects, {one.name: one.count for one in health.messages}, rows
+
+    whole = asyncio.run(delivered(0.0, 0.5))
+    assert sum(whole[1].values()) >= 10
+    assert asyncio.run(delivered(0.5, 0.0)) == whole
+
+
+def test_an_incomplete_frame_is_given_up_when_no_link_could_still_bring_its_rest() -> None:
     async def test(stage: SessionHarness) -> None:
         await stage.send(sample(0), b"F")
+        await stage.settle(GIVE_UP_S - 1)
         assert stage.session.health(stage.clock()).rejects == 0
-        await stage.settle(0.4)
+        await stage.settle(2)
+        assert stage.session.health(stage.clock()).rejects == 1
+
+    play(test)
+
+
+def test_messages_behind_a_beginning_that_is_none_are_not_kept_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They prove that it is none: here a beginning that claims eight bytes."""
+    monkeypatch.setattr(FakeDecoder, "claims", {b"L": 8})
+
+    async def test(stage: SessionHarness) -> None:
+        await stage.send(sample(0), b"L" + sample(1))
+        assert stage.channel("Count").ring.total == 1
+        await stage.settle(0.6)
+        assert stage.channel("Count").ring.total == 2
         assert stage.session.health(stage.clock()).rejects == 1
 
     play(test)
