@@ -3,8 +3,8 @@
     client ── SetOutputConfiguration ──> device ── acknowledgement ──> the controller's values
                                            done (holder) ──> differences, by whom: event, traffic log, snapshot
 
-What a client writes is taken from its frames, once the device has acknowledged it: reading it back could interrupt the
-measurement that the client waits for (FamilyHints.pause). Where reading costs nothing, the settings are read.
+What a client writes is taken from its frames, once the device has acknowledged it. Nothing is read back: that could
+interrupt the measurement that the client waits for, and nobody has asked for it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from typing import Any
 from protocols.events import Event, Reply
 from protocols.transactions import Values
 from server.configuration.api_models import DifferenceRow
-from server.configuration.device_controller import ControlError, DeviceController, QueuedJob
-from server.configuration.reading import SettingsReader, plain_values
+from server.configuration.device_controller import ControlError, DeviceController
+from server.configuration.reading import plain_values
 from server.configuration.settings_diff import ComparedValues, compare
 from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 
@@ -64,9 +64,9 @@ class _Configuration:
 class ClientChanges:
     """Changes of the settings of one device."""
 
-    def __init__(self, controller: DeviceController, snapshots: Snapshots, reader: SettingsReader) -> None:
+    def __init__(self, controller: DeviceController, snapshots: Snapshots) -> None:
         self._controller = controller
-        self._snapshots, self._reader = snapshots, reader
+        self._snapshots = snapshots
         self._now: _Configuration | None = None
         self._ending: _Configuration | None = None  # its client is done, and answers are still being decoded
         self.latest: deque[ClientChange] = deque(maxlen=MOST_KEPT)
@@ -144,27 +144,10 @@ class ClientChanges:
             self._ending = None
         if not (now.written or now.altered):
             return
-        if self._reads_free:
-            names = [*now.written, *now.altered]
-
-            async def work(task: QueuedJob) -> None:
-                found = await self._reader.read_settings(self._controller, task, names)
-                changed = {name: values for name, values in found.values.items() if name in names}
-                await self._report(now, changed, [name for name in names if name not in changed])
-
-            self._controller.add(f"Read what {now.client} changed", work)
-            return
         controller = self._controller
         controller.update(controller.context, now.written, {})
         controller.invalidate(list(now.altered), f"{now.client} may have changed it; read it again.")
         await self._report(now, now.written, list(now.altered))
-
-    @property
-    def _reads_free(self) -> bool:
-        from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
-        family = PROTOCOLS.get(self._controller.session.info.protocol)
-        return family is not None and not family.hints.pause
 
     async def _report(self, now: _Configuration, changed: Mapping[str, Values], unread: Sequence[str]) -> None:
         controller = self._controller

@@ -150,7 +150,7 @@ class PortShares:
         except KeyError:
             return
         if device not in self._changes:
-            self._changes[device] = ClientChanges(controller, self._controllers.snapshots, self._controllers.reader)
+            self._changes[device] = ClientChanges(controller, self._controllers.snapshots)
         changes, name = self._changes[device], link.name_of(sent.client) or sent.peer
         key = device, sent.client
         data = self._partial.pop(key, b"") + sent.data

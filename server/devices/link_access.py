@@ -97,6 +97,11 @@ class LinkAccess(Audience):
         self._start()
 
     @property
+    def other_users(self) -> str:
+        """Names of the programs that use the device beside this server: nothing is sent then unasked."""
+        return self._link.other_users
+
+    @property
     def capacity(self) -> float | None:
         """Bytes/s that the link can carry, None if unknown."""
         return self._link.capacity

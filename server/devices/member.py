@@ -50,6 +50,11 @@ class Member:
         return self.session.baud
 
     @property
+    def other_users(self) -> str:
+        """Names of the programs that use the device beside this server."""
+        return self.session.other_users
+
+    @property
     def capacity(self) -> float | None:
         """Bytes/s that the link can carry, for all of its devices together."""
         return self.session.capacity

@@ -325,7 +325,8 @@ class Session(LinkAccess):
         hint, last = self._diagnostics.hint, self._stats.last_arrival
         self._set(status="live", message="", hint=hint, required_action="", next_attempt=None, last_arrival=last)
         stream = self._pipeline.stream
-        if stream is not None and not stream.identity.product and self._link.kind != "file":
+        is_asked = self._link.kind != "file" and not self.other_users  # else their own dialogue may tell it
+        if stream is not None and not stream.identity.product and is_asked:
             self._identification.request(self._protocols.about(self.info.protocol).identify_request)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._reporter.report("link", "info", text, data={"kind": "back" if back else "live"})

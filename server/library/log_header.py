@@ -39,6 +39,11 @@ class LogHeaderRequest:
         if self._requested or header is None or info.link == "file":
             return
         self._requested = True
+        if others := self._controller.session.other_users:
+            self._missing(
+                f"{others} uses the device, which would pause. It is taken from what that program reads.", header
+            )
+            return
         try:
             self._controller.add(header.title, lambda task: self._work(task, header))
         except ControlError as error:
@@ -53,6 +58,8 @@ class LogHeaderRequest:
 
     async def _work(self, task: QueuedJob, header: LogHeader) -> None:
         controller = self._controller
+        if others := controller.session.other_users:  # by now
+            raise JobError(self._missing(f"{others} uses the device.", header), "The recording itself is complete.")
         try:
             await controller.run(controller.driver.within(header.request(), controller.context))
         except (DeviceRejectedError, NoReplyError, LinkError, ControlError) as error:

@@ -191,6 +191,14 @@ class Link(ABC):
     def detects_baud(self) -> bool:
         return False
 
+    @property
+    def other_users(self) -> str:
+        """Names of the programs that use the device beside this server; "" for none.
+
+        While there are any, nothing is sent that nobody has asked for: it may interrupt what they receive.
+        """
+        return ""
+
     def fail(self, error: LinkError) -> None:
         """Make `read` end with this error, as after a lost connection, if the link supports it; it is then reopened."""
         return

@@ -329,6 +329,10 @@ class HeldLink(ThreadedLink):
         peers = (str(one["peer"]) for one in self.state.get("clients", ()) if one["number"] == client)
         return self.names.get(client) or next(peers, "")
 
+    @property
+    def other_users(self) -> str:
+        return ", ".join(self.name_of(one["number"]) or "a program" for one in self.state.get("clients", ()))
+
     def _is_busy(self) -> LinkError:
         state = self.state
         name = self.name_of(state.get("speaker") or 0)

@@ -29,7 +29,7 @@ from server.links.source_url import SourceUrl
 from tests.each_row import each_row
 from tests.links.shared_port import opened
 from tests.server_process import ServerProcess, begun, imuscope
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
 
 pytestmark = pytest.mark.usefixtures("runtime")
@@ -150,6 +150,50 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
         assert not os.path.lexists(path)
         block_until(lambda: is_live(server), "the device on the server's own link")
         driver.stop()
+
+
+def test_nothing_is_sent_unasked_while_a_driver_uses_the_device(simulator: SimulatorThread, tmp_path: Path) -> None:
+    """A click on Record, or a server that started again, silenced a working robot's sensor for a moment."""
+    path, source = tmp_path / "imu0", f"{simulator.slave}?baud=115200"
+    shared = ("--share", str(path))
+    with ServerProcess(source, data=tmp_path / "data", arguments=shared) as server:
+        block_until(lambda: is_live(server), "a live device")
+        driver = Driver(path)
+        block_until(lambda: first_client(server) and driver.samples > 20, "the driver")
+        before = sent_by_imuscope(server)
+        record(server)
+        assert sent_by_imuscope(server) == before
+        server.process.kill()
+        server.process.wait(PATIENCE_S)
+    with ServerProcess(source, data=tmp_path / "data", arguments=(*shared, "--record")) as server:
+        block_until(lambda: is_live(server) and first_client(server), "a live device")
+        name = first_client(server)["name"]
+        kept = tmp_path / "data" / "recordings"
+        block_until(lambda: any(file.stat().st_size > 2000 for file in kept.glob("*.mcap")), "the recording")
+        record(server)
+        assert sent_by_imuscope(server) == []
+        assert not driver.faults
+        driver.stop()
+        block_until(lambda: not first_client(server), "the end of the driver")
+        assert f"(process {os.getpid()})" in name
+        job = ask(server, "/read", {})  # asked for
+        block_until(lambda: any(one["id"] == job["id"] for one in ask(server, "/jobs")["done"]), "the settings")
+        assert sent_by_imuscope(server)
+
+
+def sent_by_imuscope(server: ServerProcess) -> list[str]:
+    """Names of the messages to the device that no client has sent."""
+    clients = {one["name"] for share in ask(server, "/shares")["shares"] for one in share["clients"]}
+    return [one["name"] for one in ask(server, "/traffic") if one["direction"] == "tx" and one["text"] not in clients]
+
+
+def record(server: ServerProcess) -> None:
+    """Record for a moment."""
+    with http_client(base_url=server.url) as http:
+        http.post("/api/recordings/stop", json={})
+        assert http.post("/api/recordings/start", json={}).is_success
+        block_until(lambda: http.get("/api/recorder").json()["bytes"] > 2000, "some samples")
+        assert http.post("/api/recordings/stop", json={}).is_success
 
 
 def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
