@@ -64,8 +64,9 @@ def killed(there: SimulatorThread, data: Path) -> None:
                 assert (data / LOCK).exists()
                 asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
                 assert asked.status_code == 202, asked.text
-                block_until(lambda: http.get("/api/recordings/exports").json()[0]["state"] == "running", "it exports")
-                body = {"changes": {"OutputConfiguration": outputs(50)}, "confirmed": True}
+                block_until(lambda: http.get("/api/recordings/exports").json()[0]["state"] != "waiting", "it exports")
+                # On trial: a write alone may be over, and its way back gone, before anybody has looked.
+                body = {"changes": {"OutputConfiguration": outputs(50)}, "confirmed": True, "confirm_s": 600}
                 assert http.post("/api/devices/2/apply", json=body).status_code == 202
                 block_until(
                     lambda: list((data / "rollbacks").glob("*.json")), "the way back is on disk, the write begins"

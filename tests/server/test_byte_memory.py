@@ -219,7 +219,7 @@ def test_what_is_in_memory_becomes_the_recording_that_was_not_made(
     running.call(lambda: session.note_sent(b"request", links["/dev/one"].settings.now_ns()))
     running.client.post("/api/recordings/mark", json={"text": "bump", "device": "1"})
     settled(running)
-    block_until(lambda: running.client.get("/api/devices").json()[0]["status"] == "live", "its protocol is known")
+    block_until(lambda: running.client.get("/api/devices").json()[0]["protocol"], "its protocol is known")
     held = {one["device"]: one for one in running.client.get("/api/recorder/memory").json()}
     answer = running.client.post("/api/recordings/save-memory", json={"title": "From memory"})
     assert answer.status_code == 200, answer.text
