@@ -28,7 +28,8 @@ export default defineConfig({
     // by src/testing/each-file.ts.
     isolate: false,
     maxWorkers: 1, // a second one would import everything again, and there is other work for the processor
-    // A DOM is made of many short-lived objects; the default of 16 MB has them copied again and again.
-    execArgv: ["--max-semi-space-size=64"],
+    // A DOM is made of many short-lived objects; the default of 16 MB has them copied again and again. What has lived longer is kept until
+    // there is less room: without a limit, for a gigabyte.
+    execArgv: ["--max-semi-space-size=32", "--max-old-space-size=600"],
   },
 });

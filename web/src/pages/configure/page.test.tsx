@@ -1,11 +1,10 @@
 // @vitest-environment happy-dom
-import { act, cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
+import { fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { type Opened, openConfigure } from "../../testing/configure-page";
 import { newApp } from "../../testing/live-page";
-import { type Family, recorded } from "../../testing/recorded";
-import { modelOf } from "./model";
-import { Centre, ConfigurePage } from "./page";
+import { recorded } from "../../testing/recorded";
+import { ConfigurePage } from "./page";
 
 const find = (selector: string): HTMLElement => {
   const found = document.querySelector(selector);
@@ -18,29 +17,6 @@ const button = (name: string): HTMLButtonElement => screen.getByRole("button", {
 const type = (field: HTMLElement, value: string): void => void fireEvent.input(field, { target: { value } });
 const posts = ({ asked }: Opened, path: string): number =>
   asked.filter((one) => one.method === "POST" && one.path.endsWith(path)).length;
-
-test.each<Family>(["xbus", "isb", "idtp"])(
-  "every setting and command of %s opens as a form with all of its fields",
-  async (family) => {
-    const { app, forms, goTo } = await openConfigure(family);
-    fireEvent.click(button("All"));
-    cleanup();
-    render(<Centre app={app} model={modelOf("1", app)} />); // without the list of all forms, which would be drawn again for each
-    const wrong: string[] = [];
-    const open = (kind: string, { name, title }: { name: string; title: string }, fields: number | undefined): void => {
-      void act(() => goTo(encodeURIComponent(name)));
-      const place = `[data-${kind}="${name}"]`;
-      find(place);
-      expect(find("h1").textContent).toBe(title);
-      const drawn = document.querySelectorAll(`${place} > .fields > .field-row`).length;
-      if (fields !== undefined && drawn !== fields) wrong.push(`${name}: ${drawn} of ${fields} fields`);
-    };
-    for (const form of forms.settings) open("setting", form, form.table === null ? form.fields.length : undefined);
-    for (const form of forms.commands) open("command", form, form.arguments.length);
-    expect(wrong).toEqual([]);
-  },
-  300_000, // an Inertial Sense device has some hundred forms
-);
 
 test("a wrong value is refused at its input", async () => {
   await openConfigure("xbus", { place: "LatLonAlt" });
