@@ -39,15 +39,18 @@ class LogHeaderRequest:
         if self._requested or header is None or info.link == "file":
             return
         self._requested = True
-        if others := self._controller.session.other_users:
-            self._missing(
-                f"{others} uses the device, which would pause. It is taken from what that program reads.", header
-            )
+        if why := self._unasked():
+            self._missing(why, header)
             return
         try:
             self._controller.add(header.title, lambda task: self._work(task, header))
         except ControlError as error:
             self._missing(error.message, header)
+
+    def _unasked(self) -> str:
+        """Reason why the device is not asked; "" to ask it."""
+        others = self._controller.session.other_users
+        return f"{others} uses the device, and asking would interrupt it." if others else ""
 
     def _header(self) -> LogHeader | None:
         """Header of a log in the vendor's format of this device."""
@@ -58,8 +61,8 @@ class LogHeaderRequest:
 
     async def _work(self, task: QueuedJob, header: LogHeader) -> None:
         controller = self._controller
-        if others := controller.session.other_users:  # by now
-            raise JobError(self._missing(f"{others} uses the device.", header), "The recording itself is complete.")
+        if why := self._unasked():  # by now
+            raise JobError(self._missing(why, header), "The recording itself is complete.")
         try:
             await controller.run(controller.driver.within(header.request(), controller.context))
         except (DeviceRejectedError, NoReplyError, LinkError, ControlError) as error:
