@@ -28,6 +28,7 @@ from server.configuration.port_shares import PortShares
 from server.configuration.timings import ConfigurationTimings
 from server.devices.byte_memory import ByteMemory
 from server.devices.decode_options import DecodeOptions
+from server.devices.device_names import DeviceNames
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.protocol_set import all_protocols, sensors_of
 from server.devices.protocol_set import protocols as installed_protocols
@@ -204,6 +205,7 @@ def build_services(
         sequences=SequenceStore(config.data),
         sample_interval=lambda: telemetry.clients.sample_interval,
         byte_memory=byte_memory,
+        names=DeviceNames(config.data),
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
     shares = PortShares(bus, sessions, controllers, config.shares)

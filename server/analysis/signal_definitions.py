@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from recordings import atomic_write
+from server.devices.device_names import key_of
 from server.errors import DomainError
 from server.wire import DeviceInfo
 
@@ -35,14 +36,6 @@ class SignalDefinition:
 
     name: str
     expression: str
-
-
-def key_of(device: DeviceInfo) -> str:
-    """The key that a device is stored under."""
-    if device.serial_number:
-        return f"{device.protocol}-{device.serial_number}"
-    _, point, member = device.id.partition(".")
-    return f"{device.source}{point}{member}"
 
 
 class SignalDefinitions:

@@ -22,6 +22,7 @@ from server.configuration.dangers import Risk
 from server.configuration.device_controller import DeviceController
 from server.configuration.products import mismatch
 from server.configuration.risk_check import ChangeRequest, discarded, plan_changes, plan_command
+from server.configuration.sensor_check import doubts, sensor_of
 from server.configuration.value_format import numbers
 from server.errors import DomainError
 from server.wire import DeviceHealth
@@ -47,6 +48,14 @@ def controller_of(device: str, controllers: AllControllers) -> DeviceController:
 
 
 OneController = Annotated[DeviceController, Depends(controller_of)]
+
+
+def wanted_sensor(device: str, controller: OneController) -> str:
+    return sensor_of(controller, device)
+
+
+WantedSensor = Annotated[str, Depends(wanted_sensor)]
+"""Serial number of the sensor that a request is for; "" if it names the device by its id."""
 
 
 def confirmed(dangers: list[Risk], given: bool) -> None:
@@ -95,14 +104,20 @@ async def get_health(controller: OneController) -> DeviceHealth:
 
 
 @router.post("/apply", status_code=202, responses=responses(404, 409, 422))
-async def apply(body: ApplyRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
+async def apply(
+    body: ApplyRequest, controller: OneController, wanted: WantedSensor, controllers: AllControllers
+) -> JobAnswer:
     """Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be
-    lost, or whatever they are with `confirm_s`.
+    lost, or whatever they are with `confirm_s`. Devices that are named by their key are written only if this sensor is
+    still there.
     """
-    targets = [
-        controller,
-        *(controller_of(device, controllers) for device in dict.fromkeys(body.devices) if device != controller.device),
-    ]
+    sensors = {controller.device: wanted}
+    targets = [controller]
+    for device in body.devices:
+        other = controller_of(device, controllers)
+        if other.device not in sensors:
+            targets.append(other)
+            sensors[other.device] = sensor_of(other, device)
     if not body.changes:
         raise DomainError("bad-request", "`changes` is empty.", "Name a setting and its values.")
     if body.confirm_s is not None and not CONFIRM_S[0] <= body.confirm_s <= CONFIRM_S[1]:
@@ -119,6 +134,7 @@ async def apply(body: ApplyRequest, controller: OneController, controllers: AllC
             controllers.jobs.apply(
                 *(one, request.values, body.reason, base if one is controller else None, request.current),
                 confirm_s=body.confirm_s,
+                sensor=sensors[one.device],
             ),
         )
         for one, request in zip(targets, requests, strict=True)
@@ -135,19 +151,27 @@ async def _change_request(
 
 
 @router.post("/run", status_code=202, responses=responses(404, 409, 422))
-async def run(body: RunRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
+async def run(
+    body: RunRequest, controller: OneController, wanted: WantedSensor, controllers: AllControllers
+) -> JobAnswer:
     """Run a command. A command that writes a setting is applied like any change, with snapshot and rollback."""
     request = plan_command(controller, body.command, body.values)
-    confirmed(request.risks, body.confirmed)
+    reads_first = request.setting or request.changes
+    confirmed([*([] if reads_first else doubts(controller, wanted)), *request.risks], body.confirmed)
     if request.setting:
-        return controller.add(request.title, controllers.jobs.apply(controller, request.values, "")).job
+        work = controllers.jobs.apply(controller, request.values, "", sensor=wanted)
+        return controller.add(request.title, work).job
     values = request.values[body.command]
-    work = controllers.jobs.run(controller, body.command, values, changes=request.changes, restarts=request.restarts)
+    work = controllers.jobs.run(
+        controller, body.command, values, changes=request.changes, restarts=request.restarts, sensor=wanted
+    )
     return controller.add(request.title, work).job
 
 
 @router.post("/raw", status_code=202, responses=responses(404, 409, 422))
-async def send_raw(body: RawRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
+async def send_raw(
+    body: RawRequest, controller: OneController, wanted: WantedSensor, controllers: AllControllers
+) -> JobAnswer:
     """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`."""
     try:
         data = bytes.fromhex(body.hex)
@@ -156,7 +180,7 @@ async def send_raw(body: RawRequest, controller: OneController, controllers: All
     if not 0 < len(data) <= MAX_RAW:
         raise DomainError("bad-request", f"1 to {MAX_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
     words = "The bytes are sent to the device unchecked; they may change anything in it."
-    confirmed([Risk("", words)], body.confirmed)
+    confirmed([*doubts(controller, wanted), Risk("", words)], body.confirmed)
     return controller.add(f"Send {len(data)} bytes", controllers.jobs.raw(controller, data)).job
 
 

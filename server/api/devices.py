@@ -125,6 +125,27 @@ async def read_device(body: DecodeOptionsBody, services: TheServices, session: O
     return session.info
 
 
+class NameDeviceRequest(BaseModel):
+    """A name of one's own for a device."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(max_length=1000, description="empty: none any more", examples=["left wheel"])
+
+
+@router.put("/{device}/name", responses=responses(404, 409, 422, 507))
+async def name_device(device: str, body: NameDeviceRequest, services: TheServices) -> DeviceAnswer:
+    """Name a sensor. The name is kept with its serial number, so it follows the sensor to other ports and runs; nothing
+    is written to the device.
+    """
+    try:
+        named = services.controllers.get(device).session
+    except KeyError:
+        raise unknown_device(device) from None
+    services.sessions.names.rename(named.info.key, body.name)
+    return named.info
+
+
 class RearmDeviceRequest(BaseModel):
     """Device whose sequence may restart."""
 

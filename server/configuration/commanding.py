@@ -16,6 +16,7 @@ from protocols.transactions import AT_REST, DeviceRejectedError, NoReplyError, R
 from server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
 from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RESTORE_HINT
+from server.configuration.sensor_check import check_sensor
 from server.configuration.timings import ConfigurationTimings
 from server.configuration.transaction_runner import group
 from server.links.base import LinkError
@@ -41,6 +42,7 @@ def run(
     *,
     changes: bool,
     restarts: bool,
+    sensor: str = "",
 ) -> Callable[[QueuedJob], Awaitable[None]]:
     """Job that runs one command.
 
@@ -49,6 +51,7 @@ def run(
         changes: the command writes something, so a snapshot is taken first, unless it continues the work of an earlier
             command, which reading everything would discard.
         restarts: the device restarts, perhaps at a baud rate that was stored before; the link follows it.
+        sensor: serial number of the sensor that is meant, checked if it is read before; "": whichever is there.
     """
 
     async def work(task: QueuedJob) -> None:
@@ -56,6 +59,7 @@ def run(
         body = driver.run(command, values, known)
         if changes and not (isinstance(body, RequiresState) and body.continues):
             found = await reader.read_settings(controller, task, None)
+            check_sensor(controller, sensor, found.known)
             task.job.snapshot = await reader.save_snapshot(
                 controller, found, "Before this change", f"Before {task.job.title}."
             )

@@ -106,8 +106,8 @@ class ControllerRegistry:
         return [controller for controller in self.on_link_of(device) if controller.device != device]
 
     def get(self, device: str) -> DeviceController:
-        """The controller of a device; KeyError if there is no such device."""
-        return self._controllers[device]
+        """The controller of a device, by its id or key. KeyError, DomainError: as Sessions.id_of."""
+        return self._controllers[device if device in self._controllers else self._sessions.id_of(device)]
 
     def _controller_at(self, record: RollbackRecord) -> DeviceController:
         """The controller of a device with a pending rollback. Its source is opened if necessary; it may be written

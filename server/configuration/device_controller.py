@@ -40,7 +40,7 @@ from protocols.transactions import (
 from server.configuration.preview import DevicePresentState, SerialLine, load_of
 from server.configuration.traffic_log import TrafficLog
 from server.configuration.transaction_runner import Runner
-from server.devices.member import AnyDevice, address_of, explain_silence
+from server.devices.member import AnyDevice, address_of, explain_silence, state_of
 from server.errors import DomainError
 from server.links.base import LinkError
 from server.streaming.bus import TelemetryBus
@@ -141,6 +141,7 @@ class DeviceController:
         self._queue_task: asyncio.Task[None] | None = None
         self._next_job = 1
         self._off = session.listen(self._on_traffic)
+        self._off_replaced = state_of(session).replaced.add(lambda before: self._forget())
         session.before_close(self.close)
 
     # ── state ────────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -205,6 +206,15 @@ class DeviceController:
         self.missing = {name: why for name, why in {**self.missing, **missing}.items() if name not in values}
         self.read_at = self.bus.now()
 
+    def _forget(self) -> None:
+        """Forget the values of a sensor that is gone: another one is in its place."""
+        if self.serial_number != self.session.info.serial_number:
+            self.values, self.missing, self.cut_off, self.unfinished = {}, {}, {}, {}
+            self.product = self.serial_number = self.firmware = self.state = ""
+            self.read_at = 0.0
+            self.rest(False)
+            self.notify()
+
     def invalidate(self, names: Collection[str], why: str) -> None:
         """Mark the values of these settings as unknown, so that old values are not shown."""
         stale = [name for name in names if name in self.values]
@@ -265,6 +275,7 @@ class DeviceController:
         self._queue.clear()
         await self._stop(for_good=True)
         self._off()
+        self._off_replaced()
 
     async def _stop(self, *, for_good: bool = False) -> None:
         queue_task, self._queue_task = self._queue_task, None

@@ -32,6 +32,7 @@ from server.configuration.budget import OVER_HINT, overload
 from server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
+from server.configuration.sensor_check import check_sensor
 from server.configuration.timings import ConfigurationTimings
 from server.configuration.transaction_runner import group
 from server.configuration.value_format import field_at, title_at, value_at, words
@@ -111,6 +112,7 @@ class Jobs:
         base: Mapping[str, Mapping[str, Any]] | None = None,
         held: Collection[str] = (),
         confirm_s: float | None = None,
+        sensor: str = "",
     ) -> Callable[[QueuedJob], Awaitable[None]]:
         """Write settings, with a rollback.
 
@@ -120,10 +122,12 @@ class Jobs:
             held: settings whose values the device has, or had once; they are sent unchecked.
             confirm_s: any change is temporary until it is confirmed within this time, s; None: only one that could
                 cut the link, for the usual time.
+            sensor: serial number of the sensor that is meant; another one is not written. "": whichever is there.
         """
 
         async def work(task: QueuedJob) -> None:
             found = await self._reader.read_settings(controller, task, None)
+            check_sensor(controller, sensor, found.known)
             rows = controller.rows
             unknown = [name for name in changes if name not in rows or not rows[name].write]
             if unknown:
@@ -312,11 +316,21 @@ class Jobs:
     # ── other jobs ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def run(
-        self, controller: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool = False
+        self,
+        controller: DeviceController,
+        command: str,
+        values: Values,
+        *,
+        changes: bool,
+        restarts: bool = False,
+        sensor: str = "",
     ) -> Callable[[QueuedJob], Awaitable[None]]:
         """Run one command; see server/configuration/commanding.py."""
         return commanding.run(
-            self._reader, self._timings, controller, command, values, changes=changes, restarts=restarts
+            *(self._reader, self._timings, controller, command, values),
+            changes=changes,
+            restarts=restarts,
+            sensor=sensor,
         )
 
     def raw(self, controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:

@@ -36,6 +36,7 @@ from recordings.regular_file import read_regular
 from server import previous_names
 from server.configuration import settings_procedures
 from server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from server.configuration.sensor_check import is_same
 from server.configuration.timings import ConfigurationTimings
 from server.configuration.transaction_runner import group
 from server.links.base import LinkError
@@ -370,11 +371,7 @@ class RollbackRun:
 
     def _check_identity(self, identified: DeviceContext) -> None:
         ours = self.record.serial_number
-        if (
-            ours
-            and identified.serial_number
-            and ours not in (identified.serial_number, *self._driver.formerly(identified.serial_number))
-        ):
+        if not is_same(self._driver, ours, identified.serial_number):
             self._rollbacks.forget(self.record)
             self.show("unreachable", f"Device {identified.serial_number} is at the port now, not {ours}.")
             raise JobError(

@@ -68,6 +68,12 @@ class LinkDevice:
         self.last_sample_at = 0.0  # unix s of the last sample
         self.silence_hint = ""  # remedy for its silence, if the cause is known
         self._silence = SilenceWatchdog(SILENT_S, SILENT_S)
+        state.replaced.add(self._on_replaced)
+
+    def _on_replaced(self, before: str) -> None:
+        now = self.state.info.serial_number
+        text = f"Another sensor is here: {self.state.info.name} {now}, in place of {before}."
+        self.events.report("link", "warning", text, data={"kind": "replaced", "before": before, "now": now})
 
     def listen(self, samples: int, now: float) -> None:
         """Count samples of the device."""
@@ -170,7 +176,8 @@ class LinkDevices:
             attempts=[],
         )
         self.own.last_sample_at = self.own.last_sample_at or self._sink.now()  # not tracked while it was alone
-        return LinkDevice(self._sink, DeviceState(self._sink, info, self._title), name, self.own.stats)
+        state = DeviceState(self._sink, info, self._title, self.own.state.names)
+        return LinkDevice(self._sink, state, name, self.own.stats)
 
     def _reject_device(self, name: str) -> None:
         if not self._rejected_names:
@@ -304,7 +311,7 @@ class LinkDecoder:
 
     @property
     def identity(self) -> DeviceIdentity:
-        """Identity of the link's own device."""
+        """Identity of the link's own device, as reported since its link came back."""
         return self._own.identity
 
     @property

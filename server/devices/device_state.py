@@ -12,8 +12,10 @@ from dataclasses import replace
 
 from protocols.clock_sync import ClockSync
 from server import wire
+from server.devices.device_names import DeviceNames, key_of
 from server.devices.ingest import DeviceIdentity
 from server.devices.link_stats import LinkStatistics
+from server.listeners import CallbackList
 from server.streaming.sink import TelemetrySink
 
 ATTEMPTS_KEPT = 12
@@ -27,17 +29,26 @@ class DeviceState:
     Args:
         info: initial state.
         title: displayed name of a protocol.
+        names: names that people gave to devices.
     """
 
-    def __init__(self, sink: TelemetrySink, info: wire.DeviceInfo, title: Callable[[str], str]) -> None:
-        self.info = info = replace(info, absent=_absent(info))
+    def __init__(
+        self,
+        sink: TelemetrySink,
+        info: wire.DeviceInfo,
+        title: Callable[[str], str],
+        names: DeviceNames | None = None,
+    ) -> None:
+        self.names = names or DeviceNames(None)
+        self.info = info = self._named(replace(info, absent=_absent(info)))
+        self.replaced: CallbackList[[str]] = CallbackList()  # called with the serial number of a sensor that is gone
         self._sink = sink
         self._title = title
         sink.set_device(info)
 
     def set(self, **changes: object) -> None:
         """Change fields of `info`; published only if they differ."""
-        new = replace(self.info, **changes)  # type: ignore[arg-type]
+        new = self._named(replace(self.info, **changes))  # type: ignore[arg-type]
         if (new.protocol, new.product) != (self.info.protocol, self.info.product):
             new = replace(new, absent=_absent(new))
         if new != self.info:
@@ -52,14 +63,31 @@ class DeviceState:
         self.set(attempts=[*attempts, attempt][-ATTEMPTS_KEPT:])
 
     def identified(self, identity: DeviceIdentity) -> None:
-        """Store the reported identity of the device."""
+        """Store the reported identity of the device. With another serial number it is another sensor, of which nothing
+        else is known.
+        """
+        before, new = self.info.serial_number, identity.serial_number
+        if new and not before:
+            self.names.move(self.info.key, key_of(replace(self.info, serial_number=new)))
+        known = replace(self.info, product="", firmware="") if before and new and before != new else self.info
         self.set(
-            product=identity.product or self.info.product,
-            serial_number=identity.serial_number or self.info.serial_number,
-            firmware=identity.firmware or self.info.firmware,
-            protection=identity.protection or self.info.protection,
-            name=identity.name or self.name(identity.product, self.info.protocol, identity.fallback_name),
+            product=identity.product or known.product,
+            serial_number=new or before,
+            firmware=identity.firmware or known.firmware,
+            protection=identity.protection or known.protection,
+            name=identity.name or self.name(identity.product, known.protocol, identity.fallback_name),
+            unconfirmed_since=None if new else known.unconfirmed_since,
         )
+        if before and new and before != new:
+            self.replaced.call(before)
+
+    def renamed(self) -> None:
+        """Take over a name that was changed."""
+        self.set()
+
+    def _named(self, info: wire.DeviceInfo) -> wire.DeviceInfo:
+        key = key_of(info)
+        return replace(info, key=key, own_name=self.names.name_of(key))
 
     def name(self, product: str, protocol: str, fallback: str = "") -> str:
         """Display name of a device: the model in its product code (MTi-630 of MTi-630-8A1G6), else the detected

@@ -105,6 +105,10 @@ class DeviceIdentity:
         self.firmware = values.get("firmware", self.firmware)
         return before != (self.product, self.serial_number, self.firmware)
 
+    def forget(self) -> None:
+        """Forget who it is: what sends next may be another device."""
+        self.product = self.serial_number = self.firmware = ""
+
     def update_protection(self, sender: str, protection: str) -> bool:
         """Note the protection of received frames; True if it is new."""
         if self.serial_number == sender and (protection == "" or protection in self._protections):

@@ -14,6 +14,7 @@ from protocols.events import Event
 from server import wire
 from server.devices.decode_options import DecodeOptions
 from server.devices.device_demux import LinkDevice
+from server.devices.device_state import DeviceState
 from server.devices.session import Session
 
 
@@ -28,6 +29,11 @@ class Member:
         self.session = session
         self._sender = sender
         self.turn = session.turn
+
+    @property
+    def state(self) -> DeviceState:
+        """The state that is published."""
+        return self._sender.state
 
     @property
     def info(self) -> wire.DeviceInfo:
@@ -111,6 +117,13 @@ AnyDevice = Session | Member
 def name_of(device: AnyDevice) -> str:
     """Name of the device in the stream; "" for the first of its link."""
     return device.name if isinstance(device, Member) else ""
+
+
+def state_of(device: AnyDevice) -> DeviceState:
+    """The published state of the device."""
+    if isinstance(device, Member):
+        return device.state
+    return device.devices.own.state
 
 
 def address_of(device: AnyDevice) -> int | None:

@@ -28,6 +28,7 @@ from server.devices.decode_pipeline import DecodePipeline
 from server.devices.decode_scheduler import DecodeScheduler
 from server.devices.decode_watchdog import DecodeWatchdog, undecodable_text
 from server.devices.device_demux import LinkDevices
+from server.devices.device_names import DeviceNames
 from server.devices.device_state import DeviceState, short_source
 from server.devices.identify import IdentifyRequest
 from server.devices.left_out import LeftOut
@@ -60,6 +61,7 @@ class Session(LinkAccess):
         sink: receives samples, events and states.
         sequences: store of the last numbers of Secure devices; None: in this process only.
         scheduler: of decoding, shared with other sessions; None: its own.
+        names: names that people gave to devices; None: nobody did.
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class Session(LinkAccess):
         reading: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
         sequences: SequenceStore | None = None,
         scheduler: DecodeScheduler | None = None,
+        names: DeviceNames | None = None,
     ) -> None:
         super().__init__(link, sink)
         info = wire.DeviceInfo(
@@ -82,7 +85,7 @@ class Session(LinkAccess):
             protocol=reading.protocol,
             message=f"Opening {link.source}.",
         )
-        self._state = DeviceState(sink, info, protocol_set.title)
+        self._state = DeviceState(sink, info, protocol_set.title, names)
         self._set = self._state.set
         self._protocols = protocol_set
         self._identification = IdentifyRequest(self.send, link.source)
@@ -325,6 +328,8 @@ class Session(LinkAccess):
         hint, last = self._diagnostics.hint, self._stats.last_arrival
         self._set(status="live", message="", hint=hint, required_action="", next_attempt=None, last_arrival=last)
         stream = self._pipeline.stream
+        if back and self.info.serial_number and stream is not None and not stream.identity.serial_number:
+            self._set(unconfirmed_since=self._sink.now())  # another one may have been plugged in
         is_asked = self._link.kind != "file" and not self.other_users  # else their own dialogue may tell it
         if stream is not None and not stream.identity.product and is_asked:
             self._identification.request(self._protocols.about(self.info.protocol).identify_request)
@@ -411,8 +416,10 @@ class Session(LinkAccess):
         self._reporter.report("link", "error", text, data={"kind": "silent"})
         action = self._diagnostics.required_action if self.restarts.waiting else ""
         self._set(status="lost", message=text, hint=hint, required_action=action, last_arrival=self._stats.last_arrival)
+        self._identification.restart()
         if self._pipeline.stream is not None:
             self._pipeline.stream.samples = 0  # the next sample makes it live again
+            self._pipeline.stream.identity.forget()
 
     def health(self, now: float) -> wire.DeviceHealth:
         return self.health_of_all(now)[0]

@@ -12,9 +12,11 @@ from server import wire
 from server.devices.byte_memory import ByteMemory
 from server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
 from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
+from server.devices.device_names import DeviceNames
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sequence_store import EVERY_S, SequenceStore
 from server.devices.session import Session
+from server.errors import DomainError
 from server.links.base import Link, LinkError, LinkSettings
 from server.links.replay import split_devices
 from server.links.source_url import SourceUrl
@@ -44,6 +46,7 @@ class Sessions:
         sequences: store of the last numbers of Secure devices; None: in this process only.
         sample_interval: present interval at which samples are needed, s.
         byte_memory: keeps the last bytes of every session; None: they are not kept.
+        names: ids and names of devices in earlier runs; None: there were none.
     """
 
     def __init__(
@@ -57,6 +60,7 @@ class Sessions:
         sequences: SequenceStore | None = None,
         sample_interval: Callable[[], float] = lambda: UNWATCHED_S,
         byte_memory: ByteMemory | None = None,
+        names: DeviceNames | None = None,
     ) -> None:
         self._bus = bus
         self._scheduler = DecodeScheduler(sample_interval)
@@ -69,7 +73,8 @@ class Sessions:
         self._saving: asyncio.Task[None] | None = None
         self._sessions: dict[str, Session] = {}
         self._added: CallbackList[[Session]] = CallbackList()
-        self._next_id = 1
+        self.names = names or DeviceNames(None)
+        self.names.on_change(self._renamed)
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
         self._ticks = 0
@@ -110,10 +115,9 @@ class Sessions:
             raise LinkError("full", f"The maximum of {MAX_DEVICES} devices is open.", "Remove one first.")
         settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
         link = self.shared(self._open_link(source, settings))
-        device = str(self._next_id)
-        self._next_id += 1
+        device = self.names.id_of(source, self._sessions)
         session = self._sessions[device] = Session(
-            device, link, self._bus, self._protocols, reading, self._sequences, self._scheduler
+            device, link, self._bus, self._protocols, reading, self._sequences, self._scheduler, self.names
         )
         if self._byte_memory is not None:
             self._byte_memory.watch(session)
@@ -140,12 +144,38 @@ class Sessions:
         self._added.add(callback)
 
     async def remove(self, device: str) -> None:
-        """Close and remove a device; KeyError for an unknown id."""
+        """Close and remove a device by its id; KeyError for an unknown one."""
         await self._sessions.pop(device).close()
 
     def get(self, device: str) -> Session:
-        """The session of a device; KeyError for an unknown id."""
-        return self._sessions[device]
+        """The session of a device, by the id or the key of its link's own device.
+
+        Raises:
+            KeyError, DomainError: as `id_of`.
+        """
+        return self._sessions[self.id_of(device)]
+
+    def id_of(self, device: str) -> str:
+        """The id of a device that is named by its id or its key.
+
+        Raises:
+            KeyError: there is no such device.
+            DomainError: "which-device" if several have this key.
+        """
+        infos = self.infos
+        if any(info.id == device for info in infos):
+            return device
+        found = [info.id for info in infos if info.key == device]
+        if len(found) > 1:
+            raise DomainError("which-device", f"{len(found)} devices are {device}.", f"Name one: {', '.join(found)}.")
+        if not found:
+            raise KeyError(device)
+        return found[0]
+
+    def _renamed(self) -> None:
+        for session in self._sessions.values():
+            for sender in session.devices.all:
+                sender.state.renamed()
 
     @property
     def all(self) -> list[Session]:

@@ -22,8 +22,8 @@ class Attempt:
 class DeviceInfo:
     """A device and the link it is on."""
 
-    id: str  # stable for this server run: "1"; of a further device on the link of "1": "1.102"
-    name: str  # displayed name: "MTi-630"
+    id: str  # of its source, in later runs too: "1"; of a further device on the link of "1": "1.102"
+    name: str  # displayed name of the product: "MTi-630"
     source: str  # as given: "/dev/ttyUSB0", "sim:xbus"
     link: str  # a name of LinkCapability: "serial", "tcp", "file"
     status: DeviceStatus
@@ -45,6 +45,9 @@ class DeviceInfo:
     parent: str = ""  # first device on the same link, if there are several; link, retry and removal belong to it
     is_open: bool = False  # state of its link: a silent device on an open link may still answer
     absent: list[str] = field(default_factory=list)  # flags of its status words that this product does not have
+    key: str = ""  # names the sensor on any port and in later runs: "xbus-0080800006"; its source if it told no number
+    own_name: str = ""  # given by people, stored with the key; "" if none
+    unconfirmed_since: float | None = None  # unix seconds at which its link came back: another sensor may be there
 
 
 @dataclass(slots=True)

@@ -82,8 +82,8 @@ def killed(there: SimulatorThread, data: Path) -> None:
     (data / "cache" / "columns" / ".abc.4711.making").mkdir(parents=True, exist_ok=True)
 
     with ServerProcess(device, data=data) as second, http_client(base_url=second.url) as http:
-        block_until(lambda: http.get("/api/devices/1/jobs").json()["done"], "the settings went back")
-        (job,) = http.get("/api/devices/1/jobs").json()["done"]
+        block_until(lambda: http.get("/api/devices/2/jobs").json()["done"], "the settings went back")
+        (job,) = http.get("/api/devices/2/jobs").json()["done"]
         assert (job["state"], job["message"]) == ("done", "The device has its old settings again.")
         block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "the device measures")
         assert not list((data / "rollbacks").glob("*.json"))

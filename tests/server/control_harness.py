@@ -18,6 +18,7 @@ from server.configuration import controllers
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController, QueuedJob
 from server.configuration.timings import ConfigurationTimings
+from server.devices.device_names import DeviceNames
 from server.devices.protocol_set import all_protocols
 from server.devices.sessions import Sessions
 from server.links import open_link
@@ -49,7 +50,8 @@ class ControlHarness:
 
         now_ns = steady_clock()
         self.telemetry = Telemetry.create(lambda: now_ns() / 1e9)
-        self.sessions = Sessions(self.telemetry.bus, open_link, all_protocols(), LinkSettings(now_ns=now_ns))
+        settings = LinkSettings(now_ns=now_ns)
+        self.sessions = Sessions(self.telemetry.bus, open_link, all_protocols(), settings, names=DeviceNames(data))
         self.desks = ControllerRegistry(self.telemetry.bus, self.sessions, data, timings, drivers=driver_of)
 
     async def add(self, source: str) -> DeviceController:

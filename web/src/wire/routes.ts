@@ -632,6 +632,12 @@ export interface MissingTopic {
   readonly reason: string;
 }
 
+/** A name of one's own for a device. */
+export interface NameDeviceRequest {
+  /** empty: none any more */
+  readonly name: string;
+}
+
 /** An option of an analysis: a number, or one of `choices`. */
 export interface OptionInfo {
   readonly name: string;
@@ -1414,6 +1420,12 @@ export interface Routes {
     readonly body: DecodeOptionsBody;
     readonly answer: DeviceInfo;
   };
+  /** Name a sensor. The name is kept with its serial number, so it follows the sensor to other ports and runs; nothing is written to the device. */
+  "PUT /api/devices/{device}/name": {
+    readonly path: { readonly device: string };
+    readonly body: NameDeviceRequest;
+    readonly answer: DeviceInfo;
+  };
   /** Accept any sequence number that a Secure device sends next. Use it only after restarting the device: until its next frame arrives, replayed old frames would be accepted as new. */
   "POST /api/devices/{device}/rearm": {
     readonly path: { readonly device: string };
@@ -1442,7 +1454,7 @@ export interface Routes {
     readonly path: { readonly device: string };
     readonly answer: DeviceHealth;
   };
-  /** Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be lost, or whatever they are with `confirm_s`. */
+  /** Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be lost, or whatever they are with `confirm_s`. Devices that are named by their key are written only if this sensor is still there. */
   "POST /api/devices/{device}/apply": {
     readonly path: { readonly device: string };
     readonly body: Defaulted<ApplyRequest, "reason" | "confirmed" | "devices" | "product" | "base" | "confirm_s">;

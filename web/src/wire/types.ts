@@ -108,9 +108,9 @@ export interface Attempt {
 
 /** A device and the link it is on. */
 export interface DeviceInfo {
-  /** stable for this server run: "1"; of a further device on the link of "1": "1.102" */
+  /** of its source, in later runs too: "1"; of a further device on the link of "1": "1.102" */
   readonly id: string;
-  /** displayed name: "MTi-630" */
+  /** displayed name of the product: "MTi-630" */
   readonly name: string;
   /** as given: "/dev/ttyUSB0", "sim:xbus" */
   readonly source: string;
@@ -148,6 +148,12 @@ export interface DeviceInfo {
   readonly is_open: boolean;
   /** flags of its status words that this product does not have */
   readonly absent: readonly string[];
+  /** names the sensor on any port and in later runs: "xbus-0080800006"; its source if it told no number */
+  readonly key: string;
+  /** given by people, stored with the key; "" if none */
+  readonly own_name: string;
+  /** unix seconds at which its link came back: another sensor may be there */
+  readonly unconfirmed_since: number | null;
 }
 
 /** Figures of one message of one device. */

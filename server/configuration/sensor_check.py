@@ -1,0 +1,44 @@
+"""Checks that a write reaches the sensor it was made for.
+
+A request that names its device by the key of a sensor ("xbus-0080800006") is for that sensor only, on whichever port it
+is. What reads the device before it writes compares the serial number; what does not asks the user while the number is
+not confirmed, because reading it would interrupt the measurement.
+"""
+
+from __future__ import annotations
+
+import time
+
+from protocols.transactions import DeviceContext, DeviceDriver
+from server.configuration.dangers import Risk
+from server.configuration.device_controller import DeviceController, JobError
+
+
+def sensor_of(controller: DeviceController, name: str) -> str:
+    """The serial number that a request names; "" if it names the device by its id."""
+    info = controller.session.info
+    return info.serial_number if info.serial_number and name == info.key and name != info.id else ""
+
+
+def is_same(driver: DeviceDriver, wanted: str, found: str) -> bool:
+    """Whether a serial number is the wanted one, or one that may be; numbers that are not known agree with any."""
+    return not wanted or not found or wanted in (found, *driver.formerly(found))
+
+
+def check_sensor(controller: DeviceController, wanted: str, found: DeviceContext) -> None:
+    """Raise JobError if another sensor than the wanted one was read."""
+    if not is_same(controller.driver, wanted, found.serial_number):
+        raise JobError(
+            f"Another sensor is at this port: {found.serial_number}, not {wanted}. Nothing was written.",
+            f"Connect {wanted}, or make the change for {found.serial_number}.",
+        )
+
+
+def doubts(controller: DeviceController, wanted: str) -> list[Risk]:
+    """The risk that a command reaches another sensor, if that cannot be excluded without interrupting it."""
+    info = controller.session.info
+    if not wanted or info.unconfirmed_since is None:
+        return []
+    since = time.strftime("%H:%M:%S", time.localtime(info.unconfirmed_since))
+    words = f"The link was lost until {since}; since then it is not known whether this is still {wanted}."
+    return [Risk("", words)]
