@@ -133,7 +133,10 @@ class RejectedFrame:
 
 @dataclass(frozen=True, slots=True)
 class SampleGap:
-    """`missing` samples were lost just before the frame at `offset` (by the counter named in `counter`)."""
+    """`missing` samples were lost just before the frame at `offset` (by the counter named in `counter`).
+
+    Negative: so many that were counted as lost before were not, because the number that showed the loss was false.
+    """
 
     offset: int
     missing: int

@@ -215,6 +215,8 @@ class ProtocolInfo:
         payload_definition: how the user defines a vendor's own payload types; None if it cannot be done.
         permissive: keywords of a decoder that accepts frames unchecked, for inspecting bytes.
         datagrams: whether the decoder has that keyword: every chunk is a datagram.
+        silence: whether its decoder accepts more after a silence: it has the keyword `arrivals` (False: the arrival
+            times are not those of a link), and its listing has `feed_chunks`, as decoders do.
         frame_size: name of a module with a function `frame_size(data, at)` (server/holder/queues.py, FrameSize), which
             imports nothing heavy: with it a slow client of a shared port loses whole frames. "" for none.
         configuration_frames: name of a module with a function `effect_of(frame)` (server/holder/client_frames.py,
@@ -271,6 +273,7 @@ class ProtocolInfo:
     payload_definition: PayloadDefinition | None = None
     permissive: Mapping[str, Any] = field(default_factory=dict)
     datagrams: bool = False
+    silence: bool = False
     frame_size: str = ""
     stamped: bool = False
     counts: bool = False

@@ -49,7 +49,7 @@ from protocols.grouping import group
 from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
 from protocols.idtp.payloads import DecodedPayload, Payload, Rotation
-from protocols.idtp.replay_guard import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
+from protocols.idtp.replay_guard import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TAKEN_BACK, TIMESTAMP, key_of, source_of
 from protocols.idtp.stream_parser import ClassifiedFrames, IdtpStream
 from protocols.idtp.units import UNITS, UnitWatch
 from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
@@ -115,6 +115,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         show_unverified: without a key, show Secure frames, marked, instead of rejecting them as `no_key`.
         schema: rows of the vendor's own payload types, see custom_payloads.py.
         datagrams: every chunk is a datagram.
+        arrivals: False: the arrival times are not those of a link, so a device's silence cannot be measured.
 
     Raises:
         ValueError: invalid setting.
@@ -132,6 +133,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         show_unverified: bool = False,
         schema: Schema | None = None,
         datagrams: bool = False,
+        arrivals: bool = True,
     ) -> None:
         if time_unit not in UNITS:
             raise ValueError(f"time_unit is one of {', '.join(UNITS)}, given {time_unit!r}")
@@ -145,6 +147,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 replay_check=replay_check,
                 show_unverified=show_unverified,
                 datagrams=datagrams,
+                arrivals=arrivals,
             )
         )
         self._time_unit = time_unit
@@ -230,7 +233,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
     def _single(self, cut: ClassifiedFrames, events: list[Event]) -> None:
         """One frame, the usual case of a live stream: same as `_data`, with plain numbers."""
         rows, arrivals = cut.verdict.rows, cut.arrival_ns
-        lost, stamp, mode, key = rows.ravel().tolist()
+        lost, stamp, mode, key, taken_back = rows.ravel().tolist()
         offset, size, body, _, _, sender = cut.table[:6, 0].tolist()
         offset += cut.start
         kind = self._kinds.get(key) or self._learn(key)
@@ -243,6 +246,8 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         time = clock.tick(stamp, arrival) * self._tick_ns
         for _, step, by in clock.steps:
             events.append(ClockStep(offset, step, by * self._tick_ns, arrival, device))
+        if taken_back:
+            events.append(SampleGap(offset, -taken_back, "sequence", arrival, time, device))
         if lost > FAR and mode < SECURE:
             self._jumped(sender, lost, cut, 0, events)
         elif lost:
@@ -334,14 +339,17 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             del self._watches[source]
 
     def _gaps(self, cut: ClassifiedFrames, offsets: Ints, times: Ints, events: list[Event]) -> None:
-        missing = cut.verdict.rows[LOST]
-        for i in np.flatnonzero(missing).tolist():
+        missing, taken_back = cut.verdict.rows[[LOST, TAKEN_BACK]]
+        for i in np.flatnonzero(missing | taken_back).tolist():
             device = str(int(cut.table[SENDER, i]))
-            lost = int(missing[i])
+            lost, false = int(missing[i]), int(taken_back[i])
             if lost > FAR and cut.verdict.rows[MODE, i] < SECURE:
                 self._jumped(int(device), lost, cut, i, events)
-                continue
-            events.append(SampleGap(int(offsets[i]), lost, "sequence", int(cut.arrival_ns[i]), int(times[i]), device))
+                lost = 0
+            for number in (-false, lost):
+                if number:
+                    at, arrival = int(offsets[i]), int(cut.arrival_ns[i])
+                    events.append(SampleGap(at, number, "sequence", arrival, int(times[i]), device))
 
     def _jumped(self, device: int, lost: int, cut: ClassifiedFrames, row: int, events: list[Event]) -> None:
         """Report the numbers that a far jump skips; not counted as lost, as a number below Secure can be forged."""

@@ -106,6 +106,7 @@ FAMILY = ProtocolInfo(
     payload_definition=PayloadDefinition("schema", TEMPLATE, (("i16", 2), ("u8", 1))),
     permissive={"show_unverified": True, "replay_check": False},
     datagrams=True,
+    silence=True,
     protection=protection,
     sender="IDTP device",
     rows=_rows,

@@ -15,6 +15,7 @@ import math
 from typing import Any
 
 from protocols.frame_lines import FrameLine, frame_lines
+from protocols.framing import Ints
 from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import SECURE, VERSION
 from protocols.idtp.json_codec import frame_to_json
@@ -27,8 +28,7 @@ class IdtpFrameLister:
     """Chunks in, lines out.
 
     Args:
-        key, min_mode, replay_check, show_unverified: see stream_parser.py. A file has no arrival times, so it contains
-            no silence.
+        key, min_mode, replay_check, show_unverified: see stream_parser.py.
         schema: rows of the vendor's own payload types, see custom_payloads.py.
         time_unit, rotation: options of the decoder; a listing shows the values on the wire.
     """
@@ -51,8 +51,12 @@ class IdtpFrameLister:
         self._schema: Schema = schema or {}
 
     def feed(self, data: bytes) -> None:
-        """Append a chunk."""
+        """Append a chunk. Without arrival times, as in a capture, there is no silence."""
         self._stream.feed(data, 0)
+
+    def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        self._stream.feed_chunks(data, ends, arrival_ns)
 
     def drain(self, *, stalled: bool = False) -> list[FrameLine]:
         """Lines of everything complete; see events.Decoder.drain."""

@@ -21,7 +21,7 @@ import numpy as np
 from protocols.events import RejectedFrame
 from protocols.framing import OFFSET, REASONS, SENDER, SIZE, Ints
 from protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
-from protocols.idtp.replay_guard import LOST, MASK, ReplayGuard, ReplayVerdict
+from protocols.idtp.replay_guard import LOST, MASK, TAKEN_BACK, ReplayGuard, ReplayVerdict
 from protocols.nmea import ParsedMessage
 from protocols.stream_parser import ParseResult as Whole
 from protocols.stream_parser import StreamParser
@@ -60,6 +60,7 @@ class IdtpStream:
         replay_check: False accepts frames whatever their sequence numbers.
         show_unverified: without a key, accept Secure frames as they are; they are marked.
         datagrams: every chunk is a datagram.
+        arrivals: False: the arrival times are not those of a link.
 
     Raises:
         ValueError: an empty key, or no such mode.
@@ -73,6 +74,7 @@ class IdtpStream:
         replay_check: bool = True,
         show_unverified: bool = False,
         datagrams: bool = False,
+        arrivals: bool = True,
     ) -> None:
         if min_mode is None:
             min_mode = LITE if key is None else SECURE
@@ -80,7 +82,7 @@ class IdtpStream:
             raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
         scan = scanner(key, min_mode, show_unverified=show_unverified)
         self._stream = StreamParser(scan, _nothing, _NEVER, ClassifiedFrames)
-        self.sequences = ReplayGuard(check=replay_check, keyed=key is not None)
+        self.sequences = ReplayGuard(check=replay_check, keyed=key is not None, arrivals=arrivals)
         self._refused: dict[int, deque[int]] = {}  # numbers of whole frames that were refused, by device
         self._datagrams = datagrams
         self._waiting: list[tuple[bytes, int]] = []
@@ -196,7 +198,7 @@ class IdtpStream:
             number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
             between = sum(0 < (number - one) & MASK <= missing for one in set(known))
             judged.rows[LOST, i] = missing - between
-            if missing - between == 0:
+            if missing - between == 0 and not judged.rows[TAKEN_BACK, i]:
                 judged.gaps -= 1
         for _, sender, number in coming:
             self._record(sender, number)

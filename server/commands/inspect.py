@@ -20,10 +20,12 @@ from __future__ import annotations
 import contextlib
 import itertools
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, TextIO
+from typing import Any, BinaryIO, Literal, TextIO, cast
 
+from protocols.events import Decoder
+from protocols.framing import Ints
 from protocols.mixed_protocols import MixedProtocolDetector
 from protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_of
 from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
@@ -41,6 +43,8 @@ CHUNK = 1 << 20
 NO_DEVICES = "is not a recording, so it has no devices to choose from; leave --device out"
 
 InspectLine = Mapping[str, Any]
+Arrivals = tuple[Ints, Ints] | None  # end of each chunk, and its arrival, ns; None: not those of a link
+TimedPiece = tuple[bytes, Arrivals]
 
 
 def inspect_file(
@@ -119,7 +123,9 @@ def _counted(lines: Iterator[InspectLine], counts: Counter[str], rejects: bool) 
 
 
 @contextlib.contextmanager
-def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[tuple[ProtocolInfo, Iterator[bytes]]]:
+def _opened(
+    path: Path, protocol: str, device: str, direction: str
+) -> Iterator[tuple[ProtocolInfo, Iterator[TimedPiece]]]:
     """The protocol of a file and its bytes in pieces, by the rules of recordings/importers.py. A pipe is read as a
     stream, and its beginning decides the protocol; a recording from a pipe is copied to a file first, because its index
     is at its end.
@@ -144,13 +150,13 @@ def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[
             return
         if device:
             raise ValueError(f"{name} {NO_DEVICES}")
-        yield PROTOCOLS[named or _guessed(head, name)], itertools.chain((head,), _pieces(pipe))
+        yield PROTOCOLS[named or _guessed(head, name)], _untimed(itertools.chain((head,), _pieces(pipe)))
 
 
 @contextlib.contextmanager
 def _of_file(
     path: Path, name: str, named: str, device: str, direction: str
-) -> Iterator[tuple[ProtocolInfo, Iterator[bytes]]]:
+) -> Iterator[tuple[ProtocolInfo, Iterator[TimedPiece]]]:
     try:
         source = open_file(path, named)
     except RecordingError as error:
@@ -163,7 +169,7 @@ def _of_file(
         raise ValueError(f"{name} {NO_DEVICES}")
     if isinstance(source, CaptureSource):
         with contextlib.closing(source.stream()) as file:
-            yield PROTOCOLS[source.protocol], _pieces(file)
+            yield PROTOCOLS[source.protocol], _untimed(_pieces(file))
         return
     if not isinstance(source, McapSource | MessageSource) or not source.devices:
         raise ValueError(f"{name} has no device bytes; use `imuscope decode` to read its numbers")
@@ -171,11 +177,16 @@ def _of_file(
         one = choose_device(source, device)
     except ReplayError as error:
         raise ValueError(str(error)) from None
-    parts = (part.data for part in source.parts() if part.device == one and part.direction == direction)
+    has_arrivals = source.devices[one].identity.get("link", "file") != "file"
+    parts = (
+        (part.data, (part.ends, part.times) if has_arrivals else None)
+        for part in source.parts()
+        if part.device == one and part.direction == direction
+    )
     protocol_name = named or source.devices[one].protocol
     if family_of(protocol_name) is None:
-        head = next(parts, b"")
-        protocol_name, parts = _guessed(head[:GUESS_BYTES], name), itertools.chain((head,), parts)  # type: ignore[assignment]
+        first: TimedPiece = next(parts, (b"", None))
+        protocol_name, parts = _guessed(first[0][:GUESS_BYTES], name), itertools.chain((first,), parts)  # type: ignore[assignment]
     family = family_of(protocol_name)
     assert family is not None
     yield family, parts
@@ -212,13 +223,20 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
         yield chunk
 
 
+def _untimed(pieces: Iterable[bytes]) -> Iterator[TimedPiece]:
+    return ((piece, None) for piece in pieces)
+
+
 def _lines(
-    pieces: Iterator[bytes], row: ProtocolInfo, settings: Mapping[str, Any], detector: MixedProtocolDetector
+    pieces: Iterator[TimedPiece], row: ProtocolInfo, settings: Mapping[str, Any], detector: MixedProtocolDetector
 ) -> Iterator[InspectLine]:
     listing = row.listing(**settings)
-    for chunk in pieces:
+    for chunk, arrivals in pieces:
         detector.feed(chunk)
-        listing.feed(chunk)
+        if arrivals is not None and row.silence:
+            cast(Decoder, listing).feed_chunks(chunk, *arrivals)
+        else:
+            listing.feed(chunk)
         yield from listing.drain()
     detector.feed(b"", final=True)
     yield from listing.drain(stalled=True)

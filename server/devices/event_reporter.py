@@ -84,6 +84,16 @@ class EventReporter:
         suppressed.parts[blame.by] += 1
         suppressed.span(t0, t1)
 
+    def gap_withdrawn(self, gap: SampleGap) -> None:
+        """Report that samples reported as lost were not."""
+        text = (
+            f"{_samples(-gap.missing)} reported as lost earlier were not lost: a {gap.counter} number was false, "
+            "damaged or forged, and the frames after it contradict it."
+        )
+        data = {"counter": gap.counter, "withdrawn": -gap.missing}
+        if self._is_allowed("withdrawn", GAPS_PER_PERIOD):
+            self.report("device", "warning", text, time=gap.arrival_ns / 1e9, data=data)
+
     def outage(self, span: tuple[float, float], known: tuple[str, int] | None) -> None:
         """Report that the link was down; `known`: a counter and the number of samples missed."""
         counter, missing = known or ("", 0)

@@ -393,8 +393,12 @@ class Ingest:
             self._identify(self.identity)
 
     def _gap(self, gap: SampleGap, offsets: NDArray[np.int64], hosts: NDArray[np.float64], rejects: int) -> None:
-        self._stats.gaps += 1
         self._stats.lost += gap.missing
+        if gap.missing < 0:
+            self._stats.gaps -= 1
+            self._events.gap_withdrawn(gap)
+            return
+        self._stats.gaps += 1
         at = int(np.searchsorted(offsets, gap.offset))
         before = float(hosts[at - 1]) if 0 < at <= len(hosts) else self._last_time
         # The first frame after the gap may have an older time (a GNSS solution): the gap ends at the first newer one.

@@ -54,7 +54,8 @@ def all_protocols() -> ProtocolSet:
     def decoder(name: str, reading: DecodeOptions, link_kind: str) -> Decoder:
         row = _family(name)
         datagrams = {"datagrams": True} if row.datagrams and link_kind == "udp" else {}
-        return row.decoder(**reading.settings(name), **datagrams)
+        silence = {"arrivals": False} if row.silence and link_kind == "file" else {}
+        return row.decoder(**reading.settings(name), **datagrams, **silence)
 
     def guess(data: bytes) -> Sequence[ProtocolGuess]:
         from protocols.registry import detect

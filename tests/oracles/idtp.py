@@ -20,6 +20,7 @@ from typing import Any
 
 LITE, SAFETY, SECURE = 0, 1, 2
 FAR = 2**16
+SUDDEN = 16
 
 TYPES = {
     0x00: ["acc_x", "acc_y", "acc_z"],
@@ -136,40 +137,121 @@ def _candidate(data: bytes, key: bytes | None, min_mode: int, unverified: bool) 
 # -- sequences ---------------------------------------------------------------------------------------------------------
 
 
+@dataclass
+class Track:
+    """The newest frame of one mode or a stronger one."""
+
+    last: int
+    candidate: int | None = None  # number of a dropped frame that the next may confirm
+    before: int | None = None  # the last number before a jump that is not settled
+    votes: int = 0  # frames accepted from it on
+    run: list[int] = field(default_factory=list)  # numbers that contradict it, each continuing the one before
+
+    def skipped(self, number: int) -> bool:
+        """Whether the jump that is not settled skipped this number."""
+        return self.before is not None and 0 < (number - self.before) % 2**32 < (self.last - self.before) % 2**32
+
+    def contradicted(self, number: int) -> bool:
+        """Whether this number, with those before it, outvotes the jump."""
+        if not self.skipped(number):
+            return False
+        if not self.run or not 0 < (number - self.run[-1]) % 2**32 <= SUDDEN:
+            self.run = []
+        self.run.append(number)
+        return len(self.run) > self.votes
+
+    def take(self, number: int, *, back: bool, confirmed: bool) -> None:
+        ahead = (number - self.last) % 2**32
+        if back:
+            self.before, self.votes, self.run = None, 0, []
+        elif self.before is not None:
+            self.votes += 1
+            if self.votes == 8:
+                self.before, self.votes = None, 0
+        elif ahead > SUDDEN:
+            self.before, self.votes, self.run = self.last, 1 + confirmed, []
+        self.last, self.candidate = number, None
+
+
 def judge(
     frames: list[OracleIdtpFrame], *, keyed: bool = False
 ) -> tuple[list[tuple[OracleIdtpFrame, int]], list[tuple[int, str]]]:
-    """Frames that count, each with how many were lost before it, and the others with the reason. Nothing is silent.
-    A verified Secure frame need only be newer than the verified ones.
+    """Frames that count, each with how many were lost before it (those counted falsely before taken off), and the
+    others with the reason. Nothing is silent.
     """
-    last: dict[int, int] = {}
-    verified: dict[int, int] = {}
-    candidate: dict[int, int] = {}
+    tracks: dict[tuple[int, int], Track] = {}
     good, bad = [], []
     for frame in frames:
         if frame.mode == SECURE and not keyed:
             good.append((frame, 0))
             continue
-        ahead = (frame.sequence - last.get(frame.device, frame.sequence - 1)) % 2**32
-        further = (frame.sequence - candidate.get(frame.device, frame.sequence)) % 2**32
-        agrees = frame.mode != SECURE and 0 < further <= FAR
-        newer = 0 < ahead < 2**31
-        near = newer and ahead <= FAR
-        if frame.mode == SECURE:
-            newer = near = 0 < (frame.sequence - verified.get(frame.device, frame.sequence - 1)) % 2**32 < 2**31
-        if newer and not near and not agrees:
-            candidate[frame.device] = frame.sequence
-            bad.append((frame.offset, "far_ahead"))
+        number = frame.sequence
+        own, weakest = tracks.get((frame.device, frame.mode)), tracks.get((frame.device, LITE))
+        verdict = "new" if own is None else _by_own(own, number, frame.mode)
+        older = weakest is not None and not _newer(number, weakest.last) and not weakest.skipped(number)
+        if verdict == "new" and frame.mode and older:
+            candidate = own.candidate if own else None
+            confirmed = candidate is not None and 0 < (number - candidate) % 2**32 <= SUDDEN
+            verdict = "overruled" if confirmed else "stale"
+            if own is None:  # remembered, though nothing of this mode was accepted
+                own = tracks[frame.device, frame.mode] = Track(-1)
+            own.candidate = number
+        if verdict in ("stale", "far_ahead"):
+            bad.append((frame.offset, verdict))
             continue
-        if not near and not agrees:
-            bad.append((frame.offset, "stale"))
-            continue
-        last[frame.device] = frame.sequence
-        if frame.mode == SECURE:
-            verified[frame.device] = frame.sequence
-        candidate.pop(frame.device, None)
-        good.append((frame, ahead - 1 if 0 < ahead < 2**31 or agrees else 0))
+        good.append((frame, _take(tracks, frame, verdict)))
     return good, bad
+
+
+def _newer(number: int, last: int) -> bool:
+    return last == -1 or 0 < (number - last) % 2**32 < 2**31
+
+
+def _by_own(own: Track, number: int, mode: int) -> str:
+    if own.last == -1:
+        return "new"
+    ahead = (number - own.last) % 2**32
+    if mode == SECURE:
+        return "new" if 0 < ahead < 2**31 else "stale"
+    if 0 < ahead <= FAR:
+        return "new"
+    if own.candidate is not None and 0 < (number - own.candidate) % 2**32 <= FAR:
+        return "confirmed"
+    if own.contradicted(number):
+        return "returned"
+    if 0 < ahead < 2**31:
+        own.candidate = number
+        return "far_ahead"
+    return "stale"
+
+
+def _take(tracks: dict[tuple[int, int], Track], frame: OracleIdtpFrame, verdict: str) -> int:
+    """Take over an accepted frame; returns the change of the number of lost ones."""
+    number = frame.sequence
+    weakest = tracks.get((frame.device, LITE))
+    own = tracks.get((frame.device, frame.mode))
+    ahead = (number - weakest.last) % 2**32 if weakest else 1
+    lost = ahead - 1 if 0 < ahead < 2**31 or verdict == "confirmed" else 0
+    if verdict == "overruled":
+        assert own is not None
+        lost = (number - own.last) % 2**32 - 1 if own.last != -1 else 0
+    for mode in range(frame.mode, -1, -1):
+        track = tracks.get((frame.device, mode))
+        if track is None or track.last == -1:
+            tracks[frame.device, mode] = Track(number)
+            continue
+        back = verdict in ("returned", "overruled")
+        accepted = 0
+        if mode < frame.mode and verdict == "new" and not _newer(number, track.last):
+            if not track.contradicted(number):
+                continue
+            back, accepted = True, len(track.run) - 1
+        if mode == LITE and back and verdict != "overruled" and track.skipped(number) and track.before is not None:
+            span = (track.last - track.before) % 2**32
+            if span <= FAR:
+                lost = (number - track.before) % 2**32 - 1 - accepted - (span - track.votes)
+        track.take(number, back=back, confirmed=verdict == "confirmed")
+    return lost
 
 
 # -- payloads ----------------------------------------------------------------------------------------------------------

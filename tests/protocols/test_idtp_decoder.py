@@ -129,7 +129,7 @@ def test_weaker_frames_neither_lock_a_secure_device_out_nor_let_old_frames_in() 
     forged = (0.01, acc(60_000, LITE))
     events = decode([*genuine, forged, (0.02, acc(5, SECURE)), (0.03, acc(6, SECURE))], key=KEY, min_mode=LITE)
     assert shown(events) == [0, 1, 2, 3, 4, 60_000, 5, 6]
-    assert [event.missing for event in events if isinstance(event, SampleGap)] == [60_000 - 5]
+    assert [event.missing for event in events if isinstance(event, SampleGap)] == [60_000 - 5, 5 - 60_000]
     replay = [forged, (9.0, acc(1, LITE)), (9.1, acc(2, SECURE)), (9.2, acc(3, SECURE))]
     assert reasons(decode([*genuine, *replay], key=KEY, min_mode=LITE)) == ["stale", "stale"]
 
@@ -142,6 +142,63 @@ def test_one_frame_far_ahead_does_not_lock_a_device_out() -> None:
     assert reasons(decode([acc(5), acc(far), acc(9 * far), acc(far + 1)])) == ["far_ahead"] * 3
     assert reasons(decode([acc(5), acc(far), acc(6), acc(far + 1)])) == ["far_ahead"] * 2
     assert shown(decode([acc(5), acc(5 + 65536)])) == [5, 5]  # 2^16 is not far
+
+
+def missing(events: Sequence[Event]) -> int:
+    return sum(event.missing for event in events if isinstance(event, SampleGap))
+
+
+def test_one_false_number_does_not_lock_a_device_out() -> None:
+    """A number at most 2^16 ahead, of a damaged header or a forger, made all that followed stale until a silence."""
+    for real in (LITE, SAFETY):
+        good = [acc(n, real) for n in range(10, 35)]
+        events = decode([*good[:5], acc(60_010, real), *good[5:]])
+        assert shown(events) == [*range(10, 15), 60_010, *range(16, 35)]
+        assert [reject.detail for reject in events if isinstance(reject, RejectedFrame)] == ["number 15 after 60010"]
+        assert missing(events) == 0  # of 59 995 counted, all are taken back
+        events = decode([*good[:5], acc(60_010, real), acc(60_011, real), *good[7:]])  # two, and two frames lost
+        assert shown(events)[5:] == [60_010, 60_011, *range(19, 35)]
+        assert missing(events) == 2
+
+
+def test_a_real_jump_stays() -> None:
+    """Frames that are late, or sent twice, are no evidence against frames that were lost."""
+    late = [acc(11), acc(12), acc(20)]
+    jumped = [acc(n) for n in range(100, 108)]
+    events = decode([acc(10), *jumped, *late])
+    assert reasons(events) == ["stale"] * 3
+    assert missing(events) == 89
+    again = [acc(n) for n in range(80, 108)]  # accepted before, and sent again: never new
+    assert reasons(decode([*again, *again])) == ["stale"] * len(again)
+
+
+def test_a_weaker_mode_never_locks_a_stronger_one_out() -> None:
+    """One Lite frame made 20 of 20 Safety frames stale."""
+    before, after = [acc(n, SAFETY) for n in range(10, 15)], [acc(n, SAFETY) for n in range(15, 35)]
+    for forged, dropped in (([60_010], 0), ([60_010 + n for n in range(20)], 1)):
+        events = decode([*before, *(acc(n, LITE) for n in forged), *after])
+        assert shown(events) == [*range(10, 15), *forged, *range(15 + dropped, 35)]
+
+
+def test_a_late_secure_frame_makes_no_weaker_number_new() -> None:
+    """Secure 50 after Lite 100 was accepted, and so were Lite 60 and 100 after it."""
+    late = [acc(100, LITE), acc(50, SECURE), acc(60, LITE), acc(100, LITE)]
+    assert reasons(decode(late, key=KEY, min_mode=LITE)) == ["stale"] * 3
+
+
+def test_any_forged_numbers_among_good_ones() -> None:
+    """Modes, losses, repetitions and forged numbers near and far in any order give the result of the oracle."""
+    for seed in range(30):
+        random = np.random.default_rng(seed)
+        number, frames = 2**32 - 100, []
+        for _ in range(400):
+            number += int(random.choice([1, 1, 1, 1, 1, 1, 1, 2, 30, -3]))
+            forged = number + int(random.choice([200, -40, 60_000, 10**6])) if random.random() < 0.05 else number
+            frames.append(acc(forged % 2**32, int(random.choice([LITE, SAFETY, SECURE] if seed % 3 else [LITE]))))
+        events = decode([(0.0, b"".join(frames))], key=KEY, min_mode=LITE)
+        good, bad = oracle.judge(oracle.scan(b"".join(frames), final=True, key=KEY).frames, keyed=True)
+        assert sorted(int(o) for e in events if isinstance(e, Batch) for o in e.offset) == [f.offset for f, _ in good]
+        assert [(e.offset, e.reason) for e in events if isinstance(e, RejectedFrame)] == bad
 
 
 def test_secure_may_jump() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from protocols.idtp.frames import build
 from protocols.idtp.json_codec import frame_from_json
 from server.cli import main
 from tests.each_row import each_row
@@ -58,3 +59,19 @@ def test_no_key(file: Path, given: str, capsys: pytest.CaptureFixture[str]) -> N
     ]  # reported by the first run
     assert len(error) == 1
     assert "key" in error[0]
+
+
+def test_a_listing_and_the_decoded_columns_of_a_file_have_the_same_frames(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A false number, and numbers that start again: `inspect` listed 501 frames, `decode` wrote 2701."""
+    numbers = [*range(1000), *range(1000)]
+    numbers[500] = 42_624
+    frames = [build(0, bytes(12), sequence=n, timestamp=10_000 * (k + 400 * (k > 999))) for k, n in enumerate(numbers)]
+    path = tmp_path / "capture.bin"
+    path.write_bytes(b"".join(frames))
+    listed = lines(capsys, str(path))
+    assert len(listed) == 999  # without the first frame that contradicts the false number, and those that repeat
+    assert main(["decode", str(path), "-o", str(tmp_path / "all.csv")]) == 0
+    rows = [line for line in (tmp_path / "all_Imu3Acc.csv").read_text().splitlines() if not line.startswith("#")]
+    assert len(rows) - 1 == len(listed)
