@@ -224,6 +224,15 @@ class Counts(Protocol):
 
 
 @runtime_checkable
+class AccountsForBytes(Protocol):
+    """A decoder that counts the bytes that belong to no frame and no message that it knows."""
+
+    @property
+    def skipped(self) -> int:
+        """Their number so far, those of rejected frames among them."""
+
+
+@runtime_checkable
 class Shared(Protocol):
     """A decoder of a line that several devices may share, each with an address of its own.
 

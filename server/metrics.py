@@ -120,6 +120,10 @@ def _links(page: PrometheusText, sessions: list[Session], now: float) -> None:
     for health in first:
         for reason, count in sorted(health.rejects_by.items()):
             page.add(count, device=health.device, reason=reason)
+    words = "Bytes that belong to no accepted frame and no known message."
+    page.family("imuscope_link_unclaimed_bytes_total", "counter", words)
+    for health in first:
+        page.add(health.unclaimed, device=health.device)
     page.family("imuscope_link_gaps_total", "counter", "Gaps in the counters of a device.")
     for health in every:
         page.add(health.gaps, device=health.device)

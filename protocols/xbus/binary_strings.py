@@ -11,9 +11,10 @@ sentences and belong to protocols/nmea.py. Two are not:
               least significant byte first, as in Kongsberg's definition; the Xsens document does not say
 
 Neither has a checksum. TSS2 has 25 characters, each with few possible values: one is accepted. EM1000 has four fixed
-bytes (an MTi's heave is always 0) and three ranges: a record is accepted if two more follow within `WINDOW` bytes, or
-if an accepted one precedes it as closely (`since`). One in 10^10 random positions looks like a record; three near each
-other do not happen.
+bytes (an MTi's heave is always 0) and three ranges: a record is accepted if it is in a row of three, each at most
+`WINDOW` bytes after the one before. One in 10^10 random positions looks like a record; three near each other do not
+happen. The others of a row may be in other stretches (`Em1000Row`): a device that sends one now and then, or between
+frames, loses only the first two, which count as bytes that belong to no message.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from __future__ import annotations
 import re
 import struct
 from bisect import bisect_right
+from dataclasses import dataclass
 
 from protocols.nmea import ParsedMessage
 
@@ -35,24 +37,32 @@ _TSS2_SIZE = 25
 EM1000 = struct.Struct("<2xhhhH")
 EM1000_HEAD = b"\x00\x90"
 _EM1000_START = re.compile(rb"\x00(?:\x90|\Z)")
-WINDOW = 600  # strings of several kinds alternate: two more records must come within this many bytes
+WINDOW = 13 * 82 + 27  # a device may send all kinds of strings in turn: 13 sentences of the longest size and a TSS2
 _MORE = 2
 
 
-def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> tuple[list[ParsedMessage], int]:
+@dataclass(slots=True)
+class Em1000Row:
+    """The records before a stretch: end of the last one, relative to the stretch (0 or less), and how many."""
+
+    end: int
+    count: int = _MORE
+
+
+def find(data: bytes | memoryview, *, final: bool, row: Em1000Row | None = None) -> tuple[list[ParsedMessage], int]:
     """The binary strings in `data`, a stretch without frames of another protocol.
 
     Args:
         final: no data follows.
-        since: bytes between the last EM1000 record found before and the start of `data`; None: there was none. A record
-            that continues a run, before or within these bytes, is accepted at once; the first only if more follow.
+        row: the EM1000 records before; updated.
 
     Returns:
         the strings in order, and the position from which bytes must be kept because a string may be incomplete.
     """
     data = bytes(data)
     tss2, keep_tss2 = _find_tss2(data, final)
-    em1000, keep_em1000 = _find_em1000(data, final, since, [one.offset for one in tss2], keep_tss2)
+    row = row if row is not None else Em1000Row(-WINDOW - 1, 0)
+    em1000, keep_em1000 = _find_em1000(data, final, row, [one.offset for one in tss2], keep_tss2)
     keep = min(keep_tss2, keep_em1000)
     found = sorted(tss2 + em1000, key=lambda one: one.offset)
     return [one for one in found if one.offset < keep], keep
@@ -98,11 +108,10 @@ def _tss2(match: re.Match[bytes]) -> dict[str, float | str]:
 
 
 def _find_em1000(
-    data: bytes, final: bool, since: int | None, tss2: list[int], decided: int
+    data: bytes, final: bool, row: Em1000Row, tss2: list[int], decided: int
 ) -> tuple[list[ParsedMessage], int]:
     """Records, except those that end where a TSS2 string begins; `tss2` are all of these before `decided`."""
     found: list[ParsedMessage] = []
-    last_end = None if since is None or since < 0 else -since  # end of the last accepted record
     at = 0
     while start := _EM1000_START.search(data, at):
         at = start.start()
@@ -120,10 +129,12 @@ def _find_em1000(
         if after < len(tss2) and tss2[after] < at + EM1000.size:
             at += 1
             continue
-        carries_on = last_end is not None and at - last_end <= WINDOW
-        if not carries_on and not _followed(data, at):
-            if not final and len(data) < at + EM1000.size + WINDOW:
-                return found, at
+        before = row.count if 0 <= at - row.end <= WINDOW else 0
+        more = before >= _MORE or _followed(data, at, _MORE - before, final)
+        if more is None:
+            return found, at
+        row.end, row.count = at + EM1000.size, before + 1
+        if not more:
             at += 1
             continue
         record = data[at : at + EM1000.size]
@@ -131,7 +142,6 @@ def _find_em1000(
         fields = {"roll": roll / 100, "pitch": pitch / 100, "heave": heave / 100, "heading": heading / 100}
         found.append(ParsedMessage(at, EM1000.size, "em1000", "EM1000", record.hex(" "), fields))
         at += EM1000.size
-        last_end = at
     return found, len(data)
 
 
@@ -147,14 +157,13 @@ def _may_become_em1000(tail: bytes) -> bool:
     return EM1000_HEAD.startswith(head) and not any(tail[6:8])
 
 
-def _followed(data: bytes, at: int) -> bool:
-    """Whether enough records follow closely."""
-    count, at = 0, at + EM1000.size
-    limit = at + WINDOW
-    while count < _MORE and (at := data.find(EM1000_HEAD, at, limit)) >= 0:
-        if _is_em1000(data, at) and at + EM1000.size <= limit:
-            count += 1
-            at += EM1000.size
-        else:
+def _followed(data: bytes, at: int, wanted: int, final: bool) -> bool | None:
+    """Whether so many records follow in the row; None: more data decides."""
+    for _ in range(wanted):
+        at += EM1000.size
+        limit = at + WINDOW
+        while (at := data.find(EM1000_HEAD, at, limit + len(EM1000_HEAD))) >= 0 and not _is_em1000(data, at):
             at += 1
-    return count >= _MORE
+        if at < 0:
+            return None if not final and len(data) < limit + EM1000.size else False
+    return True

@@ -22,6 +22,7 @@ from protocols.nmea import STARTS, ParsedMessage
 from protocols.nmea import find_nmea as find_sentences
 from protocols.stream_parser import ParseResult
 from protocols.stream_parser import StreamParser as AnyStream
+from protocols.xbus.binary_strings import Em1000Row
 from protocols.xbus.binary_strings import find as find_strings
 from protocols.xbus.frames import scan
 
@@ -35,7 +36,7 @@ class XbusStreamParser(AnyStream):
         super().__init__(scan, find_sentences, STARTS)
         self._nmea_at = 0  # positions in the stream: search for sentences from here …
         self._strings_at = 0  # … and for binary strings from here
-        self._em1000_end: int | None = None
+        self._em1000_row = (0, 0)  # position after the last record, and how many are in its row
         self._pending: list[
             tuple[int, ParsedMessage]
         ] = []  # strings with their positions, until the sentences are decided
@@ -74,14 +75,18 @@ class XbusStreamParser(AnyStream):
             self._nmea_at = at + kept
         self._strings_at = at = max(begin, self._strings_at)
         if at < stop:
-            since = None if self._em1000_end is None else at - self._em1000_end
-            found, kept = find_strings(data[at - start : stop - start], final=final, since=since)
+            found, kept = self._find_strings(data[at - start : stop - start], at, final)
             self._pending += [(at + one.offset, one) for one in found]
-            for one in found:
-                if one.name == "EM1000":
-                    self._em1000_end = at + one.offset + one.size
             self._strings_at = at + kept
         self._accept_pending(texts, rejects)
+
+    def _find_strings(self, data: bytes, at: int, final: bool) -> tuple[list[ParsedMessage], int]:
+        """The strings in a stretch at this position of the stream; see binary_strings.py."""
+        end, count = self._em1000_row
+        row = Em1000Row(end - at, count)
+        result = find_strings(data, final=final, row=row)
+        self._em1000_row = row.end + at, row.count
+        return result
 
     def _accept_pending(self, texts: list[Text], rejects: list[RejectedFrame]) -> None:
         """Report the strings before which all sentences are decided, except those that a sentence covers."""

@@ -75,7 +75,9 @@ def inspect_file(
     with _opened(Path(path), reading.protocol, device, direction) as (row, pieces):
         detector = MixedProtocolDetector(row.name)
         counts: Counter[str] = Counter()
-        lines = _counted(_lines(pieces, row, reading.settings(row.name), detector), counts, rejects)
+        unclaimed = UnclaimedBytes()
+        every = unclaimed.watch(_lines(unclaimed.count(pieces), row, reading.settings(row.name), detector))
+        lines = _counted(every, counts, rejects)
         if format == "jsonl":
             for line in lines:
                 out.write(json_text(line, allow_nan=False, default=str) + "\n")
@@ -90,7 +92,49 @@ def inspect_file(
             f"imuscope: {name} also has messages of {' and '.join(others)}; it is listed as {row.title}. "
             "Choose another with --protocol.\n"
         )
+    if notes is not None and counts[""] and unclaimed.total:
+        notes.write(f"imuscope: {name}: {unclaimed.words()}\n")
     _report_rejects(name, row, counts, rejects, notes)
+
+
+class UnclaimedBytes:
+    """Counter of the bytes of a file that belong to no accepted frame and no known message."""
+
+    def __init__(self) -> None:
+        self._size = 0
+        self._claimed = 0
+        self._end = 0  # of the claimed bytes
+        self._first = -1  # position of the first unclaimed byte; -1: none before the end of the claimed ones
+
+    @property
+    def total(self) -> int:
+        """Number of the bytes."""
+        return self._size - self._claimed
+
+    def count(self, pieces: Iterable[TimedPiece]) -> Iterator[TimedPiece]:
+        """Pass on the pieces of the file."""
+        for piece in pieces:
+            self._size += len(piece[0])
+            yield piece
+
+    def watch(self, lines: Iterator[InspectLine]) -> Iterator[InspectLine]:
+        """Pass on the lines of its frames and messages, by offset."""
+        for line in lines:
+            if "reject" not in line:
+                begin, end = int(line["offset"]), int(line["offset"]) + int(line["size"])
+                if begin > self._end and self._first < 0:
+                    self._first = self._end
+                self._claimed += max(end - max(begin, self._end), 0)
+                self._end = max(end, self._end)
+            yield line
+
+    def words(self) -> str:
+        """A sentence."""
+        first = self._first if self._first >= 0 else self._end
+        return (
+            f"{self.total} of {self._size} bytes belong to no accepted frame and no known message, the first at offset "
+            f"{first}."
+        )
 
 
 def _report_rejects(name: str, row: ProtocolInfo, counts: Counter[str], rejects: bool, notes: TextIO | None) -> None:

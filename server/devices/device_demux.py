@@ -21,7 +21,7 @@ from itertools import accumulate
 import numpy as np
 
 from protocols.chunk_boundaries import ChunkBoundaries
-from protocols.events import Decoder, Event, RejectedFrame, Shared, sender_of
+from protocols.events import AccountsForBytes, Decoder, Event, RejectedFrame, Shared, sender_of
 from protocols.framing import Ints
 from server import wire
 from server.devices.device_state import DeviceState, health
@@ -298,6 +298,7 @@ class LinkDecoder:
         self._traits = about
         self._on_events = on_events
         self._fed = False
+        self._skipped = 0
         self._tail = bytearray()
         self._end = 0
         self._boundaries = ChunkBoundaries()
@@ -371,6 +372,10 @@ class LinkDecoder:
         events = self._decoder.drain(stalled=stalled)
         if events:
             self._decode(events)
+        if isinstance(self._decoder, AccountsForBytes):
+            skipped = self._decoder.skipped
+            self._devices.own.stats.unclaimed += skipped - self._skipped
+            self._skipped = skipped
         self._boundaries.forget(self._end - self._decoder.buffered)
 
     def _decode(self, events: Sequence[Event]) -> None:

@@ -127,6 +127,7 @@ def health(
         lost=figures.lost,
         rejects=figures.rejects,
         rejects_by=dict(figures.rejects_by),
+        unclaimed=figures.unclaimed,
         verified=figures.verified,
         unverified=figures.unverified,
         bytes=figures.bytes.total,

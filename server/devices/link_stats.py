@@ -27,6 +27,7 @@ class LinkStatistics:
         self.lost = 0
         self.rejects = 0
         self.rejects_by: Counter[str] = Counter()  # reason → count
+        self.unclaimed = 0  # bytes that belong to no accepted frame and no known message
         self.verified: int | None = None  # samples; None if the protocol does not verify
         self.unverified: int | None = None
         self.left_out = 0  # bytes dropped because they could not be decoded in time

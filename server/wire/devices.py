@@ -89,6 +89,7 @@ class DeviceHealth:
     drift_ppm: float | None  # device clock against host clock
     uncertainty_ms: float | None  # ± of the mapping from device time to host time
     rejects_by: dict[str, int] = field(default_factory=dict)  # reason → how many of `rejects`: "bad_checksum", "no_key"
+    unclaimed: int = 0  # bytes that belong to no accepted frame and no known message; those of rejected frames count
     verified: int | None = None  # samples whose frames passed all checks; null if the protocol has no such check
     unverified: int | None = None  # samples shown although their frames could not be checked
     dropped: int = 0  # samples dropped for this browser

@@ -210,3 +210,16 @@ def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
     assert short.endswith("device_id 0080003A")
     first, *_ = lines_of(tmp_path / "a.bin", DecodeOptions("xbus"))
     assert first["fields"] == {"code": 4}  # from which the frame is made again
+
+
+def test_bytes_that_belong_to_nothing_are_counted_with_the_place_to_look(tmp_path: Path) -> None:
+    """Records that no decoder recognised vanished: no line, no reject, no word."""
+    good = build(0x36, bytes.fromhex("1020020007"))
+    path, notes = tmp_path / "a.bin", io.StringIO()
+    path.write_bytes(good + SENTENCE + b"\x00\x90\x01" + good + b"\x05")
+    inspect_file(path, io.StringIO(), DecodeOptions("xbus"), notes=notes)
+    assert f"4 of {2 * len(good) + 24} bytes belong to no accepted frame" in notes.getvalue()
+    assert f"offset {len(good) + len(SENTENCE)}." in notes.getvalue()
+    path.write_bytes(good + SENTENCE)
+    inspect_file(path, io.StringIO(), DecodeOptions("xbus"), notes=(quiet := io.StringIO()))
+    assert quiet.getvalue() == ""

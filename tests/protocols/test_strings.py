@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.nmea import ParsedMessage
-from protocols.xbus.binary_strings import WINDOW, find
+from protocols.xbus.binary_strings import WINDOW, Em1000Row, find
 from tests.each_row import each_row
 from tests.protocols.nmea_sentences import EM1000, TSS2
 
@@ -50,12 +50,25 @@ def test_em1000_is_accepted_when_two_more_follow() -> None:
 
 
 def test_em1000_continues_a_run() -> None:
-    assert [one.offset for one in find(EM1000 * 5, final=True, since=0)[0]] == [0, 10, 20, 30, 40]
-    assert find(EM1000, final=True, since=WINDOW + 1)[0] == []
+    assert [one.offset for one in find(EM1000 * 5, final=True, row=Em1000Row(0))[0]] == [0, 10, 20, 30, 40]
+    assert find(EM1000, final=True, row=Em1000Row(-WINDOW - 1))[0] == []
+
+
+def test_em1000_is_found_wherever_a_device_may_send_it() -> None:
+    """A cycle longer than 300 bytes, frames, or pauses between the records made them vanish."""
+    others = b"$GPGGA," + b"1" * 70 + b"*00\r\n"
+    apart = (EM1000 + others * 13 + TSS2 + b"\r\n") * 5
+    assert len([one for one in find(apart, final=True)[0] if one.name == "EM1000"]) == 5
+    row = Em1000Row(-WINDOW - 1, 0)
+    found = []
+    for _ in range(5):  # each between two frames, or alone in a second
+        found.append(len(find(EM1000, final=True, row=row)[0]))
+        row.end -= 10 + WINDOW // 2
+    assert found == [0, 0, 1, 1, 1]
 
 
 def test_em1000_among_other_strings() -> None:
-    found, _ = find((EM1000 + TSS2 + b"\r\n" + b"$HCHDM,1.0,M*00\r\n") * 4, final=True, since=0)
+    found, _ = find((EM1000 + TSS2 + b"\r\n" + b"$HCHDM,1.0,M*00\r\n") * 4, final=True, row=Em1000Row(0))
     assert [one.name for one in found] == ["EM1000", "TSS2"] * 4
 
 
@@ -80,15 +93,13 @@ def test_noise_holds_no_strings() -> None:
 def pieces(data: bytes, cuts: list[int]) -> list[tuple[int, str]]:
     found: list[tuple[int, str]] = []
     start = end = 0
-    last: int | None = None
+    row = Em1000Row(-WINDOW - 1, 0)
     for size in [*cuts, len(data)]:
         end = min(end + size, len(data))
-        since = start - last if last is not None else None
-        now, kept = find(data[start:end], final=end == len(data), since=since)
-        for one in now:
-            found.append((one.offset + start, one.name))
-            last = one.offset + start + one.size if one.name == "EM1000" else last
+        now, kept = find(data[start:end], final=end == len(data), row=row)
+        found += [(one.offset + start, one.name) for one in now]
         start += kept
+        row.end -= kept
     return found
 
 
@@ -102,8 +113,9 @@ def test_cutting_changes_nothing(data: bytes, cuts: list[int]) -> None:
     assert pieces(data, cuts) == [(one.offset, one.name) for one in find(data, final=True)[0]]
 
 
-@given(st.binary(max_size=200), st.booleans(), st.none() | st.integers(0, 1000))
+@given(st.binary(max_size=200), st.booleans(), st.none() | st.integers(0, 2000))
 def test_any_bytes_are_survived(data: bytes, final: bool, since: int | None) -> None:
-    found, kept = find(memoryview(data), final=final, since=since)
+    row = Em1000Row(-since) if since is not None else None
+    found, kept = find(memoryview(data), final=final, row=row)
     assert 0 <= kept <= len(data)
     assert all(one.offset + one.size <= kept for one in found)

@@ -334,7 +334,27 @@ def test_messages_that_pass_through_are_counted_by_name() -> None:
         assert counts["nmea HCHDM"] == 20  # one in each chunk of 100 ms
         assert counts["ubx MON-VER"] == 20
         assert stage.health.rejects == 0
+        assert stage.health.unclaimed == 0
         assert stage.info.notices == []
+
+    play(test)
+
+
+def test_bytes_that_no_decoder_claims_are_counted() -> None:
+    """What looks like no frame vanished without a trace."""
+
+    class Port:
+        next_ns = 0
+
+        def __init__(self) -> None:
+            self.device = XbusSimulator()
+
+        def advance(self, now_ns: int) -> bytes:
+            return self.device.advance(now_ns) + b"\x05" * 7
+
+    async def test(stage: FamilyHarness) -> None:
+        await stage.run(Port(), 2)
+        assert stage.health.unclaimed == 20 * 7
 
     play(test)
 

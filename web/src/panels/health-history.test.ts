@@ -10,6 +10,7 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   gaps: 0,
   lost: 0,
   rejects: 0,
+  unclaimed: 0,
   bytes: 0,
   bytes_per_s: 0,
   capacity: null,

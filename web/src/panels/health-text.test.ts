@@ -11,6 +11,7 @@ const health: DeviceHealth = {
   gaps: 3,
   lost: 90,
   rejects: 2,
+  unclaimed: 17,
   bytes: 1e6,
   bytes_per_s: 31242,
   capacity: 92160,
@@ -39,7 +40,9 @@ describe("figuresOf", () => {
     // "Last minute" counts its own losses; those of the session are shown beside it.
     expect(figures.gaps).toEqual({ value: "0", unit: "smp", tone: "" });
     expect(figures.rejects).toEqual({ value: "0", unit: "frames", tone: "" });
-    expect(totals(health)).toBe("Since the session began: 3 gaps, 90 samples lost, 2 frames rejected.");
+    expect(totals(health)).toBe(
+      "Since the session began: 3 gaps, 90 samples lost, 2 frames rejected, 17 bytes in no accepted message.",
+    );
     expect(figures.drift.value).toBe("+12.4");
     expect(figures.age).toEqual({ value: "4", unit: "ms ago", tone: "" });
   });

@@ -71,7 +71,7 @@ function gapWords({ gaps, lost, blind }: Recent): string {
 /** Counter totals, beside the figures of the last minute. */
 export function totals(health: DeviceHealth | undefined): string {
   if (!health) return "";
-  return TEXT.sinceSessionBegan(health.gaps, health.lost, health.rejects);
+  return TEXT.sinceSessionBegan(health.gaps, health.lost, health.rejects, health.unclaimed);
 }
 
 /**

@@ -84,8 +84,8 @@ export const TEXT = {
   // health text
   samplesShort: (lost: Value) => `${lost} smp`,
   framesUnit: (frames: number) => plural(frames, "frame"),
-  sinceSessionBegan: (gaps: number, lost: number, rejects: number) =>
-    `Since the session began: ${count(gaps, "gap")}, ${count(lost, "sample")} lost, ${count(rejects, "frame")} rejected.`,
+  sinceSessionBegan: (gaps: number, lost: number, rejects: number, unclaimed: number) =>
+    `Since the session began: ${count(gaps, "gap")}, ${count(lost, "sample")} lost, ${count(rejects, "frame")} rejected${unclaimed > 0 ? `, ${count(unclaimed, "byte")} in no accepted message` : ""}.`,
   msP99: "ms p99",
   unitAgo: (unit: Value) => `${unit} ago`,
   droppedVerdict: (samples: number) =>

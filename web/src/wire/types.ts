@@ -200,6 +200,8 @@ export interface DeviceHealth {
   readonly uncertainty_ms: number | null;
   /** reason → how many of `rejects`: "bad_checksum", "no_key" */
   readonly rejects_by: Readonly<Record<string, number>>;
+  /** bytes that belong to no accepted frame and no known message; those of rejected frames count */
+  readonly unclaimed: number;
   /** samples whose frames passed all checks; null if the protocol has no such check */
   readonly verified: number | null;
   /** samples shown although their frames could not be checked */
