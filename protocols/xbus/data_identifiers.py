@@ -39,6 +39,7 @@ from protocols.xbus.enums import (
 )
 
 PRECISIONS = (">f4", "fp1220", "fp1632", ">f8")
+PRECISION_NAMES = dict(zip(PRECISIONS, ("Float32", "Fp1220", "Fp1632", "Float64"), strict=True))
 COORDINATES = ("ENU", "NED", "NWU")
 
 XYZ = ("x", "y", "z")
@@ -498,6 +499,13 @@ def item(identifier: int, size: int) -> Field:
             if whole is not None:
                 return whole[0]
     return Field(f"0x{identifier:04X}", "bytes", (size,), id=identifier, doc="Unknown data.")
+
+
+def form_words(one: Field, other: Field) -> str:
+    """In what `one` differs from another form of its quantity: "NED", "Float64"; "" for nothing with a name."""
+    if one.frame != other.frame:
+        return COORDINATES[one.id >> 2 & 3]
+    return PRECISION_NAMES.get(one.dtype, "") if one.dtype != other.dtype else ""
 
 
 def is_known(identifier: int) -> bool:

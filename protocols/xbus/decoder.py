@@ -17,6 +17,12 @@ product code if the stream contains it, else found from the data. A GNSS solutio
 neighbours. Without a fix the clocks of GNSS messages are arbitrary, so these have no device time; nor have satellites
 before the first solution has reported whether there is a fix.
 
+## Several forms of one quantity
+
+A message may hold a quantity in several coordinate systems or number formats, or even twice. The last one has the plain
+name; each earlier one is a quantity of its own, named after what it differs in: Quaternion_ENU, Acceleration_Float64,
+Temperature_2.
+
 ## Loss
 
 PacketCounter counts every MTData2 message of a device, whatever its content; missing numbers are a SampleGap.
@@ -34,6 +40,7 @@ Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -47,7 +54,7 @@ from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, UINT8, Byt
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
 from protocols.stream_parser import StreamDecoder
-from protocols.xbus.data_identifiers import RAW_BLOB, is_known, item
+from protocols.xbus.data_identifiers import RAW_BLOB, form_words, is_known, item
 from protocols.xbus.frames import (
     ABOUT,
     ARRIVALS,
@@ -92,7 +99,7 @@ class DataLayout:
     def __init__(self, payload: bytes) -> None:
         found, size = items(payload)
         self.bad: list[tuple[int, int]] = []  # known identifiers with a wrong size: (offset in the payload, bytes)
-        places: dict[str, Place] = {}
+        listed: list[Place] = []
         blob_open = False
         for identifier, at, length in found:
             field = item(identifier, length)
@@ -100,10 +107,10 @@ class DataLayout:
                 self.bad.append((at - 3, length + 3))
             place: Place = (field, ((at, length),))
             if identifier == RAW_BLOB and blob_open:
-                place = _joined(places[field.name], at, length)
+                place = _joined(listed.pop(), at, length)
             blob_open = identifier == RAW_BLOB and length == 255  # only the item right after it continues it
-            places.pop(field.name, None)  # of a repeated identifier the last one counts
-            places[field.name] = place
+            listed.append(place)
+        places = _named(listed)
         self.layout = Layout(list(places.values()), size)
         fields = tuple(field for field, _ in places.values())
         names = [name for name in reversed(_CLOCKS) if name in places]
@@ -123,6 +130,22 @@ class DataLayout:
     def fits(self, payload: bytes) -> bool:
         """Whether this payload, which has the right length, has the layout."""
         return int.from_bytes(payload, "big") & self._mask == self._mark
+
+
+def _named(places: list[Place]) -> dict[str, Place]:
+    """Places by name, in the order of the wire: the last form of a quantity has its name, each is a channel."""
+    last = {field.name: position for position, (field, _) in enumerate(places)}
+    named: dict[str, Place] = {}
+    counts: Counter[str] = Counter()
+    for position, (field, pieces) in enumerate(places):
+        if position != last[field.name]:
+            form = form_words(field, places[last[field.name]][0])
+            base = f"{field.name}_{form}"
+            counts[base] += 1
+            words = form if form and counts[base] == 1 else f"{form}{counts[base] + (not form)}"
+            field = replace(field, name=f"{field.name}_{words}", title=f"{field.title or field.name} ({words})")
+        named[field.name] = field, pieces
+    return named
 
 
 def _joined(place: Place, at: int, length: int) -> Place:

@@ -41,10 +41,24 @@ def check(protocol: str, case: Case, batches: list[Batch]) -> None:
             values = wanted.get(offset)
             if values is None:
                 continue
-            if protocol == "xbus" and values.keys() != fields.keys():
-                raise BrokenError("columns", f"at {offset} there are {list(fields)}, the oracle has {list(values)}")
+            if protocol == "xbus":
+                values = _by_column(values, list(fields), offset)
             for name, numbers in values.items():
                 _compare(batch, fields, i, name, numbers)
+
+
+def _by_column(values: Values, columns: list[str], offset: int) -> Values:
+    """The items of an MTData2 by the names of their columns: the last of a name has it, the others have more."""
+    found = list(values.values())
+    names = [str(value[0]) for value in found]
+    later = [name in names[place + 1 :] for place, name in enumerate(names)]
+    fits = [
+        column.startswith(name + "_") if again else column == name
+        for column, name, again in zip(columns, names, later, strict=False)
+    ]
+    if len(columns) != len(found) or not all(fits):
+        raise BrokenError("columns", f"at {offset} there are {columns}, the oracle has {names}")
+    return {column: value[1:] for column, value in zip(columns, found, strict=True)}
 
 
 def _compare(batch: Batch, fields: dict[str, Field], i: int, name: str, numbers: list[Any]) -> None:
@@ -85,7 +99,8 @@ def _compare(batch: Batch, fields: dict[str, Field], i: int, name: str, numbers:
 def _xbus(case: Case) -> Iterator[tuple[int, Values]]:
     for frame in xbus_oracle.scan(case.data, final=True).frames:
         if frame.mid == 0x36:
-            yield frame.offset, xbus_oracle.mtdata2(frame.payload)[0]
+            every, _ = xbus_oracle.mtdata2_items(frame.payload)
+            yield frame.offset, {str(place): [name, *content] for place, (name, content) in enumerate(every)}
 
 
 def _isb(case: Case) -> Iterator[tuple[int, Values]]:

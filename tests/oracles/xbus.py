@@ -180,7 +180,17 @@ def _real(precision: int, raw: bytes) -> float:
 
 def mtdata2(payload: bytes) -> tuple[dict[str, list[Any]], int]:
     """Items by name, the last of a name counting, chained blobs joined; and how many bytes were good."""
+    every, good = mtdata2_items(payload)
     values: dict[str, list[Any]] = {}
+    for name, content in every:
+        values.pop(name, None)
+        values[name] = content
+    return values, good
+
+
+def mtdata2_items(payload: bytes) -> tuple[list[tuple[str, list[Any]]], int]:
+    """All items, chained blobs joined; and how many bytes were good."""
+    values: list[tuple[str, list[Any]]] = []
     at = 0
     blob_goes_on = False
     while at + 3 <= len(payload) and at + 3 + payload[at + 2] <= len(payload):
@@ -189,10 +199,9 @@ def mtdata2(payload: bytes) -> tuple[dict[str, list[Any]], int]:
         known = numbers(identifier, value)
         name, content = known if known else (f"0x{identifier:04X}", list(value))
         if identifier == 0xA080 and blob_goes_on:
-            content = values[name] + content
+            content = values.pop()[1] + content
         blob_goes_on = identifier == 0xA080 and len(value) == 255
-        values.pop(name, None)
-        values[name] = content
+        values.append((name, content))
         at += 3 + len(value)
     return values, at
 

@@ -302,3 +302,30 @@ def test_two_devices_on_one_line_are_two(chunk: int) -> None:
         assert numbers.tolist() == list(range(begin, begin + 500))
         times = np.concatenate([batch.time_ns for batch in mine if batch.time_ns is not None])
         assert set(np.diff(times)) == {10_000_000}
+
+
+def test_two_forms_of_one_quantity_are_two_columns() -> None:
+    """Of a quantity in two coordinate systems, two number formats, or twice, only the last survived."""
+
+    def real(identifier: int, form: str, *numbers: float) -> bytes:
+        value = struct.pack(f">{len(numbers)}{form}", *numbers)
+        return identifier.to_bytes(2, "big") + bytes([len(value)]) + value
+
+    payload = real(0x2010, "f", 1, 0, 0, 0) + real(0x4020, "f", 1, 2, 3) + real(0x2014, "f", 0, 1, 0, 0)
+    payload += real(0x4023, "d", 1.5, 2.5, 3.5) + real(0x0810, "f", 1) + real(0x0810, "f", 2) + real(0x0810, "f", 3)
+    decoder = XbusDecoder()
+    decoder.feed(build(0x36, payload) * 2, 0)
+    [batch] = [event for event in decoder.drain() if isinstance(event, Batch)]
+    assert {name: np.ravel(batch.columns[name][1]).tolist() for name in batch.columns} == {
+        "Quaternion_ENU": [1, 0, 0, 0],
+        "Acceleration_Float32": [1, 2, 3],
+        "Quaternion": [0, 1, 0, 0],
+        "Acceleration": [1.5, 2.5, 3.5],
+        "Temperature_2": [1],
+        "Temperature_3": [2],
+        "Temperature": [3],
+    }
+    assert [field.frame for field in batch.message.fields if "Quaternion" in field.name] == [
+        "ENU from body",
+        "NED from body",
+    ]
