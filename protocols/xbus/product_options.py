@@ -59,7 +59,21 @@ SYNC_ON: Mapping[int, frozenset[int]] = {  # table 11
     START_SAMPLING: _OLD,
     PULSE: GNSS,
 }
-_LINES_OUT, _LINES_IN = (4, 7, 8), (0, 1, 2, 5, 9)  # table 12; In3 of the MTi-680G has the pulse of its own receiver
+_LINES_OUT = (4, 7, 8, 10)  # table 12; In3 of the MTi-680G has its receiver's own pulse
+_SYNC_OUT_LINES = (4, 7)
+PULSE_LINES: Mapping[int, tuple[int, ...]] = {  # table 12 with its notes 1, 5 and 6
+    7: (8,),
+    710: (4,),
+    670: (2, 9, 7),
+    680: (10, 7),
+}
+LINE_NOTES: tuple[tuple[frozenset[int], str], ...] = (  # table 12, notes 2 to 6
+    (CLASSIC, "ClockIn is inverted: choose the opposite polarity there."),
+    (frozenset({7}), "An external reference clock for ClockBiasEstimation is connected to In1."),
+    (SIX, "Reference clocks and external time pulses are connected to In1 or In2."),
+    (frozenset({670}), "Gnss1Pps on In1 or In2 enables the time pulse."),
+    (RTK, "Gnss1Pps is always enabled on In3."),
+)
 MAX_ICC = 3  # table 36; further commands are from the vendor's own software
 LONGEST_PERIOD = 1152  # 10 ms; a longer one is made from it and a skip factor (5.3.5)
 SOFTWARE = 6
@@ -82,9 +96,12 @@ def lines_of(model: Model) -> tuple[int, ...]:
     return own.get(model.number, (2, 0, 4, SOFTWARE))
 
 
-def is_wired(function: int, line: int) -> bool:
+def is_wired(function: int, line: int, model: Model | None = None) -> bool:
     """Whether the line has the direction required by the function."""
-    return line not in (_LINES_IN if function in SYNC_OUT else _LINES_OUT)
+    if function == PULSE:
+        lines = PULSE_LINES.get(model.number, ()) if model else {one for some in PULSE_LINES.values() for one in some}
+        return line in lines
+    return line in _SYNC_OUT_LINES if function in SYNC_OUT else line not in _LINES_OUT
 
 
 def functions_of(model: Model) -> tuple[int, ...]:
@@ -145,7 +162,8 @@ def _sync(part: Field, model: Model | None) -> Field:
         functions = functions_of(model) if model else tuple(SYNC_ON)
         return replace(part, choices={n: SYNC_FUNCTIONS[n] for n in functions}, default=SEND_LATEST)
     if part.name == "line" and model is not None:
-        return replace(part, choices={n: SYNC_LINES[n] for n in lines_of(model)}, default=2)
+        doc = " ".join([part.doc, *(note for products, note in LINE_NOTES if model.number in products)])
+        return replace(part, choices={n: SYNC_LINES[n] for n in lines_of(model)}, default=2, doc=doc)
     return part
 
 
@@ -169,7 +187,7 @@ def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None
         yield from _of_outputs(values["outputs"], model)
     elif message == "SetSyncSettings":
         for place, entry in enumerate(values["settings"]):
-            yield from _of_sync(entry, f"settings.{place}")
+            yield from _of_sync(entry, f"settings.{place}", model)
     elif message == "SetAlignmentRotation":
         norm = math.hypot(*(values[name] for name in ("q0", "q1", "q2", "q3")))
         if not abs(norm - 1) <= 0.01:
@@ -217,7 +235,7 @@ def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterat
         seen.add(identifier)
 
 
-def _of_sync(entry: Mapping[str, Any], path: str) -> Iterator[ValueProblem]:
+def _of_sync(entry: Mapping[str, Any], path: str, model: Model | None) -> Iterator[ValueProblem]:
     function, line, delay = entry["function"], entry["line"], entry["delay_offset_or_clock_period"]
     if not entry["polarity"]:
         return  # disabled
@@ -225,8 +243,10 @@ def _of_sync(entry: Mapping[str, Any], path: str) -> Iterator[ValueProblem]:
         yield ValueProblem(
             f"{path}.line", f"line 6 (Software) goes with SendLatest (8) only, given function {function}"
         )
-    if not is_wired(function, line):
+    if not is_wired(function, line, model):
         way = "an output" if function in SYNC_OUT else "an input"
+        if function == PULSE and model is not None and model.number in PULSE_LINES:
+            way = " or ".join(f"line {one} ({SYNC_LINES[one]})" for one in PULSE_LINES[model.number])
         yield ValueProblem(
             f"{path}.line", f"{SYNC_FUNCTIONS[function]} goes with {way}, given line {line} ({SYNC_LINES[line]})"
         )

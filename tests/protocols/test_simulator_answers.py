@@ -13,9 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.xbus import frames
+from protocols.xbus.enums import SYNC_FUNCTIONS, SYNC_LINES
+from protocols.xbus.product_options import functions_of, lines_of, problems_beyond
+from protocols.xbus.products import MODELS, model_of
 from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.faults import FaultInjection
 from protocols.xbus.simulator.settings import SETTINGS
+from protocols.xbus.simulator.sync_lines import accepts
 from tests.each_row import each_row
 from tests.protocols.decoding import column
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run
@@ -176,6 +180,36 @@ def test_a_sync_line_accepts_functions_of_its_direction_only() -> None:
     entry = bytes([3, 7, 1, 0]) + bytes(8)
     assert ask(in_config("MTi-630"), 0x2C, entry) == (0x42, b"\x21")
     assert ask(in_config("MTi-630"), 0x2C, bytes([4, 7]) + entry[2:]) == (0x2D, b"")
+
+
+@each_row(
+    ("product", "lines"),
+    [("MTi-7", {8}), ("MTi-G-710", {4}), ("MTi-670", {2, 7, 9}), ("MTi-680G", {7, 10}), ("MTi-630", set())],
+)
+def test_the_pulse_of_the_receiver_goes_to_the_lines_of_the_product(product: str, lines: set[int]) -> None:
+    """Note 5 of table 12: on the MTi-670 it is enabled on In1 or In2, which was refused."""
+    model = model_of(product)
+    assert model is not None
+    for line in SYNC_LINES:
+        entry = bytes([14, line, 1, 0]) + bytes(8)
+        answer, _ = ask(in_config(product), 0x2C, entry)
+        assert (answer == 0x2D) == (line in lines), line
+        values = {"function": 14, "line": line, "polarity": 1, "trigger_once": 0, "skip_first": 0, "skip_factor": 0}
+        values |= {"pulse_width": 0, "delay_offset_or_clock_period": 0}
+        problems = list(problems_beyond("SetSyncSettings", {"settings": [values]}, model))
+        assert (not problems and line in lines_of(model)) == (line in lines), line
+
+
+@each_row("number", list(MODELS))
+def test_simulator_and_form_agree_on_sync_lines(number: int) -> None:
+    """Both are transcribed from the document, each for itself."""
+    model = MODELS[number]
+    for function in SYNC_FUNCTIONS:
+        for line in SYNC_LINES:
+            values = {"function": function, "line": line, "polarity": 1, "delay_offset_or_clock_period": 0}
+            offered = function in functions_of(model) and line in lines_of(model)
+            fits = offered and not list(problems_beyond("SetSyncSettings", {"settings": [values]}, model))
+            assert accepts(model, function, line) == fits, (model.name, function, line)
 
 
 def test_an_initial_heading_is_set_and_never_read() -> None:

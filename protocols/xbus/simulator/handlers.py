@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from protocols.simulator import trajectory
-from protocols.xbus.enums import CLOCK_BIAS, SYNC_OUT
-from protocols.xbus.product_options import SOFTWARE, functions_of, is_wired, lines_of
+from protocols.xbus.enums import CLOCK_BIAS
 from protocols.xbus.products import ALL, FILTER, RTK
 from protocols.xbus.simulator.settings import (
     ALIGNMENT,
@@ -30,6 +29,7 @@ from protocols.xbus.simulator.settings import (
     SYNC,
     RequestRefusedError,
 )
+from protocols.xbus.simulator.sync_lines import SOFTWARE, accepts, is_sync_out
 
 if TYPE_CHECKING:
     from protocols.xbus.simulator.device import XbusSimulator
@@ -169,13 +169,11 @@ def _is_sync(device: XbusSimulator, entry: bytes) -> bool:
     """Whether the product has this function and line, and the delay suits the function."""
     function, line, polarity, once = entry[:4]
     delay = int.from_bytes(entry[10:12], "big")
-    if function in SYNC_OUT:
+    if is_sync_out(function):
         fits = delay <= MAX_OFFSET or delay >= 65_536 - MAX_OFFSET
     else:
         fits = delay <= MAX_DELAY or function == CLOCK_BIAS
-    model = device.product.model
-    has = function in functions_of(model) and line in lines_of(model) and is_wired(function, line)
-    return fits and has and polarity <= 3 and once <= 1
+    return fits and accepts(device.product.model, function, line) and polarity <= 3 and once <= 1
 
 
 def alignment(device: XbusSimulator, payload: bytes, now: int) -> bytes:
@@ -197,7 +195,7 @@ def filter_profiles(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Five rows of type, version and a label of 20 characters; rows not used are of type 0."""
     _empty(payload)
     rows = [struct.pack("BB", number, 1) + label.encode().ljust(20) for number, label in device.product.profiles[:5]]
-    return b"".join(rows).ljust(5 * 22, b"\0")
+    return b"".join(rows + [bytes(2) + b" " * 20] * (5 - len(rows)))
 
 
 # -- actions -----------------------------------------------------------------------------------------------------------
