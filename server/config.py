@@ -127,6 +127,7 @@ class Config:
         rollback_s: time to confirm settings that could have cut the link, before they are rolled back.
         history_s, memory_mb: limits of the sample history, whichever is reached first.
         bytes_mb: of memory_mb, for the bytes of live links (server/devices/byte_memory.py); at most a quarter of it.
+        analysis_s, analysis_mb: longest time and most memory of an analysis over HTTP (server/analysis/limits.py).
         view_token, control_token: "" to generate one when it is needed.
         tls: serve https with a self-signed certificate; tls_cert, tls_key: PEM files of another certificate.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
@@ -167,6 +168,8 @@ class Config:
     history_s: float = 600.0
     memory_mb: int = 256
     bytes_mb: int = 64
+    analysis_s: float = 60.0
+    analysis_mb: int = 1024
     view_token: str = field(default="", repr=False)
     control_token: str = field(default="", repr=False)
     tls: bool = False
@@ -281,6 +284,11 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
     "split_min": (lambda age: age == 0 or 0.01 <= age <= 1e6, "is neither 0 (no limit) nor 0.01 … 1 000 000 min"),
     "memory_mb": (lambda size: 1 <= size <= MAX_MEMORY_MB, f"is outside 1 … {MAX_MEMORY_MB} MB"),
     "bytes_mb": (lambda size: 0 <= size <= MAX_MEMORY_MB, f"is outside 0 … {MAX_MEMORY_MB} MB"),
+    "analysis_s": (lambda seconds: 1 <= seconds <= 86_400, "is outside 1 … 86 400 s"),
+    "analysis_mb": (
+        lambda size: MIN_QUERY_MB <= size <= MAX_QUERY_MB,
+        f"is outside {MIN_QUERY_MB} … {MAX_QUERY_MB} MB",
+    ),
     "upload_gb": (lambda size: 0 < size <= 1e6, "is outside 0 … 1 000 000"),
     "view_token": (_is_token, _TOKEN),
     "control_token": (_is_token, _TOKEN),

@@ -16,6 +16,8 @@ from recordings.library import Library
 from server import shutdown
 from server.alarms.service import AlarmService
 from server.analysis.derived_channels import DerivedChannels
+from server.analysis.limits import AnalysisLimits
+from server.analysis.service import AnalysisService
 from server.analysis.signal_definitions import SignalDefinitions
 from server.auth import Access
 from server.calibration.session import CalibrationSessions
@@ -89,6 +91,7 @@ class Services:
     shares: PortShares
     catalogue: Catalogue
     columns: ColumnCache
+    analyses: AnalysisService
     derived: DerivedChannels
     calibrations: CalibrationSessions
     recorder: Recorder
@@ -158,6 +161,7 @@ class Services:
                 "an export": self.exports.close(),
                 "an upload": self.uploads.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
+                "an analysis": self.analyses.close(),
                 "the alarms": self.alarms.close(),
                 "viser": self.viser.close(),
                 "Rerun": self.rerun.close(),
@@ -233,6 +237,7 @@ def build_services(
         shares=shares,
         catalogue=catalogue,
         columns=columns,
+        analyses=AnalysisService(AnalysisLimits(config.analysis_mb, config.analysis_s)),
         derived=DerivedChannels(bus, telemetry.store, signals),
         calibrations=CalibrationSessions(bus, telemetry.store),
         recorder=recorder,

@@ -37,11 +37,14 @@ class Worker:
         self.pid = process.pid
 
     @classmethod
-    async def start(cls, module: str, *arguments: str, capture_stderr: bool = False) -> Self:
+    async def start(
+        cls, module: str, *arguments: str, capture_stderr: bool = False, control: int | None = None
+    ) -> Self:
         """Start `python -m module ARGUMENTS`.
 
         Args:
             capture_stderr: whether standard error is read through `errors`.
+            control: descriptor of a socket that becomes its standard input; it takes no request.
 
         Raises:
             OSError: the process cannot be created.
@@ -49,7 +52,7 @@ class Worker:
         process = await cls.create_process(
             *(sys.executable, "-m", module, *arguments),
             cwd=ROOT,
-            stdin=asyncio.subprocess.DEVNULL if arguments else asyncio.subprocess.PIPE,
+            stdin=_standard_input(arguments, control),
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE if capture_stderr else None,
             limit=MAX_LINE,
@@ -125,3 +128,9 @@ class Worker:
             if self.is_running:
                 self._process.kill()
         await self._process.wait()
+
+
+def _standard_input(arguments: tuple[str, ...], control: int | None) -> int:
+    if control is not None:
+        return control
+    return asyncio.subprocess.DEVNULL if arguments else asyncio.subprocess.PIPE

@@ -121,7 +121,7 @@ async def _forked(
             theirs.append(written if is_read else read)
         else:
             ours.append(-1)
-            theirs.append(os.dup(2) if is_read else os.open(os.devnull, os.O_RDONLY))
+            theirs.append(os.dup(2) if is_read else os.dup(stdin) if stdin >= 0 else os.open(os.devnull, os.O_RDONLY))
     starting = asyncio.ensure_future(asyncio.to_thread(nursery.start, words, *theirs, module=module))
     try:
         child = await asyncio.shield(starting)

@@ -8,7 +8,7 @@ LEARNT = (
 )
 WORKERS = (
     *("server.decode_worker", "server.library.export_worker", "server.library.export_sizes", "server.evidence.worker"),
-    *("server.fleet.query_worker", "server.fleet.upload_worker"),
+    *("server.fleet.query_worker", "server.fleet.upload_worker", "server.analysis_worker"),
 )
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
 recordings.compaction, which imports little and may have little memory.

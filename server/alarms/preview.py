@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from server.alarms.figures import HealthJudge
 from server.alarms.instance import RaisedInterval, compiled, timing_of
 from server.alarms.machine import AlarmMachine, AlarmTransition
 from server.analysis.channel_rates import RATE_SAMPLES
+from server.analysis.jobs import Content, json_content, opened_store
 from server.analysis.live_expression import usual_rate
 from server.errors import DomainError
 from server.streaming.channel_store import ChannelStore
@@ -49,6 +51,34 @@ class AlarmPreview:
     unit: str
     seconds: float
     intervals: list[RaisedInterval] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class LivePreviewJob:
+    """A preview over samples of a live device; `rates`: as for `judge_of`."""
+
+    definition: AlarmDefinition
+    infos: Sequence[ChannelInfo]
+    rates: Mapping[int, float]
+    rows: Rows
+
+    def content(self) -> Content:
+        """The preview."""
+        judge = judge_of(self.definition, self.infos, self.rates)
+        return json_content(asdict(preview_of(self.definition, judge, [self.rows])))
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedPreviewJob:
+    """A preview over a recording, by the folder of its columns."""
+
+    definition: AlarmDefinition
+    infos: Sequence[ChannelInfo]
+    folder: Path
+
+    def content(self) -> Content:
+        """The preview."""
+        return json_content(asdict(recorded_preview(self.definition, opened_store(self.folder), self.infos)))
 
 
 def judge_of(definition: AlarmDefinition, infos: Sequence[ChannelInfo], rates: Mapping[int, float]) -> SampleCondition:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -21,15 +21,37 @@ MAX_ORDER = 8
 MAX_RESAMPLED = 50_000_000
 
 
+@dataclass(slots=True)
+class SampleBudget:
+    """Samples that `resample` may make in all expressions of one request; `left`: of these."""
+
+    left: int = MAX_RESAMPLED
+
+    def spend(self, count: int, node: Node) -> None:
+        """Take some of them.
+
+        Raises:
+            ExpressionError: there are not as many left.
+        """
+        if count > self.left:
+            used = MAX_RESAMPLED - self.left
+            before = f", after {spaced(used)} of the request before it" if used else ""
+            hint = f"At most {spaced(MAX_RESAMPLED)} in one request; choose a lower rate or a shorter range."
+            raise ExpressionError(f"{spaced(count)} samples{before} are too many.", *_place(node), hint)
+        self.left -= count
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """Circumstances of an evaluation.
 
     Attributes:
         zero_phase: filters and moving windows may look ahead, as on recordings; else they use the past only.
+        budget: of the request that the expression belongs to; None: one for each use of `resample`.
     """
 
     zero_phase: bool
+    budget: SampleBudget | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +80,11 @@ class Function:
         if not self.least <= len(arguments) <= self.most:
             raise ExpressionError(f"{node.name} does not take {len(arguments)} arguments.", *_place(node), self.form)
         return self.run(arguments, node, context)
+
+
+def spaced(count: int) -> str:
+    """A count in words: 50 000 000."""
+    return f"{count:,}".replace(",", " ")
 
 
 def _place(node: Node) -> tuple[int, int]:
@@ -326,8 +353,7 @@ def _resample(arguments: list[Quantity], node: Call, context: Context) -> Quanti
     if not len(x.time):
         return x
     count = math.floor((x.time[-1] - x.time[0]) * rate + 1e-9) + 1
-    if count > MAX_RESAMPLED:
-        raise ExpressionError(f"{count} samples would be too many.", *_place(node), f"At most {MAX_RESAMPLED}.")
+    (context.budget or SampleBudget()).spend(count * len(x.parts), node)
     axis = x.time[0] + np.arange(count) / rate
     steps = np.diff(x.time, append=x.time[-1])
     before = np.searchsorted(x.time, axis, "right") - 1

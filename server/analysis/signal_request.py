@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from server.analysis.data_sheet import Product, data_sheet_of, unknown_product
-from server.analysis.expression_functions import Context
+from server.analysis.expression_functions import Context, SampleBudget
 from server.analysis.expression_syntax import ExpressionError, Name, Node, parse
 from server.analysis.expressions import evaluate, names_in, notes_of
 from server.analysis.quantities import Quantity
@@ -124,6 +124,7 @@ def requested_signals(
         DomainError: "not-found", "which-device" or "bad-expression".
     """
     known = list(infos)
+    context = Context(zero_phase, SampleBudget())
     found: list[SignalColumn | ExpressionSignal] = []
     for word in words:
         try:
@@ -139,7 +140,7 @@ def requested_signals(
         except DomainError:
             if not _may_be_expression(word, [*known, *others]):
                 raise
-            found.append(expression_over(known, word, Context(zero_phase), device, others))
+            found.append(expression_over(known, word, context, device, others))
     return found
 
 

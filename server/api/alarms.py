@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from server.alarms.along_time import notes_on
 from server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from server.alarms.instance import AlarmState
-from server.alarms.preview import AlarmPreview, judge_of, preview_of, recorded_preview, rows_in_memory
+from server.alarms.preview import AlarmPreview, LivePreviewJob, RecordedPreviewJob, judge_of, rows_in_memory
 from server.alarms.service import AlarmService
 from server.alarms.webhooks import shown_url
 from server.analysis.channel_rates import ChannelRates
 from server.analysis.expression_syntax import ExpressionError
-from server.api.analysis import recording_of
+from server.api.analysis import recording_of, response_of
 from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.errors import DomainError
@@ -99,22 +98,33 @@ async def check_alarm(body: AlarmDefinition, alarms: TheAlarms) -> AlarmCheck:
         return AlarmCheck(valid=False, message=error.message, hint=error.hint)
 
 
-@router.post("/preview", responses=responses(404, 422))
-async def preview_alarm(body: AlarmPreviewRequest, services: TheServices) -> AlarmPreview:
+@router.post("/preview", response_model=None, responses={200: {"model": AlarmPreview}, **responses(404, 409, 422)})
+async def preview_alarm(body: AlarmPreviewRequest, request: Request, services: TheServices) -> Response:
     """Preview how often an alarm would have been raised, live in the last minutes or in a whole recording.
 
-    The filter for devices does not count, and a latched alarm counts each time.
+    The filter for devices does not count, and a latched alarm counts each time. It ends with the connection.
     """
     store = services.telemetry.store
-    if own := store.of_device(body.source):
-        judge = judge_of(body.definition, list(own.values()), ChannelRates(store))
-        rows = rows_in_memory(store, judge.channels, body.seconds)
-        return await asyncio.to_thread(preview_of, body.definition, judge, [rows])
+    own = list(store.of_device(body.source).values())
+    if own:
+        rates = ChannelRates(store)
+        channels = judge_of(body.definition, own, rates).channels
+        known = {number: rates[number] for number in channels if number in rates}
+
+        async def live() -> LivePreviewJob:
+            present = [number for number in channels if store.get(number) is not None]
+            return LivePreviewJob(body.definition, own, known, rows_in_memory(store, present, body.seconds))
+
+        return await response_of(live, request, services)
     columns = await recording_of(body.source, services)
     infos = list(channels_of(columns).values())
     device = body.device or next((info.device for info in infos), "")
     chosen = [info for info in infos if info.device == device]
-    return await asyncio.to_thread(recorded_preview, body.definition, columns, chosen)
+
+    async def recorded() -> RecordedPreviewJob:
+        return RecordedPreviewJob(body.definition, chosen, columns.folder)
+
+    return await response_of(recorded, request, services)
 
 
 @router.get("/{alarm}", responses=responses(404, 422))

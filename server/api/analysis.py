@@ -4,25 +4,34 @@ from __future__ import annotations
 
 import asyncio
 import math
-from itertools import chain
+from collections.abc import Awaitable, Callable
 from typing import Any
 
-import numpy as np
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from protocols.plural import counted
 from protocols.sensor_properties import SensorProperties
 from recordings.column_store import Base, ColumnStore
 from recordings.mcap_writer import RecordingError
 from server.analysis.data_sheet import Product
-from server.analysis.pairs import Pairing, paired, shortened, thinned
-from server.analysis.registry import AnalysisOption, FiguresOfSignal, analyses, analysis_named
-from server.analysis.report import arrow_of, figures_of, in_parallel
-from server.analysis.signal_request import ExpressionSignal, requested_signals
-from server.analysis.signals import ReadSamples, Signal, SignalColumn, live_samples, recorded_samples
-from server.api.dependencies import TheServices
+from server.analysis.jobs import (
+    ARROW,
+    AnalysisJob,
+    FiguresJob,
+    PairsJob,
+    PairsSide,
+    RecordedSource,
+    Requested,
+    SampleSource,
+    copied,
+    read_columns,
+)
+from server.analysis.pairs import Pairing
+from server.analysis.registry import AnalysisOption, analyses, analysis_named
+from server.analysis.signal_request import requested_signals
+from server.analysis.signals import live_samples
+from server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from server.api.errors import bytes_of, responses
 from server.devices.protocol_set import sensors_of
 from server.errors import DomainError
@@ -33,9 +42,8 @@ router = APIRouter(prefix="/api/analysis", tags=["analysis"])
 
 MAX_SIGNALS = 64
 MAX_TIME = 9e9  # unix s
-TEXT = "text/plain; charset=utf-8"
-ARROW = "application/vnd.apache.arrow.stream"
 AHEAD_S = 60.0  # the device's clock may be ahead of this host's
+GetSource = Callable[[], Awaitable[SampleSource]]
 
 
 class OptionInfo(BaseModel):
@@ -134,8 +142,9 @@ class PairsInfo(BaseModel):
 
 
 @router.get("")
-async def list_analyses() -> list[AnalysisInfo]:
+async def list_analyses(services: TheServices) -> list[AnalysisInfo]:
     """Analyses with their options."""
+    services.analyses.prepare()
     return [
         AnalysisInfo(
             name=one.name,
@@ -161,8 +170,8 @@ def _option(option: AnalysisOption) -> OptionInfo:
     )
 
 
-@router.post("/pairs", responses=responses(404, 422))
-async def pairs(body: PairsRequest, services: TheServices) -> PairsInfo:
+@router.post("/pairs", response_model=None, responses={200: {"model": PairsInfo}, **responses(404, 409, 422)})
+async def pairs(body: PairsRequest, request: Request, services: TheServices) -> Response:
     """Pairs of two signals at the same moments, for a plot of one over the other."""
     asked = [
         AnalysisRequest.model_validate(
@@ -170,75 +179,48 @@ async def pairs(body: PairsRequest, services: TheServices) -> PairsInfo:
         )
         for one in (body.x, body.y)
     ]
-    (x, read_x), (y, read_y) = [await requested_of(one, services) for one in asked]
+    (x, from_x), (y, from_y) = [await requested_of(one, services) for one in asked]
 
-    def work() -> PairsInfo:
-        own_x, own_y = _part(x, read_x, body.x.part), _part(y, read_y, body.y.part)
-        whole = paired(own_x, own_y, body.pairing)
-        few = thinned(whole, body.points)
-        t0 = float(few.time[0]) if len(few.time) else 0.0
-        return PairsInfo(
-            n=len(whole.time),
-            t0=t0,
-            time=np.round(few.time - t0, 6).tolist(),
-            x=shortened(few.x),
-            y=shortened(few.y),
-            starts=np.flatnonzero(few.starts).tolist(),
-            x_unit=own_x.unit,
-            y_unit=own_y.unit,
-            leader=few.leader,
-        )
+    async def job() -> PairsJob:
+        sides = (PairsSide(x, await from_x(), body.x.part), PairsSide(y, await from_y(), body.y.part))
+        return PairsJob(*sides, body.pairing, body.points)
 
-    return await asyncio.to_thread(work)
-
-
-def _part(requested: list[SignalColumn | ExpressionSignal], read: ReadSamples, part: int) -> Signal:
-    """That one of the requested signals."""
-    found = list(chain.from_iterable(one.signals(read) for one in requested))
-    if part >= len(found):
-        hint = f"Give a part from 0 to {len(found) - 1}."
-        raise DomainError("bad-value", f"part {part} is not allowed: it names {counted(len(found), 'signal')}.", hint)
-    return found[part]
+    return await response_of(job, request, services)
 
 
 @router.post(
     "/{name}",
     response_model=None,
-    responses={200: {"model": list[SignalFigures], **bytes_of(ARROW)[200]}, **responses(404, 422)},
+    responses={200: {"model": list[SignalFigures], **bytes_of(ARROW)[200]}, **responses(404, 409, 422)},
 )
-async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Response | list[SignalFigures]:
-    """Analyse signals of a recording, or of a live device as far as memory holds them."""
+async def analyse(name: str, body: AnalysisRequest, request: Request, services: TheServices) -> Response:
+    """Analyse signals of a recording, or of a live device as far as memory holds them.
+
+    It ends with the connection: whoever closes it cancels the analysis.
+    """
     analysis = analysis_named(name)
     if body.format not in ("json", "arrow", *analysis.formats):
         known = ", ".join(("json", "arrow", *analysis.formats))
         raise DomainError("bad-value", f"format {body.format!r} is not allowed.", f"Give one of: {known}.")
     settings = analysis.settings(body.options)
-    requested, read = await requested_of(body, services)
+    requested, source = await requested_of(body, services)
 
-    def work(one: SignalColumn | ExpressionSignal) -> list[SignalFigures]:
-        found = []
-        for signal in one.signals(read):
-            figures, units = figures_of(analysis, signal, settings)
-            found.append(SignalFigures(signal=signal.name, device=one.device, units=units, figures=figures))
-            own_units[signal.name] = signal.unit
-        return found
+    async def job() -> FiguresJob:
+        return FiguresJob(name, settings, body.format, requested, await source())
 
-    own_units: dict[str, str] = {}
-
-    found = list(chain(*await asyncio.to_thread(in_parallel, work, requested)))
-    if body.format == "json":
-        return found
-    if body.format != "arrow":
-        signals = [FiguresOfSignal(one.signal, own_units[one.signal], one.figures) for one in found]
-        return Response(analysis.text(body.format, signals), media_type=TEXT)
-    table = await asyncio.to_thread(arrow_of, [one.model_dump() for one in found])
-    return Response(table, media_type=ARROW, headers={"cache-control": "no-store"})
+    return await response_of(job, request, services)
 
 
-async def requested_of(
-    body: AnalysisRequest, services: Services
-) -> tuple[list[SignalColumn | ExpressionSignal], ReadSamples]:
-    """The signals of a request, and what reads the samples of a column in a thread."""
+async def response_of(job: Callable[[], Awaitable[AnalysisJob]], request: Request, services: Services) -> Response:
+    """The response of a job, which is cancelled when the client leaves."""
+    found = await while_connected(request, services.analyses.content(user_of(request), job))
+    if found is None:
+        return Response(status_code=CLIENT_GONE)
+    return Response(found.body, headers={"cache-control": "no-store", "content-type": found.media})
+
+
+async def requested_of(body: AnalysisRequest, services: Services) -> tuple[Requested, GetSource]:
+    """Signals of a request, and a function that gives the source of their samples when its turn has come."""
     telemetry = services.telemetry
     own = telemetry.store.of_device(body.source)
     if own:
@@ -247,15 +229,23 @@ async def requested_of(
         requested = requested_signals(
             own.values(), body.signals, zero_phase=False, product=_products(services), others=others
         )
-        columns = [column for one in requested for column in one.columns]
-        columns += [one.temperature for one in columns if one.temperature is not None]
-        return requested, live_samples(telemetry.store, columns, t0, t1, body.base)
+
+        async def copy() -> SampleSource:
+            columns = [one for one in read_columns(requested) if telemetry.store.get(one.info.id) is not None]
+            read = live_samples(telemetry.store, columns, t0, t1, body.base)
+            return await asyncio.to_thread(copied, read, columns)
+
+        return requested, copy
     store = await recording_of(body.source, services)
     t0, t1 = time_range(body.t0, body.t1, MAX_TIME)
     requested = requested_signals(
         channels_of(store).values(), body.signals, zero_phase=True, product=products_of(store), device=body.device
     )
-    return requested, lambda column: recorded_samples(store, column, t0, t1, body.base)
+
+    async def place() -> SampleSource:
+        return RecordedSource(store.folder, t0, t1, body.base)
+
+    return requested, place
 
 
 def _products(services: Services) -> Product:

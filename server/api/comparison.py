@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from protocols.transactions import DeviceContext
 from recordings.column_store import Base
 from recordings.mcap_writer import RecordingError
-from server.analysis.two_sides import Alignment, ComparisonAnswer, ComparisonOptions, ComparisonSide, compared
-from server.api.analysis import MAX_SIGNALS, AnalysisRequest, requested_of
+from server.analysis.jobs import ComparisonJob, Requested
+from server.analysis.two_sides import Alignment, ComparisonAnswer, ComparisonOptions
+from server.api.analysis import MAX_SIGNALS, AnalysisRequest, GetSource, requested_of, response_of
 from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.configuration.api_models import Difference, DifferenceRow
@@ -73,8 +74,8 @@ class SettingsRequest(BaseModel):
     b: ComparedSide
 
 
-@router.post("", responses=responses(404, 422))
-async def compare_signals(body: ComparisonRequest, services: TheServices) -> ComparisonAnswer:
+@router.post("", response_model=None, responses={200: {"model": ComparisonAnswer}, **responses(404, 409, 422)})
+async def compare_signals(body: ComparisonRequest, request: Request, services: TheServices) -> Response:
     """Compare signals of two sources, or of two ranges of one, aligned in time."""
     names = (body.signals, body.signals_b or body.signals)
     if len(names[0]) != len(names[1]):
@@ -84,14 +85,22 @@ async def compare_signals(body: ComparisonRequest, services: TheServices) -> Com
     if body.align == "correlation" and body.align_by:
         by = [await _side(side, body.align_by, body, services) for side in (body.a, body.b)]
     options = ComparisonOptions(body.align, body.offset, body.search, body.columns)
-    return await asyncio.to_thread(compared, sides, by, options)
+
+    async def job() -> ComparisonJob:
+        own = [(requested, await source()) for requested, source in sides]
+        others = own if by is sides else [(requested, await source()) for requested, source in by]
+        return ComparisonJob(own, others, options)
+
+    return await response_of(job, request, services)
 
 
-async def _side(side: ComparedSide, words: list[str], body: ComparisonRequest, services: Services) -> ComparisonSide:
+async def _side(
+    side: ComparedSide, words: list[str], body: ComparisonRequest, services: Services
+) -> tuple[Requested, GetSource]:
     request = AnalysisRequest(
         source=side.source, device=side.device, t0=side.t0, t1=side.t1, signals=words, base=body.base, format="json"
     )
-    return ComparisonSide(*await requested_of(request, services))
+    return await requested_of(request, services)
 
 
 @router.post("/settings", responses=responses(404, 409, 422))

@@ -13,12 +13,11 @@ from pydantic import BaseModel, Field
 from starlette.types import Receive, Scope, Send
 
 from recordings.mcap_writer import RecordingError
-from server.api.dependencies import TheServices
+from server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from server.api.errors import bytes_of, responses
 from server.errors import DomainError
 from server.fleet.question_service import AskedQuestion, QuestionRequest, QuestionService
 from server.fleet.questions import QUESTIONS
-from server.login_throttle import client_group
 
 router = APIRouter(prefix="/api/query", tags=["query"])
 
@@ -32,7 +31,6 @@ MEDIA = {
 }
 FILES = [MEDIA[name] for name in ("arrow", "csv", "parquet")]
 RECORDING = re.compile(r"[0-9a-f]{24}")
-CLIENT_GONE = 499  # nobody reads it
 
 
 class AnswerColumn(BaseModel):
@@ -146,7 +144,7 @@ async def get_query_state(request: Request, services: TheServices) -> QueryState
         waiting=queue.waiting,
         timeout_s=settings.query_s,
         memory_mb=settings.query_mb,
-        questions=[_state(service, one) for one in service.asked_by(_user(request))],
+        questions=[_state(service, one) for one in service.asked_by(user_of(request))],
     )
 
 
@@ -179,18 +177,10 @@ async def query(body: QueryBody, request: Request, services: TheServices) -> Res
     service = services.questions
     question = _question(body, service)
     stack = AsyncExitStack()
-    entering = asyncio.ensure_future(stack.enter_async_context(service.answer(_user(request), question)))
-    gone = asyncio.ensure_future(_is_gone(request))
-    try:
-        await asyncio.wait({entering, gone}, return_when=asyncio.FIRST_COMPLETED)
-        if not entering.done():
-            return Response(status_code=CLIENT_GONE)
-        pieces = await entering
-    finally:
-        gone.cancel()
-        if not entering.done():
-            entering.cancel()
-            await asyncio.wait({entering})
+    answer = service.answer(user_of(request), question)
+    pieces = await while_connected(request, stack.enter_async_context(answer))
+    if pieces is None:
+        return Response(status_code=CLIENT_GONE)
     headers = {"cache-control": "no-store"}
     if body.format != "json":
         headers["content-disposition"] = f'attachment; filename="answer.{body.format}"'
@@ -248,16 +238,6 @@ def _question(body: QueryBody, service: QuestionService) -> QuestionRequest:
         timeout_s=min(body.timeout_s or settings.query_s, settings.query_s),
         id=body.id,
     )
-
-
-def _user(request: Request) -> str:
-    """The user in the queue: address and role of the client."""
-    return f"{request.state.role}@{client_group(request.client.host if request.client else '')}"
-
-
-async def _is_gone(request: Request) -> None:
-    while (await request.receive())["type"] != "http.disconnect":
-        pass
 
 
 class _ClosingResponse(StreamingResponse):

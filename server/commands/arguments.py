@@ -41,6 +41,7 @@ CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sour
   rollback_s                      time to confirm settings that could cut the link, s (default 20)
   history_s, memory_mb            limits of the sample history, whichever is reached first (default 600 s, 256 MB)
   bytes_mb                        of memory_mb, for the bytes of live links, at most a quarter (default 64 MB)
+  analysis_s, analysis_mb         limits of an analysis over HTTP (default 60 s, 1024 MB)
   recordings_quota_gb             disk quota; the oldest recordings that are not pinned are deleted (0: none)
   split_mb, split_min             size or duration at which a recording continues in a new file (0: never)
   record_head                     request the header of the vendor log format from the device (default true)

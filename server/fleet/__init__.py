@@ -10,7 +10,7 @@ The store needs `imuscope[fleet]`.
     metadata.py, samples.py, minutes.py    the rows of an opened recording
     delta_tables.py    appending exactly once
     query.py       SQL over the tables, read-only and limited
-    fair_queue.py, question_service.py, query_worker.py    questions over HTTP: in turns, each in a process of its own
+    question_service.py, query_worker.py    questions over HTTP: in turns (fair_queue.py), each in a process of its own
     query_words.py   what an editor completes
     questions.py   prepared questions
     fetch.py         a recording out of the store

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from server.errors import DomainError
-from server.fleet.fair_queue import FairQueue, QueueFullError, Turn
+from server.fair_queue import FairQueue, QueueFullError, Turn
 from server.store_settings import StoreSettings
 from server.workers import Worker
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
+import json
 import math
+import socket
 import statistics as plain
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -27,6 +31,7 @@ from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
+from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 URL = "/api/analysis"
@@ -259,3 +264,21 @@ def test_a_viewer_may_analyse(running: InProcessServer, tmp_path: Path) -> None:
             f"{URL}/statistics", json={"source": "x", "signals": ["x"]}, headers={"authorization": f"Bearer {'v' * 20}"}
         )
         assert_problem(told, 404, "not-found")
+
+
+def test_an_analysis_ends_when_its_client_leaves(running: InProcessServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    analyses, begun = running.services.analyses, threading.Event()
+
+    async def never(job: object) -> None:
+        begun.set()
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(analyses.forks, "run", never)
+    body = json.dumps({"source": "7", "signals": ["Line"]}).encode()
+    host = running.url.removeprefix("http://")
+    with socket.create_connection(("127.0.0.1", int(host.rpartition(":")[2]))) as client:
+        head = f"POST {URL}/statistics HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n"
+        client.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
+        assert begun.wait(PATIENCE_S)
+        assert analyses.queue.running == 1
+    block_until(lambda: analyses.queue.running == 0, "the analysis ended")

@@ -18,7 +18,7 @@ from server.analysis.expression_functions import FUNCTIONS, Context
 from server.analysis.expression_syntax import ExpressionError, parse
 from server.analysis.expressions import evaluate, notes_of
 from server.analysis.quantities import Quantity
-from server.analysis.signal_request import requested_signals
+from server.analysis.signal_request import ExpressionSignal, requested_signals
 from server.analysis.signals import Floats, SignalColumn
 from server.analysis.units import SYMBOLS, Unit
 from server.errors import DomainError
@@ -330,6 +330,19 @@ def test_a_request_names_columns_channels_and_expressions() -> None:
     assert "causal" in signals[-1].notes[0]
     assert {one.device for one in requested} == {"1"}
     assert len(requested[-1].columns) == 3
+
+
+def test_the_samples_of_all_expressions_of_a_request_are_bounded_together() -> None:
+    word = "resample(Acceleration.x, 1 Hz)"
+    one, other = requested_signals(INFOS, [word, f"resample({word}, 1 Hz)"], zero_phase=True)
+    assert isinstance(one, ExpressionSignal)
+    assert isinstance(other, ExpressionSignal)
+    assert one.context.budget is not None
+    one.context.budget.left = 9
+    assert len(one.signals(read)[0].time) == 4
+    with pytest.raises(ExpressionError, match=r"4 samples.* are too many") as refused:
+        other.signals(read)
+    assert "At most 50 000 000 in one request" in refused.value.hint
 
 
 @each_row(

@@ -1,0 +1,80 @@
+"""Analyses over HTTP: each in a process of its own, a few at once, in turns.
+
+    request ──> FairQueue ──> analysis_worker.py (a fork per job) ──> bytes of the response
+
+An analysis ends with its client: when the caller is cancelled, its process is killed. Samples are copied when its turn
+has come, so that requests that wait take no memory.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable
+
+from server.analysis.jobs import AnalysisJob, Content
+from server.analysis.limits import LESS, AnalysisLimits
+from server.errors import DomainError
+from server.fair_queue import FairQueue, QueueFullError
+from server.fork_server import ForkServer, JobLostError
+
+EACH = 1  # analyses of one user that run at once
+WAITING_EACH = 64
+MODULE = "server.analysis_worker"
+
+
+class AnalysisService:
+    """The analyses of all users."""
+
+    def __init__(self, limits: AnalysisLimits = AnalysisLimits()) -> None:  # noqa: B008 - frozen
+        self.limits = limits
+        self.queue = FairQueue(max(2, (os.cpu_count() or 2) // 2), EACH, WAITING_EACH)
+        self.forks = ForkServer(MODULE, *limits.words)
+        self._preparing: asyncio.Task[None] | None = None
+
+    def prepare(self) -> None:
+        """Start what runs analyses, in the background: one is requested soon."""
+        if self._preparing is None or self._preparing.done():
+            self._preparing = asyncio.create_task(self.forks.prepare(), name="analyses")
+
+    async def content(self, user: str, job: Callable[[], Awaitable[AnalysisJob]]) -> Content:
+        """The response to a request; waits for its turn.
+
+        Args:
+            job: makes the job, when its turn has come.
+
+        Raises:
+            DomainError: "full", "too-many": beyond a limit; or what the job raises.
+        """
+        try:
+            async with self.queue.turn(user) as turn:
+                await turn.granted()
+                return await self._run(await job())
+        except QueueFullError:
+            hint = "Wait for one to end, or cancel one."
+            raise DomainError("full", f"{WAITING_EACH} of your analyses are waiting.", hint) from None
+
+    async def _run(self, job: AnalysisJob) -> Content:
+        try:
+            await self.forks.prepare()  # its time does not count
+            async with asyncio.timeout(self.limits.time_s):
+                facts, body = await self.forks.run(job)
+        except TimeoutError:
+            raise self.limits.too_long() from None
+        except JobLostError:
+            message = "The analysis was ended by the system: it took too much memory."
+            raise DomainError("too-many", message, LESS) from None
+        except OSError as error:
+            words = (error.strerror or str(error)).lower()
+            hint = "The machine may have too many processes or too little memory; try again later."
+            raise DomainError("fault", f"No process can be started for the analysis: {words}.", hint) from None
+        if "kind" in facts:
+            raise DomainError(facts["kind"], facts["message"], facts["hint"])
+        return Content(facts["media"], body)
+
+    async def close(self) -> None:
+        """End all analyses."""
+        if self._preparing is not None:
+            self._preparing.cancel()
+            await asyncio.gather(self._preparing, return_exceptions=True)
+        await self.forks.close()
