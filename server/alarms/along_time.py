@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from server.analysis.expression_functions import DELAYED
 from server.analysis.expression_syntax import Call, Name, Node, parse
 from server.analysis.expressions import names_in
-from server.analysis.live_expression import LiveExpression
+from server.analysis.live_expression import LiveExpression, check_window
 from server.wire import ChannelInfo
 
 ALONG_TIME = frozenset({*DELAYED, "unwrap", "derivative", "integral", "resample", "shift"})
@@ -50,6 +50,7 @@ class AlongTime:
         if node.name in ALONG_TIME and next(names_in(node), None) is not None:
             name = f"{_MARK}{len(self.parts)}"
             self.parts[name] = LiveExpression(infos, node, rates)
+            check_window(sum(part.window for part in self.parts.values()), node)
             return Name(name, node.begin, node.end)
         arguments = tuple(self._taken_out(one, infos, rates) for one in node.arguments)
         return Call(node.name, arguments, node.begin, node.end)

@@ -13,6 +13,7 @@ from server.analysis.quantities import Quantity, on_one_axis
 from server.analysis.signals import Floats
 from server.analysis.units import NO_UNIT, Unit
 
+MAX_POWER = 100  # of a unit; beyond, it is no unit but a text of digits
 _SUMS: Mapping[str, Callable[[Any, Any], Any]] = {"+": np.add, "-": np.subtract}
 _COMPARISONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": np.less,
@@ -132,6 +133,11 @@ def _power(node: Call, base: Quantity, exponent: Quantity) -> Quantity:
         begin, end = node.arguments[1].begin, node.arguments[1].end
         raise ExpressionError("A unit cannot have that exponent.", begin, end, "Divide by the unit first.")
     unit = base.unit**power if base.unit.powers else NO_UNIT
+    if any(abs(one) > MAX_POWER for _, one in unit.powers):
+        begin, end = node.arguments[1].begin, node.arguments[1].end
+        largest = max(abs(one) for _, one in unit.powers)
+        message = f"A unit to the power of {float(largest):.6g} is not allowed."
+        raise ExpressionError(message, begin, end, f"At most {MAX_POWER}; divide by the unit first.")
     found = _each(base, lambda part: np.power(part, exponent.number))
     return Quantity(found.parts, unit, found.time, found.names, 0.0, is_literal=found.is_literal)
 

@@ -3,6 +3,9 @@
     LiveExpression(infos, "norm(Acceleration) > 3 g", rates)
         .feed({channel: [arrival, time, *columns]})  ─>  Piece of new samples, of the unit and columns of `probe`
 
+It is computed in the event loop of the server, so its cost is bounded when it is made: `MAX_RESAMPLED_HZ`,
+`MAX_WINDOW` and `MAX_OPERATIONS`.
+
 All is causal, and what was given is never changed: the samples are those that evaluating everything at once without
 looking ahead would give (expressions.py), however they are cut into batches. A derivative comes one sample later, and a
 combination of channels when the slower one has arrived.
@@ -16,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context
+from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context, spaced
 from server.analysis.expression_operators import OPERATORS, operate
 from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number, parse
 from server.analysis.expressions import evaluate, names_in
@@ -43,7 +46,11 @@ from server.wire import ChannelInfo
 
 LIVE = Context(zero_phase=False)
 PROBE = 64  # made-up samples that show what a node gives
-MAX_WINDOW = 200_000  # samples of a moving window; each batch needs all of them
+MAX_WINDOW = 200_000  # samples of all moving windows together; each batch needs all of them
+MAX_RESAMPLED_HZ = (
+    20_000.0  # values of all columns; a device sends a few thousand per second, and each browser gets all
+)
+MAX_OPERATIONS = 200  # operators and functions; each takes some 10 µs per batch
 _FILTERS = ("lowpass", "highpass", "bandpass")
 
 
@@ -64,6 +71,7 @@ class LiveExpression:
         channels: ids of the channels it uses.
         probe: what it gives, for made-up samples: unit, names of the columns, period.
         rate: of its samples, Hz.
+        window: samples of all its moving windows.
         source: the channel whose sample times it has; None if they are its own (`resample`, `shift`).
 
     Raises:
@@ -92,7 +100,9 @@ class LiveExpression:
             raise DomainError("bad-expression", message, "Name a signal in it.")
         self.channels = frozenset(columns[0].info.id for columns in self._columns.values())
         self._newest = dict.fromkeys(self.channels, -np.inf)
-        found = _Builder(self._columns, rates).build(node)
+        builder = _Builder(self._columns, rates)
+        found = builder.build(node)
+        self.window = builder.window
         assert isinstance(found, Stream)  # it names a signal
         self._stream = found
         self.probe, self.rate = found.probe, found.rate
@@ -159,6 +169,7 @@ class _Builder:
     def __init__(self, columns: Mapping[str, Sequence[SignalColumn]], rates: Mapping[int, float]) -> None:
         self._columns, self._rates = columns, rates
         self._times: dict[object, Floats] = {}
+        self._operations = self.window = 0
 
     def build(self, node: Node) -> Stream | Quantity:
         """The stream of a node, or its value if it is a number."""
@@ -169,6 +180,12 @@ class _Builder:
         if node.name not in OPERATORS and node.name not in FUNCTIONS:
             evaluate(Call(node.name, (), node.begin, node.end), _nothing, LIVE)  # says what it could be
         arguments = [self.build(one) for one in node.arguments]
+        self._operations += 1
+        if self._operations > MAX_OPERATIONS:
+            message = f"More than {MAX_OPERATIONS} operators and functions are too many for live data."
+            raise ExpressionError(message, node.begin, node.end, "Divide the expression into several signals.")
+        if node.name == "resample":
+            _check_rate(node, arguments)
         probe = _apply(node, [one.probe if isinstance(one, Stream) else one for one in arguments])
         if not any(isinstance(one, Stream) for one in arguments):
             return probe
@@ -216,12 +233,34 @@ class _Builder:
         if name not in MEASURES:
             return None
         size = max(1, round(constants[0].in_unit(SECOND).number * first.rate))
-        if size > MAX_WINDOW:
-            message = f"A window of {size} samples is too long for live data."
-            place = node.arguments[1]
-            raise ExpressionError(message, place.begin, place.end, f"At most {MAX_WINDOW / first.rate:.0f} s.")
+        self.window += size * columns
+        check_window(self.window, node.arguments[1])
         states: list[RunState] = [Moving(size, MEASURES[name]) for _ in range(columns)]
         return Runs(probe, first, states)
+
+
+def check_window(samples: int, place: Node) -> None:
+    """Raise ExpressionError if moving windows have more samples, of all columns, than live data may have."""
+    if samples > MAX_WINDOW:
+        message = f"Moving windows of {spaced(samples)} samples are too long for live data."
+        hint = f"At most {spaced(MAX_WINDOW)} samples, of all windows and columns of an expression."
+        raise ExpressionError(message, place.begin, place.end, hint)
+
+
+def _check_rate(node: Call, arguments: Sequence[Stream | Quantity]) -> None:
+    """Raise ExpressionError if `resample` makes more values than live data may have."""
+    if len(arguments) != 2:
+        return
+    signal, wanted = arguments
+    if not isinstance(signal, Stream) or isinstance(wanted, Stream) or not wanted.unit.fits(HERTZ):
+        return  # said by the function itself
+    columns, rate = len(signal.probe.parts), wanted.in_unit(HERTZ).number
+    if rate * columns > MAX_RESAMPLED_HZ:
+        place = node.arguments[1]
+        each = f" of {columns} columns" if columns > 1 else ""
+        message = f"{rate:.6g} samples per second{each} are too many for live data."
+        hint = f"At most {MAX_RESAMPLED_HZ / columns:.6g} Hz; an analysis of a recording may have more."
+        raise ExpressionError(message, place.begin, place.end, hint)
 
 
 def _apply(node: Call, arguments: list[Quantity]) -> Quantity:

@@ -23,6 +23,7 @@ from server.analysis.signals import Floats
 
 GAP = 1.5  # usual steps; a longer one ends a run (quantities.py)
 WAIT_S = 2.0  # a signal that lags behind the others by more counts as interrupted
+MAX_IN_GAP = 1000  # undefined samples of a gap
 HELD_S = 30.0  # samples are kept as long for another signal, which may be interrupted, too
 
 
@@ -350,8 +351,8 @@ class Resampled(Stream):
             return held
         if self._first is None:
             self._first = float(held.time[0])
-        end = int(np.floor((held.time[-1] - self._first) * self.rate + 1e-9)) + 1
-        axis = self._first + np.arange(self._count, end) / self.rate
+        end = self._first_after(held.time[-1])
+        axis = self._first + self._indices(held.time, end) / self.rate
         if not len(axis):
             self._held = held
             return no_samples(len(held.parts))
@@ -362,3 +363,18 @@ class Resampled(Stream):
         self._count = end
         self._held = held.rows(int(before[-1]))
         return Piece(axis, tuple(np.where(in_gap, np.nan, part) for part in moved.parts))
+
+    def _first_after(self, time: float) -> int:
+        """Number of the first even time after a time."""
+        assert self._first is not None
+        return int(np.floor((time - self._first) * self.rate + 1e-9)) + 1
+
+    def _indices(self, times: Floats, end: int) -> Floats:
+        """Numbers of the even times that are due. Of a gap with many the first few: a clock may jump by years."""
+        parts, begin = [], self._count
+        steps = np.diff(times)
+        for at in np.flatnonzero((steps > self._longest) & (steps * self.rate > MAX_IN_GAP)):
+            stop = self._first_after(times[at]) + MAX_IN_GAP
+            parts.append(np.arange(begin, max(begin, stop)))
+            begin = max(begin, self._first_after(times[at + 1]) - 1)
+        return np.concatenate([*parts, np.arange(begin, max(begin, end))]).astype(np.float64)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
+import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -192,3 +195,80 @@ def test_the_usual_rate_ignores_gaps_and_needs_some_samples() -> None:
     time = np.concatenate((np.arange(100), 500 + np.arange(100))) / 200
     assert usual_rate(time) == pytest.approx(200)
     assert usual_rate(time[:10]) == 0
+
+
+@each_row(
+    ("text", "words", "hint"),
+    [
+        ("resample(Speed, 5e4 Hz)", "50000 samples per second are too many", "At most 20000 Hz"),
+        ("resample(Acceleration, 1e4 Hz)", "10000 samples per second of 3 columns", "At most 6666.67 Hz"),
+        ("resample(resample(Speed, 1e6 Hz), 10 Hz)", "1e+06 samples per second", "At most 20000 Hz"),
+        ("mean(Acceleration, 700 s)", "windows of 210 000 samples", "At most 200 000 samples"),
+        ("mean(Yaw, 1500 s) + max(Yaw, 600 s)", "windows of 210 000 samples", "At most 200 000 samples"),
+        (f"abs({'+'.join(['Speed'] * 110)}) + abs({'+'.join(['Speed'] * 110)})", "More than 200 operators", "Divide"),
+        ("Speed^9999999", "to the power of 1e+07 is not allowed", "At most 100"),
+        ("Speed**1e308", "to the power of 1e+308 is not allowed", "At most 100"),
+        ("((Speed^9)^9)^9", "to the power of 729 is not allowed", "At most 100"),
+    ],
+)
+def test_an_expression_that_costs_too_much_is_refused_with_the_figure_and_the_limit(
+    text: str, words: str, hint: str
+) -> None:
+    with pytest.raises(ExpressionError, match=re.escape(words)) as refused:
+        LiveExpression(INFOS, text, RATES)
+    assert hint in refused.value.hint
+
+
+def test_a_clock_that_jumps_does_not_fill_the_memory_with_resampled_samples() -> None:
+    live = LiveExpression(INFOS, "resample(Speed, 1000 Hz)", RATES)
+    time = BEGIN + np.arange(10) / 40
+    late = time + 1e9
+    pieces = [live.feed({2: [one, one, np.ones(10)]}) for one in (time, late, late + 0.25)]
+    assert sum(map(len, pieces)) < 3000
+    times = np.concatenate([one.time for one in pieces])
+    assert (np.diff(times) > 0).all()
+    assert times[-1] == pytest.approx(late[-1] + 0.25, abs=0.001)
+    assert np.isnan(pieces[1].parts[0][1:1000]).all()
+    assert np.isfinite(pieces[2].parts[0]).all()
+
+
+EXTREMES = ("0", "5e-324", "1e-300", "1e-9", "0.5", "1", "8", "50", "86400", "1e6", "1e300", "1e999", "-1", "-1e308")
+UNUSUAL: Mapping[str, Floats] = {
+    "no sample": np.empty(0),
+    "one sample": np.array([BEGIN]),
+    "one time": np.full(20, BEGIN),
+    "a step of 0.2 µs": BEGIN + np.arange(20) * 2.4e-7,
+    "a gap": BEGIN + np.array([*range(20), *range(300, 320)]) / 100,
+}
+
+
+def calls_with_extremes(name: str) -> list[str]:
+    """Calls of a function with a signal and with extreme numbers of all kinds."""
+    function = FUNCTIONS[name]
+    numbers = [f"{one} {unit}".strip() for one in EXTREMES for unit in ("", "Hz", "s")]
+    several = [f"{one} Hz" for one in ("1e-300", "1e-9", "1", "49", "1e300")]
+    found = []
+    for count in range(function.least, function.most + 1):
+        rest = itertools.product(["x", *numbers] if count == 2 else several, repeat=min(count - 1, 2))
+        orders = ["0", "1e-300", "3", "8", "1e300"] if count > 2 and name.endswith("pass") else [""]
+        found += [
+            f"{name}({', '.join(['x', *words, *filter(None, [order])][:count])})" for words in rest for order in orders
+        ]
+    return list(dict.fromkeys(found))
+
+
+@each_row("name", sorted(FUNCTIONS))
+def test_extreme_arguments_are_computed_or_refused_in_words(name: str) -> None:
+    for text in calls_with_extremes(name):
+        for time in UNUSUAL.values():
+            for fill in (1.0, np.nan, np.inf, 1e308):
+                values = np.where(np.arange(len(time)) % 3 == 1, fill, 1.0)
+                x = Quantity((values,), Unit.parse("°" if name == "unwrap" else ""), time)
+                for zero_phase in (False, True):
+                    with contextlib.suppress(ExpressionError):
+                        evaluate(parse(text), lambda _: x, Context(zero_phase))  # noqa: B023
+        for rate in (1e-4, 100.0, 2000.0):
+            with contextlib.suppress(ExpressionError):
+                live = LiveExpression([info(1, "x", "", ["value"])], text, {1: rate})
+                time = BEGIN + np.arange(20) / rate
+                live.feed({1: [time, time, np.full(20, 1e308)]})
