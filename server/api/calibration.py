@@ -15,6 +15,7 @@ from protocols.registry import PROTOCOLS
 from protocols.sensor_properties import SensorProperties
 from recordings.column_store import Base
 from server.analysis.signals import ReadSamples, SignalColumn, live_samples, recorded_samples
+from server.analysis.triads import Samples, Triad, finite
 from server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
 from server.api.dependencies import TheServices
 from server.api.errors import responses
@@ -31,7 +32,6 @@ from server.calibration.kinds import (
 from server.calibration.mounting import VerticalAxis
 from server.calibration.report import CalibrationKind, CalibrationReport
 from server.calibration.session import SessionState
-from server.calibration.triads import Samples, Triad, finite
 from server.devices.protocol_set import sensors_of
 from server.errors import DomainError
 from server.library.recording_detail import channels_of

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
+from server.analysis.triads import NO_SAMPLES, Floats, Samples
 from server.calibration.directions import AXES, AXIS_VECTORS
 from server.calibration.report import (
     CalibrationRefusal,
@@ -28,8 +30,6 @@ from server.calibration.report import (
     begun,
     figure,
 )
-from server.calibration.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
-from server.calibration.triads import NO_SAMPLES, Floats, Samples
 
 STANDARD_GRAVITY = 9.80665
 HOLD_S = 2.0  # besides the second that the hand needs to let go

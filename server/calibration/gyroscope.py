@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from server.analysis.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
+from server.analysis.triads import NO_SAMPLES, Samples
 from server.calibration.report import (
     CalibrationFigure,
     CalibrationRefusal,
@@ -18,8 +20,6 @@ from server.calibration.report import (
     begun,
     figure,
 )
-from server.calibration.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
-from server.calibration.triads import NO_SAMPLES, Samples
 
 NEEDED_S, GOAL_S = 10.0, 30.0
 MARGIN_S = 0.5

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from server.analysis.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
 from server.calibration.accelerometer import six_positions
 from server.calibration.gyroscope import gyroscope_bias
 from server.calibration.magnetometer import magnetometer_iron
 from server.calibration.mounting import VerticalAxis, mounting_rotation
 from server.calibration.report import CalibrationKind, CalibrationReport
-from server.calibration.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
 from server.errors import DomainError
 from server.wire import ChannelInfo
 

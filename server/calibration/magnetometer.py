@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from server.analysis.triads import Floats, Samples
 from server.calibration.directions import CELLS, CENTRES, RINGS, cells_of, missing_axes, unit_vectors
 from server.calibration.report import (
     CalibrationRefusal,
@@ -34,7 +35,6 @@ from server.calibration.report import (
     begun,
     figure,
 )
-from server.calibration.triads import Floats, Samples
 
 MIN_SAMPLES = 60
 MIN_IN_CELL = 3  # one may be an outlier

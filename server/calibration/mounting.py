@@ -16,6 +16,8 @@ from typing import Literal
 
 import numpy as np
 
+from server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
+from server.analysis.triads import Floats, Samples
 from server.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,
@@ -24,8 +26,6 @@ from server.calibration.report import (
     begun,
     figure,
 )
-from server.calibration.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
-from server.calibration.triads import Floats, Samples
 
 VerticalAxis = Literal["up", "down"]
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from server.calibration.triads import Samples
+from server.analysis.triads import Samples
 
 CalibrationKind = Literal["gyroscope", "magnetometer", "accelerometer", "mounting"]
 

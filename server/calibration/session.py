@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from server.analysis.triads import Samples, Triad, finite
 from server.calibration.kinds import (
     CalibrationInputs,
     CalibrationMethod,
@@ -24,7 +25,6 @@ from server.calibration.kinds import (
     method_for,
 )
 from server.calibration.report import CalibrationReport
-from server.calibration.triads import Samples, Triad, finite
 from server.errors import DomainError
 from server.streaming.bus import TelemetryBus
 from server.streaming.channel_store import ChannelStore

@@ -11,11 +11,11 @@ import numpy as np
 
 from recordings.column_store import ColumnStore
 from server.analysis.signals import SignalColumn, recorded_samples
+from server.analysis.triads import Samples, finite
 from server.calibration.export import FORMATS, exported
 from server.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
 from server.calibration.mounting import VerticalAxis
 from server.calibration.report import CalibrationReport, SensorCorrection
-from server.calibration.triads import Samples, finite
 from server.commands.decoded import DecodedFileError, decoded, time_range_of
 from server.devices.decode_options import DecodeOptions
 from server.errors import DomainError

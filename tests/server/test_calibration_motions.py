@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from protocols.simulator import trajectory
 from protocols.simulator.setups import ACC_BIAS, ACC_SCALE, SensorSetup
+from server.analysis.triads import NO_SAMPLES, Floats, Samples
 from server.calibration.accelerometer import six_positions
 from server.calibration.mounting import MAX_TURN, mounting_rotation
-from server.calibration.triads import NO_SAMPLES, Floats, Samples
 
 START = 1_760_000_000.0
 RATE = 50.0
