@@ -108,11 +108,11 @@ def _degrees(n: int, m: int, noise: int) -> float:
     return max(1.0, found)
 
 
-def intervals(deviation: Floats, freedom: Floats) -> tuple[Floats, Floats]:
-    """Both ends of the 95 % interval of each deviation (chi-squared, NIST SP 1065, 5.3.2)."""
+def intervals(deviation: Floats, freedom: Floats, outside: float = OUTSIDE) -> tuple[Floats, Floats]:
+    """Both ends of the interval of each deviation, 95 % by default (chi-squared, NIST SP 1065, 5.3.2)."""
     from scipy.special import chdtri
 
     return (
-        deviation * np.sqrt(freedom / chdtri(freedom, OUTSIDE)),
-        deviation * np.sqrt(freedom / chdtri(freedom, 1 - OUTSIDE)),
+        deviation * np.sqrt(freedom / chdtri(freedom, outside)),
+        deviation * np.sqrt(freedom / chdtri(freedom, 1 - outside)),
     )

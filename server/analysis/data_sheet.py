@@ -1,8 +1,8 @@
 """Noise of a sensor as its data sheet tells, and whether a measured Allan deviation meets it.
 
 Data sheets give typical figures. A noise density d is that of a one-sided spectrum, whose random walk is d/√2, but some
-makers mean the random walk itself; therefore a figure counts as met up to √2 times its value. "In-run bias stability"
-is the lowest part of the Allan deviation.
+makers mean the random walk itself; therefore a random walk counts as met up to √2 times its figure, and the sentence
+says so. "In-run bias stability" is the lowest part of the Allan deviation; it is met if that is surely not larger.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from collections.abc import Callable, Mapping
 from typing import Literal
 
 from protocols.sensor_properties import SensorProperties
-from server.analysis.allan_deviation import AllanCurve
-from server.analysis.noise_model import NoiseModel
+from server.analysis.allan_deviation import AllanCurve, intervals
+from server.analysis.noise_model import DOUBT, FLAT, NoiseModel
 from server.analysis.signals import DataSheetNoise, Floats
 from server.analysis.units import G, Unit
 from server.wire import ChannelInfo
 
 TOLERANCE = math.sqrt(2)
+SURE = 2.0  # intervals of 95 % grow by this before they decide
 DECIDED = 3.0  # a lowest part is one if the curve goes on to averaging times this many times as long
 SENSORS = (
     (re.compile("^(rate.?of.?turn|angular.?(rate|velocity)|gyro)", re.I), "rad/s", "turn", "turn_bias"),
@@ -58,42 +59,62 @@ def sheet_curve(sheet: DataSheetNoise, tau: Floats) -> Floats:
     return found
 
 
+def withheld(sheet: DataSheetNoise, unit: str, why: str) -> list[Mapping[str, str]]:
+    """Open verdicts, with what prevents them."""
+    found = [_verdict("random_walk", "open", f"Random walk: not compared with {_sheet_walk(sheet, unit)}. {why}")]
+    if sheet.bias_instability:
+        words = f"Bias instability: not compared with {_sheet_bias(sheet, unit)}. {why}"
+        found.append(_verdict("bias_instability", "open", words))
+    return found
+
+
 def verdicts(
-    sheet: DataSheetNoise, unit: str, curve: AllanCurve, low: Floats, model: NoiseModel, *, drifts: bool
+    sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel, *, drifts: bool
 ) -> list[Mapping[str, str]]:
     """One verdict for each figure of the sheet: its name, whether it is met, and a sentence for a person.
 
     Args:
-        low: lower ends of the intervals of the curve.
         drifts: a drift in one direction raises the curve.
     """
     found = [_walk(sheet, unit, model)]
     if sheet.bias_instability:
-        found.append(_bias(sheet, unit, curve, low, drifts))
+        found.append(_bias(sheet, unit, curve, model, drifts))
     return found
 
 
 def _walk(sheet: DataSheetNoise, unit: str, model: NoiseModel) -> Mapping[str, str]:
     walk, limit = model.parameters["random_walk"], sheet.random_walk * TOLERANCE
-    shown, figure = _of_walk(walk.value, unit), _of_walk(sheet.random_walk, unit)
-    of = f"the {figure} of the {sheet.product} data sheet"
+    shown, of = _of_walk(walk.value, unit), _sheet_walk(sheet, unit)
+    low, high = (walk.value + SURE * (end - walk.value) for end in (walk.low, walk.high))
     if walk.value <= 0:
         return _verdict("random_walk", "open", f"Random walk: the curve does not show one to compare with {of}.")
-    if walk.high <= limit or (walk.value <= limit and walk.low <= sheet.random_walk):
-        return _verdict("random_walk", "met", f"Random walk {shown}: meets {of}.")
-    if walk.low > limit:
+    if high <= limit:
+        if walk.value <= sheet.random_walk:
+            return _verdict("random_walk", "met", f"Random walk {shown}: meets {of}.")
+        words = f"Random walk {shown}: within {_of_walk(limit, unit)}, √2 times {of}, since makers differ in what they"
+        return _verdict("random_walk", "met", f"{words} call noise density.")
+    if low > limit:
         times = _times(walk.value / sheet.random_walk)
         return _verdict("random_walk", "above", f"Random walk {shown}: {times} times {of}.")
     return _verdict("random_walk", "open", f"Random walk {shown}: near the limit of {of}. Record longer to decide.")
 
 
-def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, low: Floats, drifts: bool) -> Mapping[str, str]:
-    at = int(curve.adev.argmin())
-    lowest, tau = float(curve.adev[at]), float(curve.tau[at])
-    shown, limit = _of_bias(lowest, unit), sheet.bias_instability * TOLERANCE
-    of = f"the {_of_bias(sheet.bias_instability, unit)} of the {sheet.product} data sheet"
-    if lowest <= limit:
-        return _verdict("bias_instability", "met", f"Bias instability {shown} at {tau:.3g} s: meets {of}.")
+def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel, drifts: bool) -> Mapping[str, str]:
+    low, high = intervals(curve.adev, model.freedom, DOUBT)
+    lowest, surest = int(curve.adev.argmin()), int(high.argmin())
+    figure, of = sheet.bias_instability, _sheet_bias(sheet, unit)
+    if float(high[surest]) <= figure:
+        shown = f"{_of_bias(float(curve.adev[surest]), unit)} at {float(curve.tau[surest]):.3g} s"
+        words = f"Bias instability: the curve comes down to {shown} and so meets {of}."
+        return _verdict("bias_instability", "met", words)
+    flat = model.parameters["bias_instability"]
+    if not drifts and (flat.value + SURE * (flat.low - flat.value)) * math.sqrt(FLAT) > figure * TOLERANCE:
+        level = flat.value * math.sqrt(FLAT)
+        words = (
+            f"Bias instability {_of_bias(level, unit)}, where the model is flat: {_times(level / figure)} times {of}."
+        )
+        return _verdict("bias_instability", "above", words)
+    tau, shown = float(curve.tau[lowest]), _of_bias(float(curve.adev[lowest]), unit)
     if float(curve.tau[-1]) < DECIDED * tau:
         falls = f"the curve still falls at {tau:.3g} s, to {shown}"
         sentence = f"Bias instability: {falls}. Record longer to compare with {of}."
@@ -101,12 +122,20 @@ def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, low: Floats, drif
     if drifts:
         sentence = f"Bias instability: a drift hides it. Record at rest and at an even temperature to see {of}."
         return _verdict("bias_instability", "open", sentence)
-    if float(low[at]) > limit:
-        times = _times(lowest / sheet.bias_instability)
+    if float(low[lowest]) > figure * TOLERANCE:
+        times = _times(float(curve.adev[lowest]) / figure)
         sentence = f"Bias instability {shown} at {tau:.3g} s: {times} times {of}."
         return _verdict("bias_instability", "above", sentence)
     sentence = f"Bias instability {shown} at {tau:.3g} s: near the limit of {of}. Record longer to decide."
     return _verdict("bias_instability", "open", sentence)
+
+
+def _sheet_walk(sheet: DataSheetNoise, unit: str) -> str:
+    return f"the {_of_walk(sheet.random_walk, unit)} of the {sheet.product} data sheet"
+
+
+def _sheet_bias(sheet: DataSheetNoise, unit: str) -> str:
+    return f"the {_of_bias(sheet.bias_instability, unit)} of the {sheet.product} data sheet"
 
 
 def _verdict(parameter: str, state: State, words: str) -> Mapping[str, str]:

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.allan_deviation import FLICKER, WALK, WHITE, WHITE_PHASE, AllanCurve
+from server.analysis.allan_deviation import FLICKER, WALK, WHITE, WHITE_PHASE, AllanCurve, intervals
 from server.analysis.signals import Floats
 
 TURNS = 6  # of the fit, each with the weights and types of noise of the last
@@ -30,6 +30,9 @@ QUANTILE = 1.96
 SIGNIFICANT = 8.0  # a term has its place if the misfit is smaller by more with it
 SHARED = 2.0  # neighbouring averaging times share samples: errors seen in simulations to those of independent ones
 TINY = 1e-300
+DOUBT = 3e-5  # probability beyond each end of the interval of a deviation that decides something
+MISFIT = 0.1  # a deviation this far from the model, as a part of it, shows that it does not fit …
+UNLIKELY = 1e-7  # … if it is so improbable by chance
 FLAT = 2 * math.log(2) / math.pi
 
 TERMS: Mapping[str, tuple[float, int, float]] = {
@@ -62,6 +65,21 @@ class NoiseParameter:
 
 
 @dataclass(frozen=True, slots=True)
+class Misfit:
+    """The averaging time at which a model fits worst.
+
+    Attributes:
+        tau: averaging time, s.
+        ratio: of the measured deviation to that of the model.
+        expected: standard deviation of that ratio.
+    """
+
+    tau: float
+    ratio: float
+    expected: float
+
+
+@dataclass(frozen=True, slots=True)
 class NoiseModel:
     """A fitted model.
 
@@ -69,11 +87,13 @@ class NoiseModel:
         parameters: by name, as in TERMS.
         freedom: (n,) degrees of freedom of each deviation, for the type of noise that the model has there.
         tau: range of averaging times fitted, s.
+        misfit: the worst of the deviations that the model does not explain; None if it fits.
     """
 
     parameters: Mapping[str, NoiseParameter]
     freedom: Floats
     tau: tuple[float, float]
+    misfit: Misfit | None = None
 
     def deviation(self, tau: Floats) -> Floats:
         """Allan deviation of the model."""
@@ -98,13 +118,37 @@ def fit_noise(curve: AllanCurve) -> NoiseModel:
         key=lambda some: _misfit(columns, variance, weight, some) + SIGNIFICANT * len(some),
     )
     squares, freedom, weight = _fit(curve, columns, variance, kept)
+    scale = _excess(_misfit(columns, variance, weight, kept), len(variance) - len(kept))
+    high = intervals(curve.adev, freedom, DOUBT)[1]
     found = {}
-    for at, name in enumerate(TERMS):
+    for at, (name, (factor, power, _)) in enumerate(TERMS.items()):
         errors = _standard_errors(columns, weight, sorted({*kept, at}))
-        chosen = _parameter(float(squares[at]), errors[at])
-        among_all = _parameter(float(whole[at]), errors_of_all[at])
-        found[name] = NoiseParameter(chosen.value, min(chosen.low, among_all.low), max(chosen.high, among_all.high))
-    return NoiseModel(found, freedom, (float(curve.tau[0]), float(curve.tau[-1])))
+        chosen = _parameter(float(squares[at]), scale * errors[at])
+        among_all = _parameter(float(whole[at]), scale * errors_of_all[at])
+        # no term is larger than the curve at any averaging time
+        limit = float((high / np.sqrt(factor * curve.tau**power)).min())
+        upper = max(chosen.value, min(limit, max(chosen.high, among_all.high)))
+        found[name] = NoiseParameter(chosen.value, min(chosen.low, among_all.low), upper)
+    model = NoiseModel(found, freedom, (float(curve.tau[0]), float(curve.tau[-1])))
+    return replace(model, misfit=_worst(curve, model))
+
+
+def _excess(misfit: float, freedom: int) -> float:
+    """Factor by which errors grow if the curve scatters about the model by more than expected."""
+    return math.sqrt(max(1.0, misfit / max(1, freedom)))
+
+
+def _worst(curve: AllanCurve, model: NoiseModel) -> Misfit | None:
+    from scipy.special import chdtr, chdtrc
+
+    ratio = np.square(curve.adev / np.maximum(model.deviation(curve.tau), TINY))
+    freedom = model.freedom
+    chance = np.minimum(chdtr(freedom, freedom * ratio), chdtrc(freedom, freedom * ratio))
+    bad = (chance < UNLIKELY) & (np.abs(np.sqrt(ratio) - 1) > MISFIT)
+    if not bad.any():
+        return None
+    at = int(np.where(bad, np.abs(np.log(np.maximum(ratio, TINY))), -1.0).argmax())
+    return Misfit(float(curve.tau[at]), math.sqrt(ratio[at]), math.sqrt(1 / (2 * freedom[at])))
 
 
 def _fit(curve: AllanCurve, columns: Table, variance: Floats, kept: list[int]) -> tuple[Floats, Floats, Floats]:

@@ -86,8 +86,11 @@ def _sensors(signals: Sequence[FiguresOfSignal]) -> Mapping[str, _SensorNoise]:
     """Accelerometers and gyroscopes among the signals.
 
     Raises:
-        DomainError: "bad-value": there is none.
+        DomainError: "bad-value": there is none; "no-result": something prevents a statement on one of them.
     """
+    for one in signals:
+        for obstacle in one.figures.get("obstacles", ()):
+            raise DomainError("no-result", f"{one.name}: {obstacle['message']}", obstacle["hint"])
     found = {
         unit: _noise([one for one in signals if Unit.parse(one.unit).fits(Unit.parse(unit))], Unit.parse(unit))
         for unit in ("m/s²", "rad/s")

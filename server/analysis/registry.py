@@ -106,6 +106,7 @@ class Analysis:
         order: analyses are listed in ascending order.
         formats: texts made of the figures of all signals of a request, by name ("kalibr"); further ways to give the
             result beside json.
+        companions: it judges a signal by the other sensors of its device too; see Signal.
     """
 
     name: str
@@ -116,6 +117,7 @@ class Analysis:
     options: tuple[AnalysisOption, ...] = ()
     order: int = 100
     formats: Mapping[str, TextFormat] = field(default_factory=dict)
+    companions: bool = False
 
     def settings(self, given: Mapping[str, object]) -> dict[str, float]:
         """All options: those given, checked, and the defaults of the others.

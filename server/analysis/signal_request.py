@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from server.analysis.companions import companions_in
 from server.analysis.data_sheet import Product, data_sheet_of, unknown_product
 from server.analysis.expression_functions import Context, SampleBudget
 from server.analysis.expression_syntax import ExpressionError, Name, Node, parse
@@ -111,6 +113,7 @@ def requested_signals(
     product: Product = unknown_product,
     device: str = "",
     others: Sequence[ChannelInfo] = (),
+    companions: bool = False,
 ) -> list[SignalColumn | ExpressionSignal]:
     """Signals that the words name: a column, a channel with all its columns, or an expression over them.
 
@@ -119,6 +122,7 @@ def requested_signals(
         product: of a device.
         device: whose signals are meant by names without a device, as in `columns_named`.
         others: channels that have to be named with their device: `2/Acceleration`.
+        companions: columns are read with the other sensors of their device.
 
     Raises:
         DomainError: "not-found", "which-device" or "bad-expression".
@@ -126,6 +130,7 @@ def requested_signals(
     known = list(infos)
     context = Context(zero_phase, SampleBudget())
     found: list[SignalColumn | ExpressionSignal] = []
+    beside = functools.cache(functools.partial(companions_in, [*known, *others]))
     for word in words:
         try:
             columns = columns_named(_meant(known, others, word), [word], device)
@@ -134,6 +139,7 @@ def requested_signals(
                     one,
                     data_sheet=data_sheet_of(one.info, one.at, product),
                     temperature=temperature_of([*known, *others], one),
+                    companions=beside(one.device) if companions else None,
                 )
                 for one in columns
             ]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recordings.column_store import Base, ColumnStore, ExactRows
+from server.analysis.companions import CompanionChannels, Companions
 from server.errors import DomainError
 from server.library.range_query import query_columns, stored_values
 from server.streaming.channel_store import ChannelStore
@@ -53,6 +54,7 @@ class Signal:
         notes: sentences on how it was computed.
         data_sheet: of the sensor it comes from; None if unknown.
         temperature: reads the times and values of its device's temperature, °C; None if that has none.
+        companions: reads the other sensors of its device; None if they were not requested or it has no device.
     """
 
     name: str
@@ -63,18 +65,20 @@ class Signal:
     notes: tuple[str, ...] = ()
     data_sheet: DataSheetNoise | None = None
     temperature: Callable[[], tuple[Floats, Floats]] | None = field(default=None, compare=False)
+    companions: Callable[[], Companions] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class SignalColumn:
-    """A column of a channel, as named in a request, with the data sheet of its sensor and the temperature of its device
-    if those are known.
+    """A column of a channel, as named in a request, with the data sheet of its sensor and with the temperature and the
+    other sensors of its device if those are known.
     """
 
     info: ChannelInfo
     at: int
     data_sheet: DataSheetNoise | None = None
     temperature: SignalColumn | None = None
+    companions: CompanionChannels | None = None
 
     @property
     def name(self) -> str:
@@ -88,15 +92,23 @@ class SignalColumn:
     @property
     def columns(self) -> list[SignalColumn]:
         """The columns that are read for it."""
-        return [self]
+        others = [] if self.companions is None else self.companions.columns
+        return [self, *(SignalColumn(info, at) for info, at in others)]
 
     def signals(self, read: ReadSamples) -> list[Signal]:
         """Its samples."""
         column = self.info.columns[self.at]
         found = finite_signal(self.name, column.unit, column.period, *read(self))
-        warmth = self.temperature
+        warmth, others = self.temperature, self.companions
         return [
-            replace(found, data_sheet=self.data_sheet, temperature=None if warmth is None else lambda: read(warmth))
+            replace(
+                found,
+                data_sheet=self.data_sheet,
+                temperature=None if warmth is None else lambda: read(warmth),
+                companions=None
+                if others is None
+                else lambda: others.read(lambda info, at: read(SignalColumn(info, at))),
+            )
         ]
 
 

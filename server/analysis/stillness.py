@@ -23,6 +23,7 @@ WINDOW_S = 1.0
 TURN_SPREAD, TURN_CHANGE = 0.3, 0.15  # °/s: a hand that tries to hold still has 0.5 and more
 FORCE_SPREAD, FORCE_CHANGE = 0.15, 0.15  # m/s²: 0.15 is a tilt of 0.9°
 MIN_RATE = 5.0  # Hz; slower signals cannot show rest within a second
+WINDOW_STEPS = 10  # of 0.1 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +85,10 @@ def step_means(samples: Samples, step: float = STEP_S) -> StepMeans:
     if not len(samples):
         return StepMeans(np.empty(0), np.empty((0, 3)), step, np.empty(0, np.int64))
     number = np.floor((samples.time - samples.time[0]) / step).astype(np.int64)
-    _, place, counts = np.unique(number, return_inverse=True, return_counts=True)
-    sums = np.stack([np.bincount(place, samples.values[:, k]) for k in range(3)], axis=1)
-    times = np.bincount(place, samples.time)
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(number)) + 1))  # times do not decrease
+    counts = np.diff(np.append(starts, len(number)))
+    sums = np.add.reduceat(samples.values, starts, axis=0)
+    times = np.add.reduceat(samples.time - samples.time[0], starts) + counts * samples.time[0]
     kept = counts >= max(1, 0.3 * counts.max())  # a sliver at the end is noise
     return StepMeans((times / counts)[kept], (sums / counts[:, None])[kept], step, counts[kept])
 
@@ -161,3 +163,48 @@ def mean_and_uncertainty(means: StepMeans) -> tuple[Floats, Floats]:
         found = np.maximum(found, batches.std(axis=0, ddof=1) / math.sqrt(count))
         length *= 2
     return mean, found
+
+
+def moving_intervals(samples: Samples, spread: float, change: float) -> list[tuple[float, float]]:
+    """Intervals of motion, unix s; they may overlap. Where samples are missing, nothing is said.
+
+    White noise of any level is no motion: for a sensor so noisy that its means scatter by a quarter of a limit, the
+    limits grow with its noise.
+
+    Args:
+        spread: limit of the spread of the means of 0.1 s within a window of 1 s.
+        change: limit of the change from one window to the next.
+    """
+    means = step_means(samples)
+    if len(means) < WINDOW_STEPS:
+        return []
+    grow = max(1.0, 4 * _white(samples) / math.sqrt(float(np.median(means.counts))) / spread)
+    edges = np.flatnonzero(np.diff(means.time) > 1.5 * means.step) + 1
+    found: list[tuple[float, float]] = []
+    for part in np.split(np.arange(len(means)), edges):
+        if len(part) < WINDOW_STEPS:
+            continue
+        starts = np.unique(
+            np.append(np.arange(0, len(part) - WINDOW_STEPS, WINDOW_STEPS // 2), len(part) - WINDOW_STEPS)
+        )
+        values = means.means[part] - means.means[part[0]]
+        sums, squares = (np.concatenate((np.zeros((1, 3)), np.cumsum(one, axis=0))) for one in (values, values**2))
+        mean = (sums[starts + WINDOW_STEPS] - sums[starts]) / WINDOW_STEPS
+        variance = (squares[starts + WINDOW_STEPS] - squares[starts]) / WINDOW_STEPS - mean**2
+        moving = np.sqrt(np.maximum(variance, 0).sum(axis=1)) > spread * grow
+        # windows overlap by half, so one is compared with the next but one
+        jumps = np.linalg.norm(mean[2:] - mean[:-2], axis=1) > change * grow
+        moving[2:] |= jumps
+        moving[:-2] |= jumps
+        time = means.time[part]
+        found += [
+            (float(time[at] - means.step / 2), float(time[at + WINDOW_STEPS - 1] + means.step / 2))
+            for at in starts[moving].tolist()
+        ]
+    return found
+
+
+def _white(samples: Samples) -> float:
+    """Standard deviation of the white noise of all axes together, from the differences of neighbouring samples."""
+    steps = np.median(np.abs(np.diff(samples.values, axis=0)), axis=0) / 0.6745 / math.sqrt(2)
+    return float(np.linalg.norm(steps))

@@ -70,7 +70,7 @@ def thermal_drift(
     known, degrees = temperature[0][finite], temperature[1][finite]
     if len(known) < MIN_BLOCKS:
         return None
-    blocks = [block for run in runs for block in _blocks(run, len(time))]
+    blocks = blocks_of(runs, len(time))
     if len(blocks) < MIN_BLOCKS:
         return None
     centres = np.array([time[block].mean() for block in blocks])
@@ -84,6 +84,11 @@ def thermal_drift(
         return None
     part = slope * (_along(time, centres, warmth) - float(warmth.mean()))
     return ThermalDrift(slope, sigma, low, high, part)
+
+
+def blocks_of(runs: Sequence[slice], whole: int) -> list[slice]:
+    """Parts of all runs, of about the same length."""
+    return [block for run in runs for block in _blocks(run, whole)]
 
 
 def _blocks(run: slice, whole: int) -> list[slice]:

@@ -100,3 +100,21 @@ def segments_for(sampling: Sampling, settings: Mapping[str, float], wanted: int 
     window = get_window(WINDOWS[int(settings["window"])], length)
     detrend = DETRENDING[int(settings["detrend"])]
     return Segments(length, step, window, False if detrend == "none" else detrend)
+
+
+def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: Segments) -> tuple[Floats, Floats]:
+    """Frequencies, and the mean over all segments of all runs."""
+    from scipy.signal import welch
+
+    frequency, power = np.empty(0), np.zeros(segments.length // 2 + 1)
+    for values, count in zip(runs, counts, strict=True):
+        if count:
+            frequency, part = welch(
+                values,
+                rate,
+                segments.window,
+                noverlap=segments.overlap,
+                detrend=segments.detrend,
+            )
+            power += count * part
+    return frequency, power / sum(counts)

@@ -203,7 +203,7 @@ async def analyse(name: str, body: AnalysisRequest, request: Request, services: 
         known = ", ".join(("json", "arrow", *analysis.formats))
         raise DomainError("bad-value", f"format {body.format!r} is not allowed.", f"Give one of: {known}.")
     settings = analysis.settings(body.options)
-    requested, source = await requested_of(body, services)
+    requested, source = await requested_of(body, services, companions=analysis.companions)
 
     async def job() -> FiguresJob:
         return FiguresJob(name, settings, body.format, requested, await source())
@@ -219,7 +219,9 @@ async def response_of(job: Callable[[], Awaitable[AnalysisJob]], request: Reques
     return Response(found.body, headers={"cache-control": "no-store", "content-type": found.media})
 
 
-async def requested_of(body: AnalysisRequest, services: Services) -> tuple[Requested, GetSource]:
+async def requested_of(
+    body: AnalysisRequest, services: Services, *, companions: bool = False
+) -> tuple[Requested, GetSource]:
     """Signals of a request, and a function that gives the source of their samples when its turn has come."""
     telemetry = services.telemetry
     own = telemetry.store.of_device(body.source)
@@ -227,7 +229,12 @@ async def requested_of(body: AnalysisRequest, services: Services) -> tuple[Reque
         t0, t1 = time_range(body.t0, body.t1, telemetry.bus.now() + AHEAD_S)
         others = [one.info for one in telemetry.store.all if one.info.device != body.source]
         requested = requested_signals(
-            own.values(), body.signals, zero_phase=False, product=_products(services), others=others
+            own.values(),
+            body.signals,
+            zero_phase=False,
+            product=_products(services),
+            others=others,
+            companions=companions,
         )
 
         async def copy() -> SampleSource:
@@ -239,7 +246,12 @@ async def requested_of(body: AnalysisRequest, services: Services) -> tuple[Reque
     store = await recording_of(body.source, services)
     t0, t1 = time_range(body.t0, body.t1, MAX_TIME)
     requested = requested_signals(
-        channels_of(store).values(), body.signals, zero_phase=True, product=products_of(store), device=body.device
+        channels_of(store).values(),
+        body.signals,
+        zero_phase=True,
+        product=products_of(store),
+        device=body.device,
+        companions=companions,
     )
 
     async def place() -> SampleSource:

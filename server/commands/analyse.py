@@ -20,7 +20,7 @@ from server.devices.decode_options import DecodeOptions
 from server.errors import DomainError
 from server.library.recording_detail import channels_of, products_of
 
-NOTES = "notes"
+BELOW = ("notes", "obstacles", "unchecked")  # sentences, printed below the table
 
 
 class AnalyseError(Exception):
@@ -88,7 +88,11 @@ def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[Sig
         return [SignalReport(signal.name, signal.unit, *figures_of(analysis, signal, settings)) for signal in found]
 
     requested = requested_signals(
-        channels_of(store).values(), request.signals, zero_phase=True, product=products_of(store)
+        channels_of(store).values(),
+        request.signals,
+        zero_phase=True,
+        product=products_of(store),
+        companions=analysis.companions,
     )
     return list(chain(*in_parallel(reports, requested)))
 
@@ -125,17 +129,23 @@ def print_table(reports: Sequence[SignalReport], out: TextIO) -> None:
         cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
         out.write("  ".join(cells).rstrip() + "\n")
     for report in reports:
-        for note in report.figures.get(NOTES, ()):
-            out.write(f"{report.name}: {note}\n")
+        for sentence in _sentences(report.figures):
+            out.write(f"{report.name}: {sentence}\n")
+
+
+def _sentences(figures: Mapping[str, Any]) -> list[str]:
+    """Obstacles, notes, and what was not looked at."""
+    prevented = [f"{one['message']} {one['hint']}" for one in figures.get("obstacles", ())]
+    return [*prevented, *figures.get("notes", ()), *filter(None, [figures.get("unchecked", "")])]
 
 
 def _flattened(figures: Mapping[str, Any], within: str = "") -> dict[str, Any]:
-    """Figures of objects by the names of both, with a point between them; notes are printed below the table."""
+    """Figures of objects by the names of both, with a point between them; sentences are printed below the table."""
     flat: dict[str, Any] = {}
     for name, value in figures.items():
         if isinstance(value, Mapping):
             flat |= _flattened(value, f"{within}{name}.")
-        elif name != NOTES:
+        elif name not in BELOW:
             flat[within + name] = value
     return flat
 

@@ -248,7 +248,8 @@ def test_samples_that_determine_nothing_are_refused(values: Floats, time: Floats
     assert raised.value.hint
 
 
-def test_a_constant_signal_has_no_noise() -> None:
+def test_a_constant_signal_is_no_sensor_without_noise() -> None:
     found = analysed(signal(np.full(1000, 9.81), 100.0))
     assert max(found["adev"]) == pytest.approx(0.0, abs=1e-12)
-    assert found["parameters"]["random_walk"]["value"] == pytest.approx(0.0, abs=1e-12)
+    assert found["obstacles"][0]["message"] == "Stuck: all 1000 samples are 9.81 °/s."
+    assert "parameters" not in found

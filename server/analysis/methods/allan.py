@@ -2,23 +2,25 @@
 
 The sensor has to rest: what looks like motion is left out (server/analysis/rest.py), and what follows the temperature
 of the device is removed (server/analysis/thermal_drift.py). The result states how much of both. Nothing is computed
-across a gap.
+across a gap. Parameters and verdicts come only if what they presuppose was found (server/analysis/preconditions.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from server.analysis import noise_model
 from server.analysis.allan_deviation import allan_curve, averaging_lengths, intervals
-from server.analysis.data_sheet import sheet_curve, verdicts
+from server.analysis.data_sheet import sheet_curve, verdicts, withheld
 from server.analysis.noise_model import NoiseModel, fit_noise
 from server.analysis.noise_yaml import FORMATS
+from server.analysis.preconditions import Measured, obstacles, unchecked
 from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
-from server.analysis.rest import resting_runs
+from server.analysis.rest import rest_of
 from server.analysis.sampling import sampling_of, unwrapped
 from server.analysis.signals import Floats, Signal
 from server.analysis.thermal_drift import ThermalDrift, thermal_drift
@@ -35,17 +37,17 @@ def run(signal: Signal, options: Settings) -> Result:
     sampling = sampling_of(signal, MIN_SAMPLES)
     values = unwrapped(signal)
     notes = sampling.notes()
+    rest = rest_of(signal, values, sampling)
     runs, left_out = list(sampling.runs), 0.0
-    if MOTION[int(options["motion"])] == "exclude":
-        runs, left_out = resting_runs(values, sampling)
+    longest = max((part.stop - part.start for part in rest.runs), default=0)
+    if MOTION[int(options["motion"])] == "exclude" and longest >= MIN_SAMPLES:
+        runs, left_out = list(rest.runs), rest.moving
         if left_out:
-            notes.append(
-                f"{left_out:.4g} s of motion left out, {100 * left_out / _duration(signal):.0f} % of the range."
-            )
-    longest = max((part.stop - part.start for part in runs), default=0)
+            notes.append(f"{left_out:.4g} s of motion left out, {100 * left_out / rest.whole:.0f} % of the range.")
+    longest = max(part.stop - part.start for part in runs)
     if longest < MIN_SAMPLES:
-        hint = "Leave the sensor at rest, or set motion to include."
-        raise DomainError("no-result", f"{signal.name} never rests in that range.", hint)
+        hint = f"At least {MIN_SAMPLES} samples without a gap are needed. Request a longer range."
+        raise DomainError("no-result", f"{signal.name} has no stretch without a gap that is long enough.", hint)
     drift = _drift(signal, values, runs)
     if drift is not None:
         is_removed = TEMPERATURE[int(options["temperature"])] == "exclude"
@@ -55,23 +57,27 @@ def run(signal: Signal, options: Settings) -> Result:
     curve = allan_curve([values[part] for part in runs], sampling.rate, lengths)
     model = fit_noise(curve)
     low, high = intervals(curve.adev, model.freedom)
-    ramp = _ramp_note(model, signal.unit)
-    compared: Result = {}
-    if signal.data_sheet is not None:
-        compared = {
-            "data_sheet": sheet_curve(signal.data_sheet, curve.tau).tolist(),
-            "verdicts": verdicts(signal.data_sheet, signal.unit, curve, low, model, drifts=bool(ramp)),
-        }
+    found = obstacles(Measured(signal, values, sampling, replace(rest, runs=runs), curve, model))
+    ramp = "" if found else _ramp_note(model, signal.unit)
+    sheet = signal.data_sheet
+    compared: Result = {} if sheet is None else {"data_sheet": sheet_curve(sheet, curve.tau).tolist()}
+    if sheet is not None and found:
+        compared = {**compared, "verdicts": withheld(sheet, signal.unit, found[0].message)}
+    elif sheet is not None:
+        compared = {**compared, "verdicts": verdicts(sheet, signal.unit, curve, model, drifts=bool(ramp))}
+    noise: Result = {
+        "model": model.deviation(curve.tau).tolist(),
+        "parameters": {
+            name: {"value": one.value, "low": one.low, "high": one.high} for name, one in model.parameters.items()
+        },
+    }
     return {
         "tau": curve.tau.tolist(),
         "adev": curve.adev.tolist(),
         "low": low.tolist(),
         "high": high.tolist(),
         "degrees_of_freedom": model.freedom.tolist(),
-        "model": model.deviation(curve.tau).tolist(),
-        "parameters": {
-            name: {"value": one.value, "low": one.low, "high": one.high} for name, one in model.parameters.items()
-        },
+        **({"obstacles": [one.figures() for one in found]} if found else noise),
         **compared,
         **({} if drift is None else {"temperature_drift": _drift_figures(drift)}),
         "rate": sampling.rate,
@@ -80,6 +86,7 @@ def run(signal: Signal, options: Settings) -> Result:
         "left_out": left_out,
         "jitter": sampling.jitter,
         "notes": [*notes, *([ramp] if ramp else [])],
+        "unchecked": unchecked(signal),
     }
 
 
@@ -110,10 +117,6 @@ def _drift_note(drift: ThermalDrift, unit: str, is_removed: bool) -> str:
     return f"The signal follows the temperature: {size}. Set temperature to exclude to remove it."
 
 
-def _duration(signal: Signal) -> float:
-    return float(signal.time[-1] - signal.time[0])
-
-
 def _ramp_note(model: NoiseModel, unit: str) -> str:
     """A sentence if the bias drifts in one direction, as it does while the sensor warms up; else ""."""
     tau = np.array([model.tau[1]])
@@ -122,9 +125,8 @@ def _ramp_note(model: NoiseModel, unit: str) -> str:
     if part < whole / np.sqrt(1 + 1 / DRIFT**2):
         return ""
     drift = f"{ramp.value * 3600:.3g} {unit}/h".strip()
-    return (
-        f"The bias drifts by {drift}, as while a sensor warms up: averaging times near {tau[0]:.3g} s show the drift."
-    )
+    drifts = f"The bias drifts by {drift}: averaging times near {tau[0]:.3g} s show the drift."
+    return f"{drifts} A sensor that warms up is one cause."
 
 
 def _units() -> dict[str, Any]:
@@ -153,5 +155,6 @@ register_analysis(
         ),
         order=30,
         formats=FORMATS,
+        companions=True,
     )
 )

@@ -15,7 +15,7 @@ from server.analysis.peaks import peaks_of
 from server.analysis.registry import Analysis, Result, Settings, register_analysis
 from server.analysis.sampling import sampling_of, unwrapped
 from server.analysis.signals import Floats, Signal
-from server.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
+from server.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, mean_spectrum, segments_for
 
 OUTSIDE = 0.025  # probability beyond each end of the interval
 
@@ -28,7 +28,7 @@ def run(signal: Signal, options: Settings) -> Result:
     segments = segments_for(sampling, options)
     values = unwrapped(signal)
     counts = [segments.count(part.stop - part.start) for part in sampling.runs]
-    frequency, psd = _mean([values[part] for part in sampling.runs], counts, sampling.rate, segments)
+    frequency, psd = mean_spectrum([values[part] for part in sampling.runs], counts, sampling.rate, segments)
     freedom = segments.degrees_of_freedom([count for count in counts if count])
     low, high = (freedom / float(chdtri(freedom, p)) for p in (OUTSIDE, 1 - OUTSIDE))
     root = SCALES[int(options["scale"])] == "amplitude"
@@ -53,24 +53,6 @@ def run(signal: Signal, options: Settings) -> Result:
         "gaps": sampling.gaps,
         "notes": [*sampling.notes(), _alias_note(frequency, psd, sampling.rate)],
     }
-
-
-def _mean(runs: list[Floats], counts: list[int], rate: float, segments: Segments) -> tuple[Floats, Floats]:
-    """Frequencies, and the mean over all segments of all runs."""
-    from scipy.signal import welch
-
-    frequency, power = np.empty(0), np.zeros(segments.length // 2 + 1)
-    for values, count in zip(runs, counts, strict=True):
-        if count:
-            frequency, part = welch(
-                values,
-                rate,
-                segments.window,
-                noverlap=segments.overlap,
-                detrend=segments.detrend,
-            )
-            power += count * part
-    return frequency, power / sum(counts)
 
 
 def _alias_note(frequency: Floats, psd: Floats, rate: float) -> str:

@@ -10,7 +10,7 @@ import { answering, type Asked } from "../testing/recorded";
 import type { SignalFigures } from "../wire/routes";
 import { AnalysisDialog } from "./dialog";
 import { colourAt, scaleOf, shareOf } from "./colours";
-import { csvOf, signalNames, signalsIn } from "./figures";
+import { csvOf, signalNames, signalsIn, ends } from "./figures";
 
 const ROUTE = "POST /api/analysis";
 const UNITS = { psd: "m/s²/√Hz", frequency: "Hz", "peaks.rms": "m/s²", adev: "m/s²", mean: "m/s²" };
@@ -128,6 +128,31 @@ test("the Allan deviation is asked of everything; a parameter that is not seen h
   await waitFor(() =>
     expect(bodies(asked).at(-1)).toMatchObject({ format: "kalibr", signals: ["Acceleration", "RateOfTurn"] }),
   );
+});
+
+test("what prevents a verdict stands above the curve, without parameters, and nothing can be copied", async () => {
+  const moving = figures("x");
+  const { parameters: _, model: __, ...kept } = moving.figures;
+  const words = { message: "Moving: 38 s of 49 s.", hint: "Lay the sensor down for 20 minutes." };
+  const verdicts = [{ parameter: "random_walk", state: "open", words: "Random walk: not compared." }];
+  const prevented = { ...moving, figures: { ...kept, verdicts, obstacles: [{ check: "motion", ...words }] } };
+  open({ [`${ROUTE}/psd`]: [figures("x")], [`${ROUTE}/allan`]: [prevented, figures("y")] });
+  await screen.findByRole("region", { name: "Peaks" });
+  fireEvent.click(screen.getByRole("button", { name: "Allan deviation" }));
+  const list = await screen.findByRole("list", { name: "No noise parameters and verdicts, because" });
+  expect(list.textContent).toBe("x: Moving: 38 s of 49 s. Lay the sensor down for 20 minutes.");
+  const curve = screen.getByRole("img", { name: /Allan deviation of Acceleration.x/ });
+  expect(list.compareDocumentPosition(curve) & Node.DOCUMENT_POSITION_FOLLOWING).toBeTruthy();
+  const row = screen.getByText(/Random walk N/).closest("tr");
+  expect([...(row?.querySelectorAll("td") ?? [])].map((cell) => cell.textContent?.slice(0, 5))).toEqual(["—", "0.002"]);
+  expect(screen.queryByRole("button", { name: /^Copy/ })).toBeNull();
+});
+
+test("an interval is rounded outwards, so that its value lies inside as printed", () => {
+  expect(ends(0.0019843, 0.0020012)).toEqual(["0.00198", "0.00201"]);
+  expect(ends(0.0020311, 0.0020349)).toEqual(["0.00203", "0.00204"]);
+  expect(ends(0, 0.00034)).toEqual(["0", "3.4·10⁻⁴"]);
+  expect(ends(0.03, 271)).toEqual(["0", "271"]);
 });
 
 test("a spectrogram of each signal is drawn, with its scale", async () => {

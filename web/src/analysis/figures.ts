@@ -2,6 +2,7 @@
 import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
 import type { AnalysisRequest, SignalFigures } from "../wire/routes";
+import { figure } from "../charts/axes";
 import type { Curve, Numbers } from "./chart";
 
 export type Name = "statistics" | "psd" | "spectrogram" | "allan";
@@ -146,13 +147,43 @@ export function verdictsOf({ figures }: SignalFigures): readonly Verdict[] {
   return (figures["verdicts"] as readonly Verdict[] | undefined) ?? [];
 }
 
+/** What prevents a verdict on a signal. */
+interface Obstacle {
+  readonly message: string;
+  readonly hint: string;
+}
+
+const obstaclesIn = ({ figures }: SignalFigures): readonly Obstacle[] =>
+  (figures["obstacles"] as readonly Obstacle[] | undefined) ?? [];
+
+/** Sentences on what prevents a verdict, with what to do; those that do not hold for all signals begin with their names. */
+export function obstaclesOf(answers: readonly SignalFigures[]): readonly string[] {
+  return shared(answers, (one) => obstaclesIn(one).map(({ message, hint }) => `${message} ${hint}`));
+}
+
 /** The notes of all signals; one that does not hold for each of them begins with their names. */
 export function notesOf(answers: readonly SignalFigures[]): readonly string[] {
+  return shared(answers, ({ figures }) => {
+    const unchecked = figures["unchecked"] as string | undefined;
+    return [...((figures["notes"] as readonly string[] | undefined) ?? []), ...(unchecked ? [unchecked] : [])];
+  });
+}
+
+function shared(
+  answers: readonly SignalFigures[],
+  sentences: (of: SignalFigures) => readonly string[],
+): readonly string[] {
   const holders = new Map<string, string[]>();
-  for (const { signal, figures } of answers)
-    for (const note of (figures["notes"] as readonly string[] | undefined) ?? [])
-      holders.set(note, [...(holders.get(note) ?? []), shortName(signal)]);
+  for (const one of answers)
+    for (const note of sentences(one)) holders.set(note, [...(holders.get(note) ?? []), shortName(one.signal)]);
   return [...holders].map(([note, names]) => (names.length === answers.length ? note : `${names.join(", ")}: ${note}`));
+}
+
+/** Both ends of an interval, rounded outwards to the third digit of the larger, so that what lies between still does. */
+export function ends(low: number, high: number): readonly [string, string] {
+  const digit = 10 ** (Math.floor(Math.log10(Math.max(Math.abs(low), Math.abs(high), 1e-300))) - 2);
+  // 1e-9: 0.00034 / 1e-6 is a little more than 340
+  return [figure(Math.floor(low / digit + 1e-9) * digit), figure(Math.ceil(high / digit - 1e-9) * digit)];
 }
 
 /** The figures as CSV: a column of x, then one per signal; of statistics a line per figure. */

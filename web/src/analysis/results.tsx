@@ -8,7 +8,19 @@ import { ProblemNote } from "../ui/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../wire/routes";
 import { figure } from "../charts/axes";
 import { Chart } from "./chart";
-import { byUnit, csvOf, curvesOf, type Name, notesOf, parametersOf, peaksOf, shortName, verdictsOf } from "./figures";
+import {
+  byUnit,
+  csvOf,
+  curvesOf,
+  ends,
+  type Name,
+  notesOf,
+  obstaclesOf,
+  parametersOf,
+  peaksOf,
+  shortName,
+  verdictsOf,
+} from "./figures";
 import { Spectrogram } from "./spectrogram";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/analysis";
@@ -31,9 +43,18 @@ interface ResultProps extends Answered {
 
 export function Result({ name, figures, body, xKind }: ResultProps) {
   if (figures.length === 0) return null;
-  const notes = notesOf(figures);
+  const [notes, obstacles] = [notesOf(figures), obstaclesOf(figures)];
   return (
     <>
+      {obstacles.length > 0 && (
+        <ul class="analysis-obstacles" aria-label={TEXT.obstacles}>
+          {obstacles.map((sentence) => (
+            <li key={sentence}>
+              <Message text={sentence} />
+            </li>
+          ))}
+        </ul>
+      )}
       {name === "psd" &&
         byUnit(figures, "psd").map((some) => <Spectrum key={some[0]?.signal} figures={some} xKind={xKind} />)}
       {name === "allan" &&
@@ -49,7 +70,7 @@ export function Result({ name, figures, body, xKind }: ResultProps) {
           ))}
         </ul>
       )}
-      <Copy name={name} figures={figures} body={body} />
+      {obstacles.length === 0 && <Copy name={name} figures={figures} body={body} />}
     </>
   );
 }
@@ -101,7 +122,7 @@ function AllanDeviation({ figures }: Figures) {
       />
       <p class="dim">
         {TEXT.basedOnSamples(Number(first.figures["n"]), figure(first.figures["rate"] as number))}. {TEXT.band}{" "}
-        {TEXT.model}
+        {figures.some((one) => one.figures["model"] !== undefined) && TEXT.model}
         {first.figures["data_sheet"] !== undefined && ` ${TEXT.dataSheet}`}
       </p>
       <Verdicts figures={figures} />
@@ -167,22 +188,27 @@ function Peaks({ figures }: Figures) {
 }
 
 function Parameters({ figures }: Figures) {
+  const rows = [...new Set(figures.flatMap((one) => Object.keys(parametersOf(one))))];
+  if (rows.length === 0) return null;
   return (
     <BySignal
       label={TEXT.parameters}
       figures={figures}
-      rows={Object.keys(figures[0] ? parametersOf(figures[0]) : {})}
+      rows={rows}
       title={(name) => TEXT.parameter[name] ?? name}
       cell={(one, name) => {
-        const { value, low, high } = parametersOf(one)[name] ?? { value: 0, low: 0, high: 0 };
+        const parameter = parametersOf(one)[name];
+        if (parameter === undefined) return "—";
+        const { value, low, high } = parameter;
         const unit = one.units[`parameters.${name}.value`] ?? "";
-        if (value <= 0) return TEXT.atMost(`${figure(high, 2)} ${unit}`);
+        const [from, to] = ends(low, high);
+        if (value <= 0) return TEXT.atMost(`${to} ${unit}`);
         return (
           <>
             {figure(value)} {unit}
             <small class="dim" title={TEXT.interval}>
               {" "}
-              {figure(low, 2)} … {figure(high, 2)}
+              {from} … {to}
             </small>
           </>
         );

@@ -39,6 +39,7 @@ export const TEXT = {
   band: "The shaded band is the 95 % interval.",
   model: "The dashed curve is the fitted model.",
   dataSheet: "The dotted curve is the data sheet.",
+  obstacles: "No noise parameters and verdicts, because",
   verdicts: "Comparison with the data sheet",
   verdict: { met: "✓ Met", above: "▲ Above", open: "… Open" } as Readonly<Record<string, string>>,
   overTime: "Hz over time (UTC)",

@@ -1,0 +1,105 @@
+"""Faults of single samples that pass for low or high noise: stuck, repeated, coarsely rounded and clipped values.
+
+They are seen in the samples themselves, whatever the sensor measures:
+
+    stuck       the same value for a long time, where the others change from sample to sample
+    repeated    pairs of equal neighbours, though the values have a fine resolution
+    coarse      the step between two possible values is larger than the noise
+    clipped     more samples at the very extreme than at the value beside it
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from protocols.plural import counted
+from server.analysis.signals import Floats
+
+MOST = 100_000  # samples looked at for the resolution
+STUCK_S = 0.5
+RARE = 1e-9  # probability of a stretch of equal values as long by chance
+REPEATED = 0.03  # part of equal neighbours beyond what rounding explains
+COARSE = 1.0  # standard deviations in a step of the resolution
+CLIPPED, CLIPPED_PART = 5, 5e-4  # samples at an extreme, at least
+Fault = tuple[str, str, str]
+"""Name of a check, what was found, and what to do."""
+
+
+def sample_faults(values: Floats, runs: Sequence[slice], rate: float, unit: str) -> list[Fault]:
+    """Faults of the samples of a signal.
+
+    Args:
+        values: as they came: (n,).
+        runs: stretches that are judged; no gap lies within one.
+        rate: Hz.
+        unit: of the values.
+    """
+    parts = [values[run] for run in runs if run.stop - run.start > 1]
+    if not parts:
+        return []
+    n = sum(map(len, parts))
+    longest, at_value = max((_longest_equal(part) for part in parts), key=lambda found: found[0])
+    if longest == n or all((part == parts[0][0]).all() for part in parts):
+        return [("stuck", f"Stuck: all {counted(n, 'sample')} are {parts[0][0]:.6g} {unit}.", _CHECK_SENSOR)]
+    equal = sum(int(np.count_nonzero(part[1:] == part[:-1])) for part in parts) / (n - len(parts))
+    others = max(equal * (n - len(parts)) - longest, 0.0) / n
+    if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < RARE:
+        words = f"Stuck: {longest / rate:.3g} s without a change, at {at_value:.6g} {unit}."
+        return [("stuck", words, _CHECK_SENSOR)]
+    step, scatter = _resolution(parts), _scatter(parts)
+    by_rounding = step / (2 * math.sqrt(math.pi) * scatter) if scatter else 0.0
+    if step > COARSE * scatter:
+        words = f"Coarse resolution: a step of {step:.3g} {unit} is larger than the noise."
+        return [("resolution", words, "Set the device to an output format with a finer resolution, and record again.")]
+    if equal > 1.5 * by_rounding + REPEATED:
+        words = f"Repeated samples: {100 * equal:.0f} % equal the one before."
+        return [("repeated", words, _lower_rate(equal, rate))]
+    return _clipped(np.concatenate(parts), unit)
+
+
+_CHECK_SENSOR = "A sensor that measures always shows noise: restart the device, and look at its settings and self-test."
+
+
+def _lower_rate(equal: float, rate: float) -> str:
+    return f"Set the output rate to what the sensor measures, about {(1 - equal) * rate:.3g} Hz, and record again."
+
+
+def _longest_equal(part: Floats) -> tuple[int, float]:
+    """Number of samples of the longest stretch of one value, and that value."""
+    edges = np.concatenate(([0], np.flatnonzero(part[1:] != part[:-1]) + 1, [len(part)]))
+    lengths = np.diff(edges)
+    at = int(lengths.argmax())
+    return int(lengths[at]), float(part[edges[at]])
+
+
+def _resolution(parts: Sequence[Floats]) -> float:
+    """Usual distance of neighbouring values among all that occur; that of a fine resolution is tiny."""
+    values = np.unique(np.concatenate(parts)[:MOST])
+    return float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+
+
+def _scatter(parts: Sequence[Floats]) -> float:
+    """Standard deviation of the white noise, from neighbouring samples that differ."""
+    steps = np.concatenate([np.diff(part) for part in parts])
+    changed = steps[steps != 0]
+    if not len(changed):
+        return 0.0
+    # with all steps for a coarse resolution, of which most are 0; with those that differ if samples are repeated
+    fine = len(np.unique(np.abs(changed[:MOST]))) > 50
+    return float(np.sqrt(np.square(changed if fine else steps).mean() / 2))
+
+
+def _clipped(values: Floats, unit: str) -> list[Fault]:
+    for extreme, word in ((float(values.max()), "highest"), (float(values.min()), "lowest")):
+        count = int(np.count_nonzero(values == extreme))
+        if count < max(CLIPPED, CLIPPED_PART * len(values)):
+            continue
+        rest = values[values != extreme]
+        beside = float(rest.max() if word == "highest" else rest.min())
+        if count > 2 * int(np.count_nonzero(values == beside)):
+            words = f"Clipped: {counted(count, 'sample')} are at the {word} value, {extreme:.6g} {unit}."
+            return [("clipped", words, "Set a larger range of the sensor, or remove what drives it to its limit.")]
+    return []
