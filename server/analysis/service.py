@@ -62,7 +62,7 @@ class AnalysisService:
         except TimeoutError:
             raise self.limits.too_long() from None
         except JobLostError:
-            message = "The analysis was ended by the system: it took too much memory."
+            message = "The system ended the analysis, as it does when memory runs out."
             raise DomainError("too-many", message, LESS) from None
         except OSError as error:
             words = (error.strerror or str(error)).lower()
