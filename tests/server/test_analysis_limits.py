@@ -159,7 +159,7 @@ def test_one_user_runs_one_analysis_while_another_gets_an_answer(tmp_path: Path)
 
 def test_an_analysis_that_the_system_kills_is_an_error_in_words() -> None:
     async def work(service: AnalysisService) -> None:
-        with pytest.raises(DomainError, match="ended by the system"):
+        with pytest.raises(DomainError, match="system ended the analysis"):
             await service.content("a", ready(IsKilled()))
 
     run(work)
