@@ -10,6 +10,7 @@ import { Dialog } from "../ui/dialog";
 import { addressOf, type Outcome, type Problem, request } from "../ui/http";
 import { Message } from "../ui/message";
 import { ProblemNote } from "../ui/problem-note";
+import { fullName } from "../wire/device-name";
 import type { AvailableCalibration, CalibrationReport, CalibrationState } from "../wire/routes";
 import type { DeviceInfo, DeviceJobs } from "../wire/types";
 import { Bar, Drive, Positions, Rest, Sphere } from "./progress";
@@ -70,7 +71,7 @@ export function CalibrationDialog({ device, jobs, onClose }: Props) {
   const now = state.value;
   const report = chooses.value ? null : now?.report;
   return (
-    <Dialog title={TEXT.titleOf(device.name)} wide onClose={onClose}>
+    <Dialog title={TEXT.titleOf(fullName(device))} wide onClose={onClose}>
       <div class="calibration">
         {problem.value && <ProblemNote problem={problem.value} />}
         {now === undefined ? (

@@ -5,6 +5,7 @@ import { type Deps, selected } from "../panels/panel-context";
 import { Dialog } from "../ui/dialog";
 import { type Problem, request } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
+import { fullName } from "../wire/device-name";
 import { protocolOf } from "../wire/capabilities";
 import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../wire/routes";
 import type { ChannelInfo, DeviceInfo } from "../wire/types";
@@ -363,7 +364,7 @@ interface DeviceProps {
 function DeviceChoice({ fields, set, device, stored }: DeviceProps) {
   const short = device && (protocolOf(device.protocol)?.short ?? device.protocol);
   const choices: readonly (readonly [string, DeviceFilter])[] = [
-    ...(device ? [[TEXT.thisDevice(device.name), { ...ANY, device: lastingName(device) }] as const] : []),
+    ...(device ? [[TEXT.thisDevice(fullName(device)), { ...ANY, device: lastingName(device) }] as const] : []),
     ...(device?.protocol ? [[TEXT.family(short ?? ""), { ...ANY, family: device.protocol }] as const] : []),
     [TEXT.allDevices, ANY],
   ];

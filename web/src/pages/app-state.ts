@@ -9,6 +9,7 @@ import type { AlarmDraft } from "../panels/alarm-states";
 import type { Sort } from "../panels/event-groups";
 import { api, type Outcome, type Port, type Problem, request } from "../ui/http";
 import { isHeld, type PageState, pageState } from "../ui/page-state";
+import { deviceInLink, shortName } from "../wire/device-name";
 import type { AlarmInfo } from "../wire/routes";
 import type { DeviceInfo, UnknownPayload } from "../wire/types";
 import { route } from "./route";
@@ -66,7 +67,9 @@ export interface App extends Deps {
   readonly hasStore: Signal<boolean>;
   /** Counts half seconds, for components that show an age or a countdown. */
   readonly tick: Signal<number>;
-  /** A requested device; a newly added one is selected as soon as the server reports it. */
+  /** The device that a link named: its key or its id. */
+  readonly linked: Signal<string | undefined>;
+  /** A requested device, by id; a newly added one is selected as soon as the server reports it. */
   readonly awaited: Signal<string | undefined>;
   /** Ends what it does by itself. */
   readonly stop: () => void;
@@ -92,6 +95,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const alarmDraft = signal<AlarmDraft>({});
   const packetAt: App["packetAt"] = signal(undefined);
   const showsSignals = signal(false);
+  const linked = signal<string | undefined>(undefined);
   const { view, frame, device: selected } = deps.viewState;
   const device = computed(() => store.devices.value.find(({ id }) => id === selected.value));
   // a ring does not signal whether it holds anything; the slow clock checks again
@@ -115,12 +119,18 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
       view.value = { ...view.peek(), device: id };
     }),
     effect(() => {
+      const found = linked.value === undefined ? undefined : deviceInLink(linked.value, store.devices.value);
+      if (found === undefined) return;
+      linked.value = undefined;
+      if (view.peek().device !== found.id) view.value = { ...view.peek(), device: found.id };
+    }),
+    effect(() => {
       const [first] = store.devices.value;
       const chosen = device.value;
       if (!chosen && first) view.value = { ...view.peek(), device: first.id };
     }),
     effect(() => {
-      const name = device.value?.name;
+      const name = device.value && shortName(device.value);
       if (route.value.page !== "live") return; // that page sets its own title
       const word = state.value === "lost" ? COMMON.lost : TEXT.live;
       document.title = [word, name, "imuscope"].filter(Boolean).join(" · ");
@@ -165,6 +175,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     packetAt,
     tick,
     awaited,
+    linked,
     eventSort: signal<Sort>("all"),
     keyFor: signal(undefined),
     newAddress: signal(""),
@@ -182,6 +193,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
 
 export function select(app: App, id: string): void {
   app.awaited.value = id;
+  app.linked.value = undefined;
   app.sheet.value = undefined;
 }
 

@@ -1,5 +1,6 @@
 /** The devices with their state, and other ports of this host with data. */
 import { type Signal, useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
 import { recently } from "../panels/panel-context";
 import { rateBars } from "../panels/health-history";
 import { drawBars } from "../panels/sparkline";
@@ -8,11 +9,12 @@ import { keyWanted, trustOf } from "../panels/authenticity";
 import { api, type Port } from "../ui/http";
 import { surface } from "../ui/canvas";
 import { el, throttle, type Panel } from "../ui/dom";
-import { age, rate } from "../ui/format";
+import { age, clock, rate } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
 import { Message } from "../ui/message";
 import { PanelHost } from "../ui/panel-host";
 import { markOf, shortSource } from "../ui/page-state";
+import { fullName, shortName } from "../wire/device-name";
 import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
@@ -100,7 +102,7 @@ function Device({ app, device, shared, removing }: DeviceProps) {
       <button type="button" class="choose-device" aria-pressed={current} onClick={() => select(app, device.id)}>
         <span class={`dot ${dot}`} />
         <span class="visually-hidden">{word}: </span>
-        <b class="ellipsis">{device.name}</b>
+        <b class="ellipsis">{shortName(device)}</b>
         <span class="rate">
           {streams && health ? rate(health.rate) : "—"}
           <span class="unit">Hz</span>
@@ -128,6 +130,12 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
           <span class="no-wrap">
             S/N <span class="mono">{device.serial_number}</span>
           </span>
+          {device.unconfirmed_since !== null && " "}
+          {device.unconfirmed_since !== null && (
+            <span class="tag warn" title={TEXT.maybeAnother}>
+              {TEXT.notConfirmedSince(clock(device.unconfirmed_since))}
+            </span>
+          )}
           {" · "}
         </>
       )}
@@ -160,11 +168,13 @@ function TrustTag({ device, health }: { readonly device: DeviceInfo; readonly he
 
 /** Product details beyond the name above. */
 function productWords(device: DeviceInfo): string {
-  const { name, product, protocol, firmware } = device;
+  const { name, product, protocol, firmware, own_name: own } = device;
   if (protocol === "") return TEXT.protocolUnknown;
   if (protocol === MESSAGES) return TEXT.messages;
   const said =
-    product === name ? "" : product || (unreadHint(device) ? TEXT.productUnknownUntilRead : TEXT.productUnknown);
+    product === name && own === ""
+      ? ""
+      : product || (unreadHint(device) ? TEXT.productUnknownUntilRead : TEXT.productUnknown);
   return [said, protocolOf(protocol)?.short ?? protocol, firmware && COMMON.firmware(firmware)]
     .filter(Boolean)
     .join(" · ");
@@ -224,7 +234,44 @@ const NAMES: Readonly<Record<Exclude<DeviceInfo["status"], "live">, readonly [st
   ended: ["", COMMON.ended],
 };
 
+/** The form for a name of one's own; Enter stores it. */
+function NameForm({ app, device, close }: Pick<DeviceProps, "app" | "device"> & { readonly close: () => void }) {
+  const field = useRef<HTMLInputElement>(null);
+  useEffect(() => field.current?.select(), []);
+  const store = (event: Event): void => {
+    event.preventDefault();
+    close();
+    void run(app, api.nameDevice(device.id, field.current?.value ?? ""));
+  };
+  return (
+    <form class="actions" onSubmit={store}>
+      <input
+        ref={field}
+        class="grow"
+        type="text"
+        maxLength={60}
+        aria-label={TEXT.nameOf(fullName(device))}
+        title={TEXT.nameHint}
+        placeholder={device.name}
+        defaultValue={device.own_name}
+        onKeyDown={(event) => {
+          event.stopPropagation();
+          if (event.key === "Escape") close();
+        }}
+      />
+      <button type="submit" class="btn small edge">
+        {COMMON.save}
+      </button>
+      <button type="button" class="btn small" onClick={close}>
+        {COMMON.cancel}
+      </button>
+    </form>
+  );
+}
+
 function Acts({ app, device, shared, removing }: DeviceProps) {
+  const naming = useSignal(false);
+  if (naming.value) return <NameForm app={app} device={device} close={() => (naming.value = false)} />;
   if (removing.value === device.id) {
     const remove = (): void => {
       removing.value = undefined;
@@ -232,7 +279,7 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
     };
     return (
       <div class="actions">
-        <span class="grow">{shared > 1 ? TEXT.confirmRemoveLink(shared) : TEXT.confirmRemove(device.name)}</span>
+        <span class="grow">{shared > 1 ? TEXT.confirmRemoveLink(shared) : TEXT.confirmRemove(fullName(device))}</span>
         <button type="button" class="btn small edge" onClick={remove}>
           {TEXT.remove}
         </button>
@@ -249,6 +296,9 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
           {device.status === "ended" ? TEXT.playAgain : TEXT.tryNow}
         </button>
       )}
+      <button type="button" class="btn small" title={TEXT.nameHint} onClick={() => (naming.value = true)}>
+        {TEXT.nameDevice}
+      </button>
       {(protocolOf(device.protocol)?.options.length ?? 0) > 0 && (
         <button type="button" class="btn small" onClick={() => askKey(app, device)}>
           {TEXT.reading}

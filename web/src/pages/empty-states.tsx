@@ -4,6 +4,7 @@ import { api } from "../ui/http";
 import { age } from "../ui/format";
 import { Message } from "../ui/message";
 import { shortSource } from "../ui/page-state";
+import { deviceInLink, fullName } from "../wire/device-name";
 import { capabilities } from "../wire/capabilities";
 import type { DeviceInfo, Attempt } from "../wire/types";
 import { type App, connect, linkOf, run, scanPorts } from "./app-state";
@@ -115,7 +116,7 @@ export function Denied({ app, device }: DeviceProps) {
 
 export function Unreached({ app, device }: DeviceProps) {
   return (
-    <Card title={TEXT.cannotBeReached(device.name)} dot="bad">
+    <Card title={TEXT.cannotBeReached(fullName(device))} dot="bad">
       <p>
         <Message text={device.message} /> <NextTry app={app} device={device} />
       </p>
@@ -130,9 +131,36 @@ export function Unreached({ app, device }: DeviceProps) {
   );
 }
 
+/** Samples come to the server, and are on their way to the page. */
+export function Loading({ device }: { readonly device: DeviceInfo }) {
+  return (
+    <Card title={TEXT.isLoading(fullName(device))} dot="off">
+      <p>{TEXT.samplesOnTheirWay}</p>
+    </Card>
+  );
+}
+
+/** A link named a device that is not connected: another one is shown, and this says so. */
+export function LinkedBand({ app }: Props) {
+  const { linked, store } = app;
+  const name = linked.value;
+  if (name === undefined || store.devices.value.length === 0) return null;
+  if (deviceInLink(name, store.devices.value) !== undefined) return null;
+  return (
+    <div class="band calm" role="status" data-key="linked">
+      <span class="dot warn" />
+      <b>{TEXT.notConnectedHere}</b>
+      <span class="grow">{TEXT.linkNames(name)}</span>
+      <button type="button" class="btn small" onClick={() => (linked.value = undefined)}>
+        {TEXT.dismiss}
+      </button>
+    </div>
+  );
+}
+
 export function Silent({ app, device }: DeviceProps) {
   return (
-    <Card title={TEXT.isSilent(device.name)} dot="off">
+    <Card title={TEXT.isSilent(fullName(device))} dot="off">
       <p>
         <Message text={device.message || TEXT.linkUpNoSample} />
       </p>
@@ -220,7 +248,7 @@ export function HeldBand({ app, device }: DeviceProps) {
     <div class={`band ${calm ? "calm" : ""}`} role="status">
       <span class={`dot ${calm ? "off" : "bad"}`} />
       <b>
-        {device.name} {title}
+        {fullName(device)} {title}
       </b>
       <span class="mid">
         <Message text={device.message} />

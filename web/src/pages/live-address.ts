@@ -9,8 +9,9 @@ import { type Place, placeQuery, readPlace, seriesOf, takeSeries } from "../reco
 import { copyText } from "../ui/copy";
 import { applyLinkText, linkTextOf } from "../workspace/parts";
 import { sessionOf } from "../workspace/session";
-import { type App, select } from "./app-state";
+import type { App } from "./app-state";
 import { keepAddress } from "./keep-address";
+import { linkName } from "../wire/device-name";
 import { href, route } from "./route";
 
 /** Content of a link to the view. */
@@ -53,12 +54,14 @@ export function goLive(app: App, place: Place): void {
   customPlots.value = place.plots ?? [];
   const session = sessionOf(app, app.viewState);
   session.problems.value = applyLinkText(session.view, place.workspace);
-  if (place.device !== undefined) select(app, place.device);
+  if (place.device !== undefined) app.linked.value = place.device;
 }
 
 export function liveHref(app: App): string {
   const workspace = linkTextOf(sessionOf(app, app.viewState).view);
-  const query = placeQuery({ ...livePlace(app.viewState), ...(workspace === undefined ? {} : { workspace }) });
+  const place = livePlace(app.viewState);
+  const named = place.device === undefined ? {} : { device: linkName(place.device, app.store.devices.peek()) };
+  const query = placeQuery({ ...place, ...named, ...(workspace === undefined ? {} : { workspace }) });
   return href("live") + (query ? `?${query}` : "");
 }
 

@@ -41,11 +41,14 @@ import {
   Empty,
   HeldBand,
   OfflineBand,
+  LinkedBand,
   ProblemBand,
+  Loading,
   Silent,
   Starting,
   Unreached,
 } from "./empty-states";
+import { fullName } from "../wire/device-name";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -76,9 +79,10 @@ export function LivePage({ app }: { readonly app: App }) {
       <main class="centre">
         <h1 class="visually-hidden">
           {TEXT.live}
-          {app.device.value ? `: ${app.device.value.name}` : ""}
+          {app.device.value ? `: ${fullName(app.device.value)}` : ""}
         </h1>
         <ProblemBand app={app} />
+        <LinkedBand app={app} />
         <KeyBand app={app} />
         <RearmBand app={app} />
         <Centre app={app} />
@@ -103,6 +107,7 @@ function Centre({ app }: { readonly app: App }) {
   if (state === "connecting") return <Connecting app={app} device={device} />;
   if (state === "denied") return <Denied app={app} device={device} />;
   if (state === "unreached") return <Unreached app={app} device={device} />;
+  if (state === "loading") return <Loading device={device} />;
   if (state === "silent") return <Silent app={app} device={device} />;
   return (
     <MainColumn
@@ -146,7 +151,11 @@ function Overlays({ app }: { readonly app: App }) {
   if (overlay.value === "help") return <Help onClose={close} />;
   if (overlay.value === "track") {
     return (
-      <Dialog title={COMMON.trackOf(app.device.value?.name ?? COMMON.theDevice)} wide onClose={close}>
+      <Dialog
+        title={COMMON.trackOf(app.device.value ? fullName(app.device.value) : COMMON.theDevice)}
+        wide
+        onClose={close}
+      >
         <PanelHost class="large-track" mount={(host) => mountLargeTrack(host, app)} />
       </Dialog>
     );

@@ -5,6 +5,7 @@ import { bytes } from "../recordings/library-filter";
 import { Dialog } from "../ui/dialog";
 import { type Outcome, type Problem, request } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
+import { fullName } from "../wire/device-name";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
 import type { App } from "./app-state";
@@ -53,7 +54,7 @@ export function SharePort({ device, onClose }: Props) {
   const state: State = { port, problem, send, device: id };
   const shares = port.value?.shares ?? [];
   return (
-    <Dialog title={TEXT.sharePortOf(device.name)} onClose={onClose}>
+    <Dialog title={TEXT.sharePortOf(fullName(device))} onClose={onClose}>
       <div class="port-shares">
         <p>{TEXT.shareIntro}</p>
         {port.value && shares.length > 0 && <Speaker port={port.value} />}

@@ -7,6 +7,7 @@ import { rate } from "../ui/format";
 import { type Outcome, type Problem, request } from "../ui/http";
 import { Message } from "../ui/message";
 import { ProblemNote } from "../ui/problem-note";
+import { fullName } from "../wire/device-name";
 import type { MissingTopic, RosState, RosTopic } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
 import { TEXT } from "../texts/ros";
@@ -36,7 +37,7 @@ export function RosTopics({ device, onClose }: Props) {
   const flip = async ({ key, enabled }: RosTopic): Promise<void> =>
     take(await request("PATCH /api/ros2/topics", { body: { key, enabled: !enabled } }));
   return (
-    <Dialog title={TEXT.topicsOf(device.name)} onClose={onClose}>
+    <Dialog title={TEXT.topicsOf(fullName(device))} onClose={onClose}>
       <div class="ros-topics">
         {state.value && <State state={state.value} device={device.id} flip={(topic) => void flip(topic)} />}
         {problem.value && <ProblemNote problem={problem.value} />}

@@ -137,7 +137,7 @@ test("the link to the current view is copied, or the failure reported", async ()
   await eventually(() => expect(bar.getByText("Link copied")).toBeTruthy());
   const [link = ""] = copied;
   expect(link).toMatch(/#\/\?.*span=5/);
-  expect(link).toContain("device=1");
+  expect(link).toContain(`device=${encodeURIComponent(app.device.value?.key ?? "")}`);
   clipboard.mockRejectedValue(new Error("not allowed"));
   document.execCommand = () => false;
   press("c");

@@ -16,6 +16,7 @@ import type { App } from "./app-state";
 import { Record } from "./record-button";
 import { href, pagesOf, route } from "./route";
 import { Share } from "./share";
+import { distinctName } from "../wire/device-name";
 import { COMMON } from "../texts/common";
 import { TEXT as ANALYSIS } from "../texts/analysis";
 import { TEXT as EVIDENCE } from "../texts/evidence-dialog";
@@ -214,7 +215,7 @@ function DeviceName({ app }: Props) {
     >
       <span class={`dot ${mark.dot}`} />
       <span class="visually-hidden">{mark.word}: </span>
-      <span class="ellipsis">{device?.name ?? COMMON.devices}</span>
+      <span class="ellipsis">{device ? distinctName(device, app.store.devices.value) : COMMON.devices}</span>
       <Icon name="down" />
     </button>
   );

@@ -1,5 +1,6 @@
 /** The rows of the tree of signals: devices, their channels, and the columns of these, as far as they are unfolded or found. */
 import type { Channel } from "../data/channels";
+import { fullName, shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
 import { plottable } from "./custom-plots";
 
@@ -40,7 +41,7 @@ export function treeRows(
     if (words.length > 0 && below.length === 0) return [];
     const key = device.id;
     const isOpen = words.length > 0 || open.has(key);
-    const row: TreeRow = { key, level: 1, name: device.name, device, columns: [], open: isOpen };
+    const row: TreeRow = { key, level: 1, name: shortName(device), device, columns: [], open: isOpen };
     return isOpen ? [row, ...below] : [row];
   });
 }
@@ -54,7 +55,7 @@ function channelRows(
   const { info } = channel;
   const key = `${device.id}/${info.name}`;
   const columns = plottable(channel);
-  const about = [device.name, info.title, info.name, info.group, info.unit, info.frame];
+  const about = [fullName(device), info.title, info.name, info.group, info.unit, info.frame];
   const found = columns.flatMap((c) => {
     const column = info.columns[c];
     return column && matches(words, [...about, column.name, column.label, column.unit]) ? [{ c, ...column }] : [];

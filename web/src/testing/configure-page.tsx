@@ -7,7 +7,7 @@ import type { DeviceJobs } from "../wire/types";
 import { ConfigurePage } from "../pages/configure/page";
 import { Decks } from "../pages/configure/rollback-banner";
 import { newApp, startOver } from "./live-page";
-import { type Answers, type Asked, answering, type Family, feed, recorded } from "./recorded";
+import { type Answers, type Asked, answering, type Family, feed, keysOf, recorded } from "./recorded";
 
 export interface Opened {
   readonly app: App;
@@ -41,7 +41,7 @@ export async function openConfigure(
   startOver(`#/configure/1/${place}`);
   const known = recorded(family);
   const all = { ...known.answers, ...(unread ? known.unread : {}), ...answers };
-  const asked = answering(all, slow);
+  const asked = answering(all, slow, keysOf([...known.texts, ...(known.read ?? [])]));
   const app = newApp();
   const { store } = app;
   feed(store, known, unread ? known.texts : (known.read ?? known.texts));

@@ -70,12 +70,21 @@ export function feed(store: Store, { samples }: Pick<Recorded, "samples">, texts
   }
 }
 
+/** The key of each recorded device, and its id. */
+export const keysOf = (texts: readonly ServerText[]): ReadonlyMap<string, string> =>
+  new Map(
+    texts.flatMap((text) => (text.op === "devices" ? text.devices.map(({ key, id }) => [key, id] as const) : [])),
+  );
+
 export const bytesOf = (base64: string): Uint8Array<ArrayBuffer> => new Uint8Array(Buffer.from(base64, "base64"));
 
 /** A request. */
 export interface Asked {
   readonly method: string;
+  /** With the id of a device in the place of its key. */
   readonly path: string;
+  /** As sent. */
+  readonly address: string;
   readonly body: unknown;
   /** Cancels it, if it can be cancelled. */
   readonly signal: AbortSignal | undefined;
@@ -101,13 +110,23 @@ function keyOf(text: string): string {
 /** Time from a request to its answer: the page is drawn meanwhile. */
 const [ON_THE_WAY_MS, SLOW_MS] = [5, 200];
 
-/** Answers requests from the recording, late when the path ends with `slow`; others with 404. Returns all requests so far. */
-export function answering(answers: Answers, slow = ""): Asked[] {
+/**
+ * Answers requests from the recording, late when the path ends with `slow`; others with 404. Returns all requests so far.
+ * `keys`: the key of each device, by which requests may name it, and its id.
+ */
+export function answering(answers: Answers, slow = "", keys: ReadonlyMap<string, string> = new Map()): Asked[] {
   const known = new Map(Object.entries(answers).map(([key, answer]) => [keyOf(key), answer]));
   const asked: Asked[] = [];
-  vi.stubGlobal("fetch", (path: string, { method = "GET", body, signal }: RequestInit = {}) => {
+  vi.stubGlobal("fetch", (address: string, { method = "GET", body, signal }: RequestInit = {}) => {
     const text = typeof body === "string" ? body : "";
-    asked.push({ method, path, body: text === "" ? undefined : JSON.parse(text), signal: signal ?? undefined });
+    const path = address.replace(/(?<=^\/api\/devices\/)[^/?]+/, (name) => keys.get(decodeURIComponent(name)) ?? name);
+    asked.push({
+      method,
+      path,
+      address,
+      body: text === "" ? undefined : JSON.parse(text),
+      signal: signal ?? undefined,
+    });
     const [place, query] = path.split("?");
     const whole = known.get(keyOf(`${method} ${path} ${text}`.trim())) ?? known.get(`${method} ${path}`);
     const answered = whole ?? known.get(`${method} ${place}`);

@@ -99,6 +99,14 @@ export const TEXT = {
   viewTokenHint: "This page was opened with a view token. To change settings, open it with a control token.",
   lastReadValues: "Showing the values last read. Edits are retained until they can be written.",
   restoreCommunication: "Restore communication",
+  anotherSensor: "Another sensor",
+  putAside: (of: Value, now: Value, total: number) =>
+    `This is ${now}. Edits of ${count(total, "setting")} for ${of} are stored until it is back.`,
+  notConfirmed: "Sensor not confirmed",
+  mayBeAnother: (serial: Value, time: Value) =>
+    `The link was lost until ${time}. Whether this is still ${serial} is known once its settings are read.`,
+  dismissResults: "Dismiss results",
+  rolloutOf: (name: Value, total: number) => `${name}: ${count(total, "value")}.`,
   changedElsewhere: "Changed elsewhere",
   editedHereToo: "You edited this as well; the form retains your value.",
   editsRebased: "Your edits are retained and now apply to the device's current values.",

@@ -136,6 +136,8 @@ export const api = {
   readDevice: (device: string, how: HowToRead) =>
     request("POST /api/devices/{device}/decode-options", { path: { device }, body: how as DecodeOptionsBody }),
   removeDevice: (device: string) => request("DELETE /api/devices/{device}", { path: { device } }),
+  nameDevice: (device: string, name: string) =>
+    request("PUT /api/devices/{device}/name", { path: { device }, body: { name } }),
   retryDevice: (device: string) => request("POST /api/devices/{device}/retry", { path: { device } }),
   /** Accept any sequence number next from a Secure device of this link. */
   rearmDevice: (device: string, sender: string) =>

@@ -37,7 +37,8 @@ describe("pageState", () => {
     expect(pageState(true, 0, undefined, false)).toBe("empty");
     expect(pageState(true, 1, device("connecting"), false)).toBe("connecting");
     expect(pageState(true, 1, device("connecting"), true)).toBe("lost");
-    expect(pageState(true, 1, device("live"), false)).toBe("silent");
+    expect(pageState(true, 1, device("live"), false)).toBe("loading");
+    expect(pageState(true, 1, device("idle"), false)).toBe("silent");
     expect(pageState(true, 1, device("live"), true)).toBe("live");
     expect(pageState(true, 1, device("lost"), true)).toBe("lost");
     expect(pageState(true, 1, device("lost"), false)).toBe("unreached");

@@ -8,6 +8,7 @@ export type PageState =
   | "connecting" // trying; no sample yet
   | "denied" // the system does not let us open the port
   | "unreached" // lost before its first sample
+  | "loading" // samples come to the server; the page has none of them yet
   | "silent" // open, but no sample ever came
   | "live" // samples come
   | "idle" // open and quiet, with samples from before
@@ -24,7 +25,7 @@ export function pageState(greeted: boolean, devices: number, device: DeviceInfo 
 function byStatus(status: DeviceStatus, seen: boolean): PageState {
   switch (status) {
     case "live":
-      return seen ? "live" : "silent";
+      return seen ? "live" : "loading";
     case "idle":
       return seen ? "idle" : "silent";
     case "connecting":

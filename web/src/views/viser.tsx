@@ -12,6 +12,7 @@ import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { shownRobot } from "../ui/server-place";
 import { theme } from "../ui/theme";
+import { shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
 import { Begun, Following, Frame } from "./scene-frame";
 import { liveHref } from "./viewer-href";
@@ -126,7 +127,7 @@ export function LiveScene({ app, device }: Props & { readonly device: DeviceInfo
   return (
     <Panel
       isOpen={isOpen}
-      title={TEXT.viewOf(isRerun ? TEXT.rerun : TEXT.scene3d, all ? TEXT.allDevicesInTitle : device.name)}
+      title={TEXT.viewOf(isRerun ? TEXT.rerun : TEXT.scene3d, all ? TEXT.allDevicesInTitle : shortName(device))}
       extra={choices}
       address={address}
     >

@@ -115,13 +115,14 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
     base: model.basesOf(names),
     confirm_s: null,
   };
-  const outcome = await server.apply(model.id, body);
+  const outcome = await server.apply(model.writeName, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
     await model.previewNow(names); // who is quick applies before the preview has said that the change is temporary
     const temporary = names.some((name) => model.previews.value[name]?.line);
     const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
     model.page.question.value = {
       title: TEXT.confirmWrite,
+      about: model.fullName,
       words: [outcome.problem.message, ...(temporary ? [TEXT.rollbackNotice] : [])],
       caution: caution ?? (temporary ? "cuts-line" : "restarts"),
       go: temporary ? TEXT.writeThenConfirm : TEXT.write,

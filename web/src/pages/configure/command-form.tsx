@@ -93,6 +93,7 @@ async function send(model: Model, form: CommandForm, confirmed = false): Promise
   const ask = (words: string): void => {
     model.page.question.value = {
       title: `${form.title}?`,
+      about: model.fullName,
       words: [words],
       caution: form.caution || "loses-settings",
       go: form.title,
@@ -103,7 +104,7 @@ async function send(model: Model, form: CommandForm, confirmed = false): Promise
   const harms =
     form.caution !== "" && !Object.entries(form.harmless).some(([name, those]) => those.includes(Number(values[name])));
   if (!confirmed && harms && unfinishedOf(model).length === 0) return ask(form.consequence || TEXT.cannotBeUndone);
-  const outcome = await server.run(model.id, form.name, values, confirmed);
+  const outcome = await server.run(model.writeName, form.name, values, confirmed);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") return ask(outcome.problem.message);
   const job = await model.run(Promise.resolve(outcome));
   if (job === undefined) return;

@@ -6,6 +6,7 @@ import type { Difference } from "../../forms/types";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
+import { fullName } from "../../wire/device-name";
 import type { DeviceInfo } from "../../wire/types";
 import { route } from "../route";
 import type { Model } from "./model";
@@ -140,7 +141,7 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
         ))}
         {others.map((device) => (
           <option key={device.id} value={`~other:${device.id}`}>
-            {device.name} {device.serial_number}
+            {fullName(device)}
           </option>
         ))}
         <option value="~file">{file ? TEXT.file(file.name) : TEXT.fileChoice}</option>

@@ -14,6 +14,7 @@ export function Ask({ asked, close }: { readonly asked: Question; readonly close
   };
   return (
     <Dialog title={asked.title} onClose={close}>
+      {asked.about !== "" && <p class="question-about">{asked.about}</p>}
       {asked.caution !== "" && (
         <p class="question-subject">
           <span class="tag warn">▲ {CAUTIONS[asked.caution]}</span>

@@ -4,6 +4,7 @@ import { protocolOf } from "../../wire/capabilities";
 import { describe } from "../../forms/elsewhere";
 import type { Model } from "./model";
 import { linkTo, readAll, unfinishedOf } from "./view-state";
+import { clock } from "../../ui/format";
 import { Message } from "../../ui/message";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -122,6 +123,40 @@ export function LostBand({ model }: { readonly model: Model }) {
           {TEXT.restoreCommunication}
         </a>
       )}
+    </div>
+  );
+}
+
+/** Which sensor this is, where that is in doubt: another one has come, or may have. */
+export function SensorBand({ model }: { readonly model: Model }) {
+  const device = model.device.value;
+  const aside = model.putAside.value;
+  if (aside !== undefined) {
+    return (
+      <div class="band calm" role="status" data-key="another-sensor">
+        <span class="dot warn" />
+        <b>{TEXT.anotherSensor}</b>
+        <span class="grow">{TEXT.putAside(aside.of, model.fullName, aside.count)}</span>
+        <button type="button" class="btn small" onClick={() => (model.putAside.value = undefined)}>
+          {TEXT.dismiss}
+        </button>
+      </div>
+    );
+  }
+  if (!device || device.unconfirmed_since === null) return null;
+  return (
+    <div class="band calm" role="status" data-key="unconfirmed">
+      <span class="dot warn" />
+      <b>{TEXT.notConfirmed}</b>
+      <span class="grow">{TEXT.mayBeAnother(device.serial_number, clock(device.unconfirmed_since))}</span>
+      <button
+        type="button"
+        class="btn small edge"
+        disabled={model.page.viewOnly.value || Boolean(model.jobs.value?.running)}
+        onClick={() => readAll(model)}
+      >
+        {TEXT.readSettings}
+      </button>
     </div>
   );
 }

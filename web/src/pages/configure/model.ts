@@ -7,9 +7,10 @@
  *     jobs, traffic arrive over the WebSocket
  *
  * A draft is dropped when the device has it, and rebased on changes by other users (forms/rebase.ts). Models outlive a change of page,
- * so edits stay. All state of one device is here; modules keep none.
+ * so edits stay. They are for one sensor, known by its serial number: if another one comes to the device's place, they are put aside
+ * until it is back, on whichever port. All state of one device is here; modules keep none.
  */
-import { computed, effect, type ReadonlySignal, type Signal, signal } from "@preact/signals";
+import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { Store } from "../../data/store";
 import { capacityAt, overWords, ratesOf } from "../../forms/budget";
 import { countOf, current, type Drafts, type Present, sameSetting, toApply } from "../../forms/edits";
@@ -26,6 +27,7 @@ import type {
 } from "../../forms/types";
 import { initials, joined, type Path, put, type Values, whereOf } from "../../forms/values";
 import { isRefusal, type Outcome, type Problem } from "../../ui/http";
+import { fullName, linkName, writeName } from "../../wire/device-name";
 import type { DeviceJobs, DeviceInfo, TrafficEntry } from "../../wire/types";
 import type { App } from "../app-state";
 import { server } from "./api";
@@ -37,6 +39,15 @@ const UNDO_KEPT = 100;
 const OLDER_BY = 200;
 
 const NONE: Drafts = {};
+
+/** Edits for one sensor. */
+export interface Edits {
+  readonly drafts: Drafts;
+  readonly arguments: Drafts;
+  readonly reason: string;
+  readonly undo: readonly Drafts[];
+  readonly bases: Drafts;
+}
 
 export interface Fitting {
   readonly setting: string;
@@ -102,6 +113,8 @@ export class Model {
   });
   readonly jobs: ReadonlySignal<DeviceJobs | undefined>;
   readonly device: ReadonlySignal<DeviceInfo | undefined>;
+  /** What was put aside when another sensor came: the sensor, and the number of its settings with edits. */
+  readonly putAside: Signal<{ readonly of: string; readonly count: number } | undefined> = signal(undefined);
   readonly traffic: ReadonlySignal<readonly TrafficEntry[]>;
 
   #timers = new Map<string, ReturnType<typeof setTimeout>>();
@@ -109,10 +122,14 @@ export class Model {
   #undo: Drafts[] = [];
   /** The device's values when a draft was begun, or last rebased. */
   #bases: Drafts = {};
+  /** The key of the sensor that the edits are for; "" until its serial number is known. */
+  #sensor = "";
+  /** Its names. */
+  #sensorName = "";
 
   constructor(
     readonly id: string,
-    store: Store,
+    readonly store: Store,
     readonly page: ConfigureState,
   ) {
     this.jobs = computed(() => store.jobs.value.get(id));
@@ -121,6 +138,10 @@ export class Model {
       const own = store.traffic.value.filter(({ device }) => device === id);
       const known = new Set(own.map(({ seq }) => seq)); // entries missed while disconnected lie between them
       return [...this.older.value.filter(({ seq }) => !known.has(seq)), ...own].sort((a, b) => a.seq - b.seq);
+    });
+    const sensor = computed(() => (this.device.value?.serial_number ? this.device.value.key : ""));
+    effect(() => {
+      if (sensor.value !== "") untracked(() => this.#serve(sensor.value));
     });
     const who = computed(() =>
       [
@@ -138,6 +159,87 @@ export class Model {
     effect(() => {
       if (finished.value > 0) void this.refresh();
     });
+  }
+
+  // ---- names
+
+  /** The device with all that tells it from others. */
+  get fullName(): string {
+    const device = this.device.value;
+    return device === undefined ? "" : fullName(device);
+  }
+
+  get linkName(): string {
+    return linkName(this.id, this.store.devices.value);
+  }
+
+  /** What a request that writes calls the device. */
+  get writeName(): string {
+    return this.writeNameOf(this.id);
+  }
+
+  writeNameOf(id: string): string {
+    return writeName(id, this.store.devices.peek());
+  }
+
+  // ---- edits of another sensor
+
+  /** Edit this sensor from now on; edits of the sensor before are put aside, own ones that were put aside are back. */
+  #serve(sensor: string): void {
+    if (sensor !== this.#sensor && this.#sensor !== "") {
+      const count = Object.keys(this.drafts.peek()).length;
+      const of = this.#sensorName;
+      const edits = this.#release();
+      if (edits !== undefined) this.page.aside.set(this.#sensor, edits);
+      this.putAside.value = count > 0 ? { of, count } : undefined;
+      this.body.value = undefined;
+      this.older.value = [];
+      this.noOlder.value = false;
+      this.previews.value = {};
+      this.lastRead.value = undefined;
+    }
+    const isNew = sensor !== this.#sensor;
+    this.#sensor = sensor;
+    this.#sensorName = this.fullName;
+    if (isNew) this.#adopt(sensor);
+  }
+
+  #adopt(sensor: string): void {
+    const elsewhere = [...this.page.models.values()].find(
+      (one) => one !== this && one.#sensor === sensor && one.device.peek()?.key !== sensor,
+    );
+    const edits = this.page.aside.get(sensor) ?? (elsewhere === undefined ? undefined : elsewhere.#release());
+    this.page.aside.delete(sensor);
+    if (edits === undefined || Object.keys(this.drafts.peek()).length > 0) return;
+    this.drafts.value = edits.drafts;
+    this.arguments.value = edits.arguments;
+    this.reason.value = edits.reason;
+    this.#undo = [...edits.undo];
+    this.#bases = edits.bases;
+    for (const key of Object.keys(edits.drafts)) this.preview(key);
+  }
+
+  /** Give the edits away; undefined if there are none. */
+  #release(): Edits | undefined {
+    const edits: Edits = {
+      drafts: this.drafts.peek(),
+      arguments: this.arguments.peek(),
+      reason: this.reason.peek(),
+      undo: this.#undo,
+      bases: this.#bases,
+    };
+    this.drafts.value = NONE;
+    this.arguments.value = NONE;
+    this.reason.value = "";
+    this.#undo = [];
+    this.#bases = {};
+    this.wrong.value = new Map();
+    this.elsewhere.value = [];
+    this.fitting.value = undefined;
+    this.applied.value = undefined;
+    this.sent.value = {};
+    this.#forget(undefined);
+    return Object.keys(edits.drafts).length + Object.keys(edits.arguments).length > 0 ? edits : undefined;
   }
 
   // ---- from the server

@@ -5,7 +5,7 @@ import { Icon } from "../../ui/icons";
 import type { App } from "../app-state";
 import { Bar } from "../top-bar";
 import { route } from "../route";
-import { Empty, OfflineBand, ProblemBand, Starting } from "../empty-states";
+import { Empty, LinkedBand, OfflineBand, ProblemBand, Starting } from "../empty-states";
 import { ApplyBar } from "./apply-bar";
 import { Ask } from "./confirm-dialog";
 import { Command } from "./command-form";
@@ -25,10 +25,12 @@ import {
   NotRead,
   ProblemLine,
   Reading,
+  SensorBand,
   UnfinishedBand,
   ViewOnlyBand,
 } from "./empty-states";
 import { configureOf, linkTo, type Place, placeOf, readAll, visibleSettings } from "./view-state";
+import { deviceInLink } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 import "./styles";
@@ -65,6 +67,7 @@ export function ConfigurePage({ app }: { readonly app: App }) {
       <ConfigureRail app={app} model={model} />
       <main class="settings-form" id="form" tabIndex={-1}>
         <ProblemBand app={app} />
+        <LinkedBand app={app} />
         {model ? (
           <Centre model={model} app={app} />
         ) : app.state.value === "starting" ? (
@@ -83,8 +86,10 @@ export function ConfigurePage({ app }: { readonly app: App }) {
 function followAddress(app: App): void {
   const { view } = app.viewState;
   const wanted = route.value.device;
-  if (wanted === undefined || wanted === view.peek().device) return;
-  if (app.store.devices.value.some(({ id }) => id === wanted)) view.value = { ...view.peek(), device: wanted };
+  if (wanted === undefined) return;
+  const found = deviceInLink(wanted, app.store.devices.value);
+  app.linked.value = found === undefined ? wanted : undefined;
+  if (found !== undefined && found.id !== view.peek().device) view.value = { ...view.peek(), device: found.id };
 }
 
 /** The form at the address, and what is said about the device. */
@@ -97,6 +102,7 @@ export function Centre({ model, app }: { readonly model: Model; readonly app: Ap
       <Budget model={model} />
       <Title app={app} model={model} place={place} />
       <ViewOnlyBand model={model} />
+      <SensorBand model={model} />
       <LostBand model={model} />
       <UnfinishedBand model={model} />
       <ElsewhereBand model={model} />
@@ -194,8 +200,8 @@ function Title({ app, model, place }: { readonly app: App; readonly model: Model
   const group = (form ?? command)?.group;
   const isForm = place.kind === "setting" || place.kind === "command" || place.kind === "group";
   useEffect(() => {
-    document.title = [title, model.device.value?.name, "imuscope"].filter(Boolean).join(" · ");
-  }, [title, model.device.value?.name]);
+    document.title = [title, model.fullName, "imuscope"].filter(Boolean).join(" · ");
+  }, [title, model.fullName]);
   return (
     <div class="title">
       <div class="names">
@@ -206,12 +212,14 @@ function Title({ app, model, place }: { readonly app: App; readonly model: Model
               <a href={linkTo(model, group)}>{group}</a> ·{" "}
             </span>
           )}
-          {form || command ? (
-            <span class="mono">{(form ?? command)?.name}</span>
-          ) : (
-            <span>{model.device.value?.name}</span>
+          <span>{model.fullName}</span>
+          {(form || command) && (
+            <span>
+              {" · "}
+              <span class="mono">{(form ?? command)?.name}</span>
+            </span>
           )}
-          {(form ?? command)?.source && <span>, {(form ?? command)?.source}</span>}
+          {(form ?? command)?.source && <span class="desk">, {(form ?? command)?.source}</span>}
         </p>
       </div>
       <span class="grow" />

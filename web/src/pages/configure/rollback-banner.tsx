@@ -5,6 +5,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Store } from "../../data/store";
+import { fullName } from "../../wire/device-name";
 import type { PendingRollback } from "../../wire/types";
 import type { App } from "../app-state";
 import { type Model, modelOf } from "./model";
@@ -67,11 +68,7 @@ interface Props {
 /** Which device: several may have a rollback pending at once. */
 function Who({ model }: { readonly model: Model }) {
   const device = model.device.value;
-  return (
-    <span class="who">
-      {device?.name ?? TEXT.aDevice} {device?.serial_number && <span class="mono dim">{device.serial_number}</span>}
-    </span>
-  );
+  return <span class="who">{device ? fullName(device) : TEXT.aDevice}</span>;
 }
 
 function Deck({ rollback, model, store, dismiss }: Props) {

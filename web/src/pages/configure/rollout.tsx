@@ -6,21 +6,22 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../forms/types";
-import type { Outcome, Problem } from "../../ui/http";
+import type { Present } from "../../forms/edits";
+import type { Outcome } from "../../ui/http";
 import { Message } from "../../ui/message";
-import type { DeviceInfo, Job } from "../../wire/types";
+import { fullName, shortName } from "../../wire/device-name";
+import type { DeviceInfo } from "../../wire/types";
 import { isOver, jobIn, Outcomes, stateWords } from "./jobs";
 import type { Model } from "./model";
 import { server } from "./api";
 import { refFor, type Side } from "./sides";
+import type { RolloutResults } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
-type Checks = Readonly<Record<string, Outcome<Difference>>>;
-/** Result of a device: the job that writes it, as last seen, or why there is none. */
-type Results = Readonly<
-  Record<string, { readonly id: number; readonly last: Job | undefined } | { readonly problem: Problem }>
->;
+/** The comparison of a device, and the values that it had then. */
+type Check = Outcome<Difference & { readonly base: Present }>;
+type Checks = Readonly<Record<string, Check>>;
 
 interface Props {
   readonly model: Model;
@@ -35,7 +36,7 @@ export function Rollout({ model, store, others, side, title }: Props) {
   const devices = [...(own ? [own] : []), ...others].filter(({ id }) => refFor(side, "", model.id, id) !== undefined);
   const checks = useSignal<Checks>({});
   const ticked = useSignal<ReadonlySet<string>>(new Set(side === "device" ? [] : [model.id]));
-  const results = useSignal<Results>({});
+  const { rollout: results } = model.page; // they stay until they are dismissed, whatever is shown meanwhile
   const text = model.file.value?.text ?? "";
   const finished = devices.map(({ id }) => `${id}:${store.jobs.value.get(id)?.done[0]?.id ?? 0}`).join();
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
@@ -94,22 +95,31 @@ export function Rollout({ model, store, others, side, title }: Props) {
           {ready.length > 1 ? TEXT.applyToDevices(ready.length) : TEXT.applyProfile}
         </button>
         <span class="dim">{TEXT.rolloutSteps}</span>
+        {Object.keys(results.value).length > 0 && (
+          <button type="button" class="btn small" onClick={() => (results.value = {})}>
+            {TEXT.dismissResults}
+          </button>
+        )}
       </div>
     </section>
   );
 }
 
 /** Changes of a device; one that was never read is not compared. */
-async function compared(device: string, right: SideRef): Promise<Outcome<Difference>> {
+async function compared(device: string, right: SideRef): Promise<Check> {
   const body = await server.values(device);
   if (!body.ok) return body;
   if (body.value.info.taken === 0)
     return { ok: false, problem: { status: 409, kind: "not-read", message: TEXT.notReadYetSentence, hint: "" } };
-  return server.compare(device, { left: { side: "device", snapshot: "", device: "", text: "" }, right });
+  const found = await server.compare(device, {
+    left: { side: "device", snapshot: "", device: "", text: "" },
+    right,
+  });
+  return found.ok ? { ok: true, value: { ...found.value, base: body.value.values } } : found;
 }
 
 /** Whether it can be written: known, different, without problems. */
-const isReady = (check: Outcome<Difference> | undefined): boolean =>
+const isReady = (check: Check | undefined): boolean =>
   check?.ok === true &&
   Object.keys(check.value.changes).length > 0 &&
   check.value.problems.length === 0 &&
@@ -119,9 +129,9 @@ interface RowProps {
   readonly model: Model;
   readonly store: Store;
   readonly device: DeviceInfo;
-  readonly check: Outcome<Difference> | undefined;
+  readonly check: Check | undefined;
   readonly ticked: Signal<ReadonlySet<string>>;
-  readonly results: Results;
+  readonly results: RolloutResults;
 }
 
 function Row({ model, store, device, check, ticked, results }: RowProps) {
@@ -137,7 +147,7 @@ function Row({ model, store, device, check, ticked, results }: RowProps) {
           <input
             type="checkbox"
             class="check"
-            aria-label={TEXT.applyToDevice(device.name)}
+            aria-label={TEXT.applyToDevice(fullName(device))}
             checked={ticked.value.has(device.id)}
             disabled={!isReady(check)}
             onChange={toggle}
@@ -145,11 +155,11 @@ function Row({ model, store, device, check, ticked, results }: RowProps) {
         </label>
       </td>
       <th scope="row">
-        {device.name} <span class="mono dim">{device.serial_number}</span>
+        {shortName(device)} <span class="mono dim">{device.serial_number}</span>
         {device.id === model.id && <small class="dim">{TEXT.thisDevice}</small>}
       </th>
       <td>
-        <Check model={model} device={device} check={check} />
+        <Changes model={model} device={device} check={check} />
       </td>
       <td>
         <Result store={store} device={device.id} results={results} />
@@ -158,7 +168,7 @@ function Row({ model, store, device, check, ticked, results }: RowProps) {
   );
 }
 
-function Check({ model, device, check }: Pick<RowProps, "model" | "device" | "check">) {
+function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "check">) {
   if (check === undefined) return <span class="dim">{TEXT.comparing}</span>;
   if (!check.ok) {
     return (
@@ -173,7 +183,7 @@ function Check({ model, device, check }: Pick<RowProps, "model" | "device" | "ch
             disabled={model.page.viewOnly.value}
             onClick={() => void model.run(server.read(device.id))}
           >
-            {TEXT.readDevice(device.name)}
+            {TEXT.readDevice(fullName(device))}
           </button>
         )}
       </>
@@ -222,7 +232,7 @@ function Result({
 }: {
   readonly store: Store;
   readonly device: string;
-  readonly results: Results;
+  readonly results: RolloutResults;
 }) {
   const result = results[device];
   if (result === undefined) return <span class="dim">—</span>;
@@ -252,8 +262,8 @@ function Result({
 }
 
 /** Keep the results of jobs here; the server keeps only a few jobs. */
-function follow(results: Signal<Results>, store: Store): void {
-  const next: Record<string, Results[string]> = { ...results.peek() };
+function follow(results: Signal<RolloutResults>, store: Store): void {
+  const next: Record<string, RolloutResults[string]> = { ...results.peek() };
   let changed = false;
   for (const [device, result] of Object.entries(next)) {
     if ("problem" in result) continue;
@@ -265,45 +275,48 @@ function follow(results: Signal<Results>, store: Store): void {
   if (changed) results.value = next;
 }
 
-/** Ask for confirmation of possible harm, for every device; then write each. */
+/** Name every device and what is done to it, and ask; then write each. */
 function ask(
   model: Model,
   devices: readonly DeviceInfo[],
   title: string,
   checks: Checks,
-  results: Signal<Results>,
+  results: Signal<RolloutResults>,
 ): void {
+  const found = devices.flatMap((device) => {
+    const check = checks[device.id];
+    return check?.ok === true ? [{ device, named: model.writeNameOf(device.id), check: check.value }] : [];
+  });
   const act = (): void => {
-    for (const { id } of devices) {
-      const check = checks[id];
-      if (check?.ok !== true) continue;
-      const { profile, product } = check.value;
+    for (const { device, named, check } of found) {
+      const { changes, product, base } = check;
+      const own = Object.entries(base).filter(([name]) => name in changes);
       void server
-        .apply(id, {
-          changes: profile,
+        .apply(named, {
+          changes,
           reason: TEXT.profile(title),
           confirmed: true,
           devices: [],
           product,
-          base: {},
+          base: Object.fromEntries(own),
           confirm_s: null,
         })
         .then((answer) => {
           results.value = {
             ...results.peek(),
-            [id]: answer.ok ? { id: answer.value.id, last: undefined } : { problem: answer.problem },
+            [device.id]: answer.ok ? { id: answer.value.id, last: undefined } : { problem: answer.problem },
           };
         });
     }
   };
-  const dangers = devices.flatMap(({ id, name, serial_number }) => {
-    const check = checks[id];
-    return check?.ok === true ? check.value.dangers.map((words) => `${name} ${serial_number}: ${words}`) : [];
-  });
-  if (dangers.length === 0) return act();
   model.page.question.value = {
-    title: TEXT.confirmRollout(title, devices.length),
-    words: dangers,
+    title: TEXT.confirmRollout(title, found.length),
+    about: "",
+    words: found.map(({ device, check }) =>
+      [TEXT.rolloutOf(fullName(device), check.rows.filter(({ writable }) => writable).length), ...check.dangers].join(
+        " ",
+      ),
+    ),
     caution: "",
     go: TEXT.writeProfile,
     act,

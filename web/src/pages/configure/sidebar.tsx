@@ -11,6 +11,7 @@ import { go, route } from "../route";
 import type { Model } from "./model";
 import { listed, titleOf } from "./sides";
 import { linkTo, placeOf } from "./view-state";
+import { fullName, linkName } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -51,7 +52,7 @@ function DevicePicker({ app }: { readonly app: App }) {
   const mark = device ? markOf(device.status, 0) : { dot: "off", word: "none" };
   const choose = (id: string): void => {
     select(app, id);
-    go("configure", id);
+    go("configure", linkName(id, app.store.devices.peek()));
   };
   return (
     <div class="rail-padding">
@@ -59,10 +60,9 @@ function DevicePicker({ app }: { readonly app: App }) {
         <span class={`dot ${mark.dot}`} />
         <span class="visually-hidden">{TEXT.deviceState(mark.word)}</span>
         <select value={app.viewState.device.value ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
-          {app.store.devices.value.map(({ id, name, serial_number }) => (
-            <option key={id} value={id}>
-              {name}
-              {serial_number ? ` · ${serial_number}` : ""}
+          {app.store.devices.value.map((device) => (
+            <option key={device.id} value={device.id}>
+              {fullName(device)}
             </option>
           ))}
         </select>

@@ -24,6 +24,7 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
   const ask = (): void => {
     model.page.question.value = {
       title: TEXT.confirmDelete(info.title),
+      about: model.fullName,
       words: [TEXT.snapshotDeleteHint],
       caution: "",
       go: TEXT.deleteSnapshot,

@@ -200,10 +200,11 @@ function Entry({ entry, model, opened }: EntryProps) {
 function sendBytes(model: Model, bytes: string, name: string): void {
   model.page.question.value = {
     title: name ? TEXT.confirmSendAgain(name) : TEXT.confirmSendBytes,
+    about: model.fullName,
     words: [TEXT.sendBytesHint, spaced(bytes, 48)],
     caution: "",
     go: TEXT.send,
-    act: () => void model.run(server.raw(model.id, bytes)),
+    act: () => void model.run(server.raw(model.writeName, bytes)),
   };
 }
 

@@ -3,18 +3,27 @@ import { signal } from "@preact/signals";
 import { perApp } from "../app-state";
 import { go, href } from "../route";
 import type { CautionKind, SettingForm } from "../../forms/types";
-import type { Model } from "./model";
+import type { Problem } from "../../ui/http";
+import type { Job } from "../../wire/types";
+import type { Edits, Model } from "./model";
 import { TEXT } from "../../texts/configure";
 
 /** A confirmation of possible harm. */
 export interface Question {
   readonly title: string;
+  /** The sensor that it is about: fullName; "" if the words name several. */
+  readonly about: string;
   readonly words: readonly string[];
   readonly caution: CautionKind;
   /** "Write anyway", "Restart the device" */
   readonly go: string;
   readonly act: () => void;
 }
+
+/** Result of each device that a profile was written to: the job, as last seen, or why there is none. */
+export type RolloutResults = Readonly<
+  Record<string, { readonly id: number; readonly last: Job | undefined } | { readonly problem: Problem }>
+>;
 
 /** What the models of all devices on one page share; it outlives a change of page. */
 export class ConfigureState {
@@ -25,8 +34,11 @@ export class ConfigureState {
   readonly question = signal<Question | undefined>(undefined);
   /** This token is view-only: reported by the server, or by a refused request. */
   readonly viewOnly = signal(false);
+  readonly rollout = signal<RolloutResults>({});
   /** By device. */
   readonly models = new Map<string, Model>();
+  /** Edits for sensors that are not there now, by their key. */
+  readonly aside = new Map<string, Edits>();
 }
 
 export const configureOf = perApp(() => new ConfigureState());
@@ -37,6 +49,7 @@ export function readAll(model: Model): void {
   if (unfinished.length === 0) return void model.readAll();
   model.page.question.value = {
     title: TEXT.confirmRead,
+    about: model.fullName,
     words: unfinished,
     caution: "loses-settings",
     go: TEXT.readAndDiscard,
@@ -70,8 +83,9 @@ export function visibleSettings(model: Model, group: string): readonly SettingFo
   return shown.length > 0 ? shown : own;
 }
 
-export const linkTo = (model: Model, place: string, more?: string): string => href("configure", model.id, place, more);
-export const goTo = (model: Model, place: string, more?: string): void => go("configure", model.id, place, more);
+export const linkTo = (model: Model, place: string, more?: string): string =>
+  href("configure", model.linkName, place, more);
+export const goTo = (model: Model, place: string, more?: string): void => go("configure", model.linkName, place, more);
 
 /** The kind of harm of a caution, in a word. */
 export const CAUTIONS: Readonly<Record<CautionKind, string>> = {

@@ -171,14 +171,17 @@ test("a profile goes to the chosen device with that device's own differences, an
       "POST /api/devices/2/compare": { ...equal, rows: [differs], changes: profile, profile },
       "POST /api/devices/3/compare": { ...equal, dangers: ["The profile is of “MTi-680G”."] },
       "POST /api/devices/3/read": job(1, { device: "3", state: "waiting" }),
-      "POST /api/devices/2/apply": job(5, { device: "2", state: "waiting" }),
+      "POST /api/devices/xbus-2/apply": job(5, { device: "2", state: "waiting" }),
     },
   });
   const [one] = page.store.devices.value;
   if (one === undefined) throw new Error("no device");
   page.store.receive({
     kind: "text",
-    text: { op: "devices", devices: ["1", "2", "3"].map((id) => ({ ...one, id, serial_number: id })) },
+    text: {
+      op: "devices",
+      devices: ["1", "2", "3"].map((id) => ({ ...one, id, serial_number: id, key: `xbus-${id}` })),
+    },
   });
   const line = (id: string): HTMLElement => find(`.rollout tr[data-device="${id}"]`);
   fireEvent.click(await waitFor(() => within(line("3")).getByRole("button", { name: /^Read/ })));
@@ -194,10 +197,21 @@ test("a profile goes to the chosen device with that device's own differences, an
   expect(button("Apply this profile").disabled).toBe(true);
   fireEvent.click(find('.rollout tr[data-device="2"] input'));
   fireEvent.click(button("Apply this profile"));
-  await waitFor(() => expect(bodiesOf(page, "/api/devices/2/apply")).toMatchObject([{ changes: profile }]));
-  expect(bodiesOf(page, "/api/devices/1/apply")).toEqual([]);
+  const question = within(await screen.findByRole("dialog"));
+  expect(question.getByText(`${one.name} · 2: 1 value.`)).toBeTruthy();
+  expect(page.asked.some(({ path }) => path.endsWith("/apply"))).toBe(false);
+  fireEvent.click(question.getByRole("button", { name: "Write profile" }));
+  const base = { OutputConfiguration: VALUES.values["OutputConfiguration"] };
+  await waitFor(() => expect(bodiesOf(page, "/api/devices/xbus-2/apply")).toMatchObject([{ changes: profile, base }]));
+  expect(page.asked.filter(({ path }) => path.endsWith("/apply"))).toHaveLength(1);
   told("2", [job(5, { device: "2", message: "1 of 1 settings written and read back." })]);
   await waitFor(() => expect(line("2").textContent).toContain("written and read back"));
+  told("2", []); // the server keeps a few jobs only
+  page.goTo("compare/snapshot");
+  page.goTo("compare/device");
+  await waitFor(() => expect(line("2").textContent).toContain("written and read back"));
+  fireEvent.click(button("Dismiss results"));
+  await waitFor(() => expect(line("2").textContent).not.toContain("written and read back"));
 });
 
 test("a key leads to the search, Enter to what was found, and Escape away from it", async () => {

@@ -1,0 +1,87 @@
+// @vitest-environment happy-dom
+/** Edits, links and questions are about one sensor, whatever its number in this run and whichever port it is on. */
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { openConfigure, type Opened } from "../../testing/configure-page";
+import { configureOf } from "./view-state";
+import { type Model, modelOf } from "./model";
+
+function editOutputs(model: Model): void {
+  const form = model.setting("OutputConfiguration");
+  if (form === undefined) throw new Error("no such setting");
+  model.edit(form, ["outputs"], []);
+}
+
+function swapped(page: Opened, changes: object): void {
+  const devices = page.store.devices.value.map((one) => ({ ...one, ...changes }));
+  page.store.receive({ kind: "text", text: { op: "devices", devices } });
+}
+
+test("edits for one sensor are put aside when another one comes, and are back with it on any port", async () => {
+  const page = await openConfigure("xbus", { place: "OutputConfiguration" });
+  const model = modelOf("1", page.app);
+  const [one] = page.store.devices.value;
+  if (one === undefined || one.serial_number === "") throw new Error("no serial number was recorded");
+  await waitFor(() => expect(model.isRead.value).toBe(true));
+  editOutputs(model);
+  expect(model.drafts.value).toHaveProperty("OutputConfiguration");
+
+  swapped(page, { serial_number: "0080800009", key: "xbus-0080800009" });
+  await waitFor(() => expect(model.drafts.value).toEqual({}));
+  expect(model.blocked.value).toBe("");
+  expect(document.querySelector("[data-key=another-sensor]")?.textContent).toContain(
+    `This is ${one.name} · 0080800009. Edits of 1 setting for ${one.name} · ${one.serial_number} are stored until it is back`,
+  );
+  expect(screen.queryByRole("button", { name: "Apply" })).toBeNull();
+
+  const back = { ...one, id: "7" };
+  page.store.receive({ kind: "text", text: { op: "devices", devices: [...page.store.devices.value, back] } });
+  const moved = modelOf("7", page.app);
+  await waitFor(() => expect(moved.drafts.value).toHaveProperty("OutputConfiguration"));
+  expect(moved.writeName).toBe(one.key);
+  expect(configureOf(page.app).aside.size).toBe(0);
+});
+
+test("a change is addressed to the sensor, and refused at another one's port", async () => {
+  const page = await openConfigure("xbus", { place: "OutputConfiguration" });
+  const [one] = page.store.devices.value;
+  const model = modelOf("1", page.app);
+  await waitFor(() => expect(model.isRead.value).toBe(true));
+  editOutputs(model);
+  fireEvent.click(await screen.findByRole("button", { name: "Apply" }));
+  await waitFor(() => expect(page.asked.map(({ address }) => address)).toContain(`/api/devices/${one?.key}/apply`));
+});
+
+test("a sensor that nobody has confirmed since its link was lost is named so", async () => {
+  const page = await openConfigure("xbus");
+  expect(document.querySelector("[data-key=unconfirmed]")).toBeNull();
+  swapped(page, { unconfirmed_since: 1_732_000_000 });
+  await waitFor(() => expect(document.querySelector("[data-key=unconfirmed]")?.textContent).toContain("Read settings"));
+});
+
+test("a link to a sensor that is not there says so", async () => {
+  const page = await openConfigure("xbus");
+  expect(document.querySelector("[data-key=linked]")).toBeNull();
+  location.hash = "#/configure/xbus-0011223344/compare";
+  dispatchEvent(new HashChangeEvent("hashchange"));
+  await waitFor(() => expect(document.querySelector("[data-key=linked]")?.textContent).toContain("xbus-0011223344"));
+  location.hash = `#/configure/${page.store.devices.value[0]?.key}/compare`;
+  dispatchEvent(new HashChangeEvent("hashchange"));
+  await waitFor(() => expect(document.querySelector("[data-key=linked]")).toBeNull());
+});
+
+test("a question names the sensor it is about", async () => {
+  const page = await openConfigure("xbus");
+  const model = modelOf("1", page.app);
+  model.page.question.value = {
+    title: "Sure?",
+    about: model.fullName,
+    words: [],
+    caution: "",
+    go: "Do",
+    act: () => {},
+  };
+  await waitFor(() =>
+    expect(screen.getByRole("dialog").textContent).toContain(page.store.devices.value[0]?.serial_number),
+  );
+});
