@@ -22,6 +22,7 @@ import numpy as np
 
 from protocols.layouts import EncodeError, is_open
 from protocols.schema import Field
+from protocols.shown_values import is_scaled, shown_number
 
 _FIXED = {"fp1220": 2.0**11, "fp1632": 2.0**15}
 
@@ -130,9 +131,11 @@ def _of_number(field: Field, value: Any) -> str:
     low, high = bounds(field)
     whole = is_whole(field)
     if whole and isinstance(value, float) and not value.is_integer():
-        return f"{field.name} is a whole number, given {value!r:.80}"
+        what = "a whole number" if not is_scaled(field) else f"a multiple of {field.scale:g}{_unit(field)}"
+        return f"{field.name} is {what}, given {_given(field, value)}"
     if not low <= value <= high:  # not a number fails too
-        return f"{field.name} lies between {_shown(low)} and {_shown(high)}{_unit(field)}, given {value!r:.80}"
+        limits = " and ".join(_shown(shown_number(field, limit)) for limit in (low, high))
+        return f"{field.name} lies between {limits}{_unit(field)}, given {_given(field, value)}"
     if field.choices and value not in field.choices:
         return f"{field.name} is one of {_listed(field)}, given {value!r:.80}"
     return ""
@@ -161,7 +164,11 @@ def _shown(number: float) -> str:
 
 
 def _unit(field: Field) -> str:
-    return f" {field.unit}" if field.unit and field.scale == 1 else ""
+    return f" {field.unit}" if field.unit else ""
+
+
+def _given(field: Field, value: float) -> str:
+    return f"{shown_number(field, value):.9g}{_unit(field)}" if is_scaled(field) else f"{value!r:.80}"
 
 
 def _listed(field: Field) -> str:

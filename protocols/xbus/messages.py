@@ -125,8 +125,8 @@ _SYNC = (
                 default=0,
                 meaning_of="function",
                 meanings=_SYNC_WORD,
-                doc="Sync in: delay, 0 to 60000 × 100 µs. Sync out: offset, -30000 to 30000 × 100 µs. "
-                "ClockBiasEstimation: period of the clock, ms.",
+                doc="Sync in: delay, 0 to 6000 ms. Sync out: offset, -3000 to 3000 ms. ClockBiasEstimation: period of "
+                "the clock, ms.",
             ),
         ),
     ),

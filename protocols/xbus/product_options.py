@@ -252,10 +252,10 @@ def _of_sync(entry: Mapping[str, Any], path: str, model: Model | None) -> Iterat
         )
     name = "delay_offset_or_clock_period"
     if function in SYNC_OUT and 30_000 < delay < 65_536 - 30_000:
-        allowed = "0 to 30000, or 35536 to 65535 for -30000 to -1"
-        yield ValueProblem(f"{path}.{name}", f"{name} of a sync out is an offset of {allowed}, given {delay}")
+        given = (delay - 65_536 if delay >= 32_768 else delay) / 10
+        yield ValueProblem(f"{path}.{name}", f"{name} of a sync out is an offset of -3000 to 3000 ms, given {given} ms")
     elif function not in (*SYNC_OUT, CLOCK_BIAS) and delay > 60_000:
-        yield ValueProblem(f"{path}.{name}", f"{name} of a sync in is a delay of 0 to 60000, given {delay}")
+        yield ValueProblem(f"{path}.{name}", f"{name} of a sync in is a delay of 0 to 6000 ms, given {delay / 10} ms")
 
 
 def _of_ports(words: list[int]) -> Iterator[ValueProblem]:

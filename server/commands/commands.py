@@ -14,6 +14,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
 from protocols.schema import Bits, Command, Field, Setting
+from protocols.shown_values import is_scaled, meant, shown_number
 from protocols.transactions import DeviceContext
 from protocols.validation import bounds, is_whole
 from server.commands.compose import ComposeError, composers
@@ -78,14 +79,26 @@ def _entry(protocol: str, row: CommandListRow) -> Iterator[str]:
 
 def _fields(fields: Iterable[Field], margin: str) -> Iterator[str]:
     for field in fields:
-        parts = [_type(field), field.unit, _range(field)]
-        parts += [f"usually {field.default}"] * (field.default is not None) + ["read-only"] * field.read_only
+        parts = [_type(field), field.unit, _range(field), _step(field)]
+        usual = None if field.default is None else shown_number(field, field.default)
+        parts += [f"usually {usual}"] * (usual is not None) + ["read-only"] * field.read_only
         yield f"{margin}{field.name}  " + ", ".join(part for part in parts if part)
         yield from _wrapped(field.doc, margin + "    ")
         meanings = [f"{number} {meaning}" for number, meaning in field.choices.items()]
         meanings += [_bits(bits) for bits in field.bits]
         yield from _wrapped("; ".join(meanings), margin + "    ")
+        yield from _meanings(field, margin + "    ")
         yield from _fields(field.fields, margin + "    ")
+
+
+def _meanings(field: Field, margin: str) -> Iterator[str]:
+    """The unit and range that a field has while another one has certain values."""
+    for meaning in field.meanings:
+        value = meaning.values[0] if meaning.values else None
+        row = meant(field, {field.meaning_of: value})
+        when = f"{field.meaning_of} {' or '.join(map(str, meaning.values))}" if meaning.values else "any other"
+        parts = [meaning.title, row.unit, _range(row, signed=meaning.signed), _step(row)]
+        yield from _wrapped(f"with {when}: " + ", ".join(part for part in parts if part), margin)
 
 
 def _bits(bits: Bits) -> str:
@@ -105,10 +118,19 @@ def _type(field: Field) -> str:
     )
 
 
-def _range(field: Field) -> str:
+def _step(field: Field) -> str:
+    """The step of a scaled whole number."""
+    return f"in steps of {field.scale:g}" if is_scaled(field) and field.dtype and is_whole(field) else ""
+
+
+def _range(field: Field, *, signed: bool = False) -> str:
     if field.fields or field.dtype in ("bytes", "ascii") or field.choices or field.bits:
         return ""
+    if field.meanings and not signed and not field.unit and not is_scaled(field):
+        return ""
     low, high = bounds(field) if is_whole(field) else (field.low, field.high)
+    if is_scaled(field):
+        low, high = (None if limit is None else shown_number(field, limit) for limit in (low, high))
     shown = ["" if limit is None else str(limit) if isinstance(limit, int) else f"{limit:.7g}" for limit in (low, high)]
     return f"{shown[0]} to {shown[1]}" if all(shown) else ""
 

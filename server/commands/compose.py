@@ -5,7 +5,8 @@
     imuscope inspect FILE --format jsonl | imuscope compose --jsonl -        the frames again, one hex line each
 
 FIELD=VALUE:   400   0x400F   -1.5   a name of a choice (GROUND_VEHICLE)   names of flags (DisableAutoStore|EnableAhs)
-               an angle in degrees where the unit is rad (90deg, [0,0,90°])
+               in the unit that `imuscope commands` prints for the field; an angle may be in degrees where that is rad
+               (90deg, [0,0,90°])
                a group of bits and its value (GPS1_SOURCE=SER1|GPS1_TYPE=GPX; protocols/flag_words.py)
                a list or record as JSON ([1, 2, 3])   hex digits of opaque bytes   text
                a path into lists and records (outputs.0.output_frequency=400); each next index adds a list entry;
@@ -31,6 +32,7 @@ from protocols.flag_words import nearest, word_of
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Field
+from protocols.shown_values import to_shown, to_wire
 from protocols.transactions import DeviceContext
 from server.devices.decode_options import DecodeOptions
 
@@ -166,7 +168,7 @@ def _is_vector(field: Field) -> bool:
 
 
 def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, Any] = NOTHING) -> dict[str, Any]:
-    """FIELD=VALUE pairs as values by name.
+    """FIELD=VALUE pairs, in the units of the fields, as wire values by name.
 
     Args:
         present: current values of the device; a vector of which one element is named keeps the others.
@@ -181,9 +183,12 @@ def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, A
             raise ComposeError(f"{pair!r} is not valid; write it as FIELD=VALUE")
         field, rest = _found(path, fields)
         if rest and _is_vector(field) and field.name not in values and field.name in present:
-            values[field.name] = list(present[field.name])
+            values |= to_shown((field,), {field.name: list(present[field.name])})
         _put(values, field.name, field, rest, path, text)
-    return values
+    try:
+        return to_wire(fields, values)
+    except EncodeError as error:
+        raise ComposeError(str(error)) from None
 
 
 def _found(path: str, fields: Sequence[Field]) -> tuple[Field, list[str]]:
@@ -219,7 +224,8 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
     if place > len(rows):
         raise ComposeError(f"{path}: {field.name} has {len(rows)} entries so far; the next is {field.name}.{len(rows)}")
     if place == len(rows):
-        defaults = {part.name: part.default for part in field.fields if part.default is not None}
+        wire = {part.name: part.default for part in field.fields if part.default is not None}
+        defaults = to_shown(field.fields, wire)
         rows.append(defaults if field.fields else 0)
     if not field.fields:
         if rest[1:]:
@@ -290,6 +296,8 @@ def _number(text: str, field: Field, path: str) -> int | float:
     degrees = _DEGREES.match(text)
     if degrees and field.unit.startswith("rad") and not field.unit.startswith("rad²"):
         return math.radians(float(degrees[1]))
+    if degrees and field.unit.startswith("°"):
+        return float(degrees[1])
     numbers = {meaning.casefold(): number for number, meaning in field.choices.items()}
     if text.casefold() in numbers:
         return numbers[text.casefold()]

@@ -17,7 +17,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TextIO
 
@@ -25,7 +25,8 @@ from protocols.composer import ProtocolComposer
 from protocols.events import Decoder, Event, Shared, sender_of
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS, detect
-from protocols.schema import Command, Setting
+from protocols.schema import Command, Field, Setting
+from protocols.shown_values import to_shown
 from protocols.transactions import (
     DeviceContext,
     DeviceDriver,
@@ -272,11 +273,12 @@ async def _transact(context: _SendContext, channel: LinkChannel, out: TextIO, no
     if (target := _target(driver, command, values, known)) is not None:
         await _allow_write(driver, *target, request, known, play)
     answer = await play(driver.run(command.name, values, known))
-    _print(out, {"message": command.reply or command.name, "fields": answer})
+    described = context.composer.messages.get(command.reply, ())
+    _print(out, {"message": command.reply or command.name, "fields": _readable(described, answer)})
     setting_row = next((row for row in driver.settings(known) if row.write == command.name), None)
     if setting_row is not None and command.kind == "set":
         got = await play(driver.read(setting_row.name, known))
-        _print(out, {"setting": setting_row.name, "fields": got})
+        _print(out, {"setting": setting_row.name, "fields": _readable(setting_row.fields, got)})
         _report_altered(driver, setting_row, values, got, notes)
 
 
@@ -319,7 +321,8 @@ async def _run_setting(
     """Read a setting, or write the given fields."""
     driver = composer.driver
     if not request.pairs:
-        _print(out, {"setting": setting.name, "fields": await play(driver.read(setting.name, known))})
+        got = await play(driver.read(setting.name, known))
+        _print(out, {"setting": setting.name, "fields": _readable(setting.fields, got)})
         return
     if not setting.write:
         raise SendError(f"{setting.name} is read-only")
@@ -332,7 +335,7 @@ async def _run_setting(
     written = await play(driver.write(setting.name, values, known))
     if written.refused:
         raise SendError(f"{setting.name} was refused: {written.refused}")
-    _print(out, {"setting": setting.name, "fields": written.actual})
+    _print(out, {"setting": setting.name, "fields": _readable(setting.fields, written.actual)})
     if written.actual is not None:
         _report_altered(driver, setting, values, written.actual, notes)
 
@@ -383,9 +386,15 @@ async def _allow_write(
 
 def _report_altered(driver: DeviceDriver, setting: Setting, requested: Values, got: Values, notes: TextIO) -> None:
     """Report values that the device altered (it rounds rates)."""
+    shown, asked = to_shown(setting.fields, got), to_shown(setting.fields, requested)
     for path in driver.same(setting.name, {name: requested[name] for name in requested if name in got}, got):
-        actual, wanted = value_at(got, path), value_at(requested, path)
+        actual, wanted = value_at(shown, path), value_at(asked, path)
         notes.write(f"imuscope: {setting.name} {path} was changed by the device: {actual!r} instead of {wanted!r}.\n")
+
+
+def _readable(fields: Sequence[Field], values: Values | None) -> Values | None:
+    """Values in the units in which they are entered."""
+    return None if values is None else to_shown(fields, values)
 
 
 def _print(out: TextIO, line: Values) -> None:

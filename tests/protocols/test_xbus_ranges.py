@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from protocols.layouts import EncodeError, is_open
 from protocols.schema import Command, Field
+from protocols.shown_values import is_scaled, shown_number
 from protocols.transactions import DeviceContext
 from protocols.validation import bounds, is_whole
 from protocols.xbus.json_codec import frame_to_json
@@ -63,7 +64,8 @@ def test_a_value_beyond_its_range_is_refused_with_field_value_and_range(
         DRIVER.frame(command.name, values, KNOWN[name])
     assert refused.value.path == path
     assert field.name in str(refused.value)
-    assert repr(wrong) in str(refused.value)
+    shown = f"{shown_number(field, wrong):.9g} {field.unit}" if is_scaled(field) else repr(wrong)
+    assert shown in str(refused.value)
 
 
 # Rules beyond ranges (flags of other products, periods between two multiples) are tested below.
@@ -123,8 +125,8 @@ TOGETHER = [
     ("SetOutputConfiguration", asked(0x4FF0), "outputs.0.data_identifier", "no such data"),
     ("SetOutputConfiguration", asked(0x2010, 2), "outputs.1.data_identifier", "twice"),
     ("SetOutputConfiguration", asked(0x1020, 33), "outputs", "at most 32 entries, given 33"),
-    ("SetSyncSettings", entry(function=4, line=7, offset_100us=30_001), DELAY, "30001"),
-    ("SetSyncSettings", entry(function=3, line=2, delay_100us=60_001), DELAY, "0 to 60000"),
+    ("SetSyncSettings", entry(function=4, line=7, offset_100us=30_001), DELAY, "3000.1 ms"),
+    ("SetSyncSettings", entry(function=3, line=2, delay_100us=60_001), DELAY, "0 to 6000 ms"),
     ("SetSyncSettings", entry(function=3, line=6), "settings.0.line", "SendLatest"),
     ("SetSyncSettings", entry(function=3, line=4), "settings.0.line", "one of 2"),
     ("SetSyncSettings", entry(function=3, line=7), "settings.0.line", "TriggerIndication goes with an input"),

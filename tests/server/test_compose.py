@@ -16,9 +16,10 @@ from protocols.isb.simulator.device import IsbSimulator
 from protocols.nmea import sentence
 from protocols.transactions import DeviceContext
 from protocols.xbus.simulator.device import XbusSimulator
+from server.commands.commands import manual
 from server.commands.compose import ComposeError, composers, find_composer, frame_of, frames_of, parse
 from server.commands.inspect import inspect_file
-from server.devices.decode_options import DecodeOptions
+from server.devices.decode_options import DecodeOptions, checked_options
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.server_process import imuscope
@@ -278,3 +279,50 @@ def test_a_bare_type_number_becomes_a_safety_frame() -> None:
     with pytest.raises(ComposeError, match="0x80 is a number in several protocols; add --protocol xbus or idtp"):
         composed("0x80", "data=0102")
     assert composed("0x80", "data=0102", protocol="xbus").startswith("faff80")
+
+
+def shown_by_inspect(frame: str, path: Path, reading: DecodeOptions) -> str:
+    path.write_bytes(bytes.fromhex(frame))
+    inspect_file(path, out := io.StringIO(), reading)
+    return out.getvalue().splitlines()[-1]
+
+
+@each_row(
+    ("typed", "shown"),
+    [
+        ("function=4 line=7 pulse_width=10 delay_offset_or_clock_period=-1.5", "pulse_width 10 ms"),
+        ("function=3 line=2 pulse_width=0.1 delay_offset_or_clock_period=6000", "pulse_width 0.1 ms"),
+    ],
+)
+def test_a_number_is_typed_in_the_unit_in_which_it_is_listed_and_shown(tmp_path: Path, typed: str, shown: str) -> None:
+    """10 typed for a pulse of 10 ms made one of 1 ms."""
+    frame = composed("SetSyncSettings", *(f"settings.0.{pair}" for pair in typed.split()))
+    assert shown in shown_by_inspect(frame, tmp_path / "a.bin", DecodeOptions("xbus"))
+    text = "\n".join(manual(DecodeOptions("xbus"), "SetSyncSettings"))
+    assert "pulse_width  u2, ms, 0 to 6553.5, in steps of 0.1" in text
+    assert "with function 4 or 14: Offset, ms, -3000 to 3000, in steps of 0.1" in text
+    words = bytes.fromhex(frame)[14:16]
+    assert words == {"1": (65_536 - 15).to_bytes(2, "big"), "0": (60_000).to_bytes(2, "big")}[shown.split()[1][0]]
+
+
+def test_a_number_between_two_steps_or_out_of_range_is_refused_in_its_unit() -> None:
+    for typed, words in (("10.05", "multiple of 0.1 ms, given 10.05"), ("7000", "0 and 6553.5 ms, given 7000 ms")):
+        with pytest.raises(ComposeError, match=words):
+            composed("SetSyncSettings", "settings.0.function=4", "settings.0.line=7", f"settings.0.pulse_width={typed}")
+
+
+def test_numbers_of_a_vendors_own_message_are_typed_in_their_unit(tmp_path: Path) -> None:
+    """w=[1,2] m/s was sent as 0.01 and 0.02, and 1.5 was refused as not whole."""
+    schema = (
+        '[[message]]\ntype = 0x80\nname = "WheelSpeed"\n[[message.field]]\nname = "w"\ntype = "i16"\ncount = 2\n'
+        'unit = "m/s"\nscale = 0.01\n'
+    )
+    reading = checked_options("idtp", {"schema": schema})
+    assert "w  i2 × 2, m/s, -327.68 to 327.67, in steps of 0.01" in "\n".join(manual(reading, "WheelSpeed"))
+    every = composers(reading)
+    for pairs in (["w=[1.5,-2]"], ["w=1.5, -2"], ["w.0=1.5", "w.1=-2"]):
+        frame, values = frame_of(find_composer(every, "WheelSpeed"), "WheelSpeed", pairs)
+        assert values["w"] == [150, -200]
+        assert "w [1.5, -2] m/s" in shown_by_inspect(frame.hex(), tmp_path / "a.bin", reading)
+    with pytest.raises(ComposeError, match=r"w is a multiple of 0.01 m/s, given 1.555"):
+        frame_of(find_composer(every, "WheelSpeed"), "WheelSpeed", ["w=[1.555,0]"])
