@@ -99,10 +99,10 @@ class DeviceRejectedError(Exception):
 
 
 class NoReplyError(Exception):
-    """No answer to `what` after `attempts` attempts of `timeout_s` each."""
+    """No answer to `what` after `attempts` attempts of `timeout_s` each; `advice`: a sentence on what to do."""
 
-    def __init__(self, what: str, attempts: int, timeout_s: float) -> None:
-        super().__init__(f"No answer to {what} ({attempts} attempts of {timeout_s:g} s).")
+    def __init__(self, what: str, attempts: int, timeout_s: float, advice: str = "") -> None:
+        super().__init__(f"No answer to {what} ({attempts} attempts of {timeout_s:g} s).{advice and ' ' + advice}")
         self.what, self.attempts, self.timeout_s = what, attempts, timeout_s
 
 
@@ -135,7 +135,6 @@ class RequiresState(Generator[Act, Any, T]):
     Args:
         continues: it continues an earlier command (stores a reset, ends a calibration): between the two the device must
             neither restart nor pass through another state.
-            device must neither restart nor pass through another state.
     """
 
     def __init__(

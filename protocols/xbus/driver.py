@@ -118,8 +118,8 @@ class XbusDriver(DeviceDriver):
         return requests.addressed(self._within(body, at_rest=known.at_rest), _bus(known))
 
     def _within(self, body: Transaction[T], *, at_rest: bool = False) -> Transaction[T]:
-        """`body` in the config state, or in its required state (RequiresState), then measurement again, unless the
-        device was at rest.
+        """`body` in the config state, or in its required state (RequiresState), then in the state in which the device
+        was found: it measures again unless it was at rest.
         """
         state = body.state if isinstance(body, RequiresState) else "config"
         if state == "any":
@@ -128,8 +128,11 @@ class XbusDriver(DeviceDriver):
             if not (yield WaitFor(_sample, requests.FIRST_SAMPLE_S)):  # it measures; GoToMeasurement would fail
                 yield from requests.to_measurement()
             return (yield from body)
+        continues = isinstance(body, RequiresState) and body.continues  # then nothing may come in between
+        if not at_rest and not continues:
+            at_rest = yield from requests.is_in_config()
         try:
-            yield from requests.to_config(self._times, restart=not (isinstance(body, RequiresState) and body.continues))
+            yield from requests.to_config(self._times)
             result = yield from body
         except TransactionCancelledError:  # also before the body: the device may have received GoToConfig already
             if not at_rest:

@@ -3,8 +3,10 @@
     ask      request ──> acknowledgement, number plus one; Error ──> DeviceRejectedError in the document's words, and
                    likewise WakeUp: the device has restarted (only Reset is answered by it too);
                    no answer within the time-out ──> retry, if repeating is harmless
-    to_config      GoToConfig every 100 ms; a device that ignores it is Reset, then GoToConfig every 100 ms up to 3 s,
-                   and its WakeUp is answered with WakeUpAck at once: within 500 ms that also leads to the config state
+    is_in_config   ReqDID: a device in the config state answers, one that measures refuses
+    to_config      GoToConfig every 100 ms; a WakeUp in between is answered with WakeUpAck at once: within 500 ms that
+                   also leads to the config state. A device that ignores both is left as it is: only Reset, which the
+                   user sends, may help
     to_measurement GoToMeasurement, its acknowledgement; a device that already measures refuses, which is accepted
     addressed      the same, to one of the devices on a shared line: each answers to its own bus identifier only
 
@@ -22,19 +24,22 @@ from typing import Any
 
 from protocols.events import Batch, Event, Reply, Text
 from protocols.json_values import jsonable
-from protocols.transactions import DeviceRejectedError, NoReplyError, Note, Send, Sleep, T, Transaction, WaitFor
+from protocols.transactions import DeviceRejectedError, NoReplyError, Send, Sleep, T, Transaction, WaitFor
 from protocols.xbus import frames
 from protocols.xbus.messages import answers
 
-GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET = 0x30, 0x10, 0x40
+REQ_DID, GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET = 0x00, 0x30, 0x10, 0x40
 WAKE_UP, WAKE_UP_ACK, ERROR = 0x3E, 0x3F, 0x42
 ERROR_MESSAGE = 4
 
 ATTEMPTS = 3
 STEP_S = 0.1  # between two GoToConfig
+ANSWER_S = 0.2  # an answer to ReqDID has come by then, after samples under way
 FIRST_SAMPLE_S = 0.25  # a measuring device has sent something by then, unless it is slow or waits for a trigger
 REFUSED_S = 0.2  # a refusing Error has come by then, after samples under way
 RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
+
+NO_RESET = "The device was not restarted: run the command Reset if that is what you want."
 
 Plain = Mapping[str, Any]
 
@@ -44,14 +49,12 @@ class StateTimes:
     """Time limits of state changes and of the search for a device, s. Tests of silent devices pass shorter ones.
 
     Args:
-        config_s: how long GoToConfig is repeated before the device is Reset.
-        reset_s: how long it is repeated after a Reset; a restart takes up to 1.7 s.
+        config_s: how long GoToConfig is repeated; a device that is restarting takes up to 1.7 s.
         stream_s: for a first frame of a device that streams.
         answer_s: for the answer to each request to a device that may not be there.
     """
 
-    config_s: float = 1.5
-    reset_s: float = 3.0
+    config_s: float = 2.0
     stream_s: float = 1.0
     answer_s: float = 0.4
 
@@ -133,26 +136,28 @@ def refusal(what: str, error: Reply) -> DeviceRejectedError:
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def to_config(times: StateTimes, *, restart: bool = True) -> Transaction[None]:
-    """Bring the device to the config state.
+def is_in_config() -> Transaction[bool]:
+    """Whether the device is in the config state already; False if it does not answer."""
+    yield Send(frames.build(REQ_DID), "ReqDID")
+    message = yield WaitFor(_did_or_refusal, ANSWER_S, "ReqDID")
+    if message == WAKE_UP:  # it is starting, and would measure
+        yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
+    return bool(message == REQ_DID + 1)
 
-    Args:
-        times: how long to wait.
-        restart: whether it may be Reset if it does not answer; False if that would discard pending results.
+
+def _did_or_refusal(event: Event) -> int | None:
+    wanted = (REQ_DID + 1, ERROR, WAKE_UP)
+    return event.message.id if isinstance(event, Reply) and event.message.id in wanted else None
+
+
+def to_config(times: StateTimes) -> Transaction[None]:
+    """Bring the device to the config state. It is never restarted for that.
 
     Raises:
-        NoReplyError: no answer, even after Reset.
+        NoReplyError: no answer.
     """
-    if (yield from _insist(times.config_s)):
-        return
-    if not restart:
-        raise NoReplyError("GoToConfig", round(times.config_s / STEP_S), STEP_S)
-    yield Note("The device does not answer GoToConfig; restarting it (Reset).")
-    yield Send(frames.build(RESET), "Reset")
-    if (yield from _insist(times.reset_s)):
-        return
-    attempts = round((times.config_s + times.reset_s) / STEP_S)
-    raise NoReplyError("GoToConfig, including after a Reset", attempts, STEP_S)
+    if not (yield from _insist(times.config_s)):
+        raise NoReplyError("GoToConfig", round(times.config_s / STEP_S), STEP_S, NO_RESET)
 
 
 def _insist(patience_s: float) -> Transaction[bool]:

@@ -22,7 +22,7 @@ from protocols.transactions import (
     WaitFor,
     cancel,
 )
-from protocols.xbus import frames
+from protocols.xbus import frames, requests
 from protocols.xbus.device_info import identity
 from protocols.xbus.products import MODELS
 from protocols.xbus.simulator.device import XbusSimulator
@@ -242,7 +242,7 @@ def test_a_measuring_command_sends_no_gotomeasurement_to_a_streaming_device() ->
     assert names(line) == ["SetNoRotation"]
 
 
-def test_a_failed_read_restores_measurement_and_reports_the_restart() -> None:
+def test_a_failed_read_restores_measurement() -> None:
     """Regression: all answers were lost; the device had received GoToConfig and stayed silent."""
 
     class Unheard(Between):
@@ -251,10 +251,9 @@ def test_a_failed_read_restores_measurement_and_reports_the_restart() -> None:
 
     line = PlayedWire(Unheard(), "xbus")
     line.pass_time(1)
-    with pytest.raises(NoReplyError, match="after a Reset"):
+    with pytest.raises(NoReplyError, match="not restarted"):
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
     assert names(line)[-1] == "GoToMeasurement"
-    assert line.notes == ["The device does not answer GoToConfig; restarting it (Reset)."]
     line.pass_time(2)
     assert isinstance(line.device, Unheard)
     assert line.device.device.phase == "measurement"
@@ -308,31 +307,50 @@ def test_unrepeatable_commands_are_sent_once() -> None:
 # -- devices that do not do as they should -----------------------------------------------------------------------------
 
 
-def test_a_stubborn_device_is_reset_and_its_wake_up_answered() -> None:
-    line = wire(moods=FaultInjection(ignores_goto_config=True))
+@each_row("writes", [False, True])
+def test_a_stubborn_device_is_never_restarted_unasked(writes: bool) -> None:
+    """A read restarted a device that ignored GoToConfig: clock, counter and filter with it."""
+    line = wire(measuring=True, moods=FaultInjection(ignores_goto_config=True))
     known = DeviceContext(product="MTi-630")
-    assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
-    sent = names(line)
-    assert sent.count("Reset") == 1
-    assert "WakeUpAck" in sent[sent.index("Reset") :]
-    assert sent[-1] == "GoToMeasurement"
+    body: Transaction[Any] = DRIVER.read("LocationID", known)
+    if writes:
+        body = DRIVER.write("LocationID", {"location_id": 1}, known)
+    with pytest.raises(NoReplyError, match="not restarted: run the command Reset if that is what you want"):
+        play(DRIVER.within(body, known), line)
+    assert "Reset" not in names(line)
     assert phase(line) == "measurement"
-    assert line.now_ns < 5e9
+    play(DRIVER.within(DRIVER.run("Reset", {}, known), known), line)
+    assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
+
+
+def test_a_device_is_left_in_the_state_in_which_it_was_found() -> None:
+    """Whatever another program had begun in the config state was broken off by a read: the device measured again."""
+    line = wire(measuring=True)
+    known = DeviceContext(product="MTi-630")
+    play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
+    assert phase(line) == "measurement"
+    line.device.receive(frames.build(0x30), line.now_ns)
+    play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
+    assert phase(line) == "config"
+    with pytest.raises(DeviceRejectedError):
+        play(DRIVER.within(requests.send_request(frames.build(0xF0), "0xF0", 0.5), known), line)
+    assert phase(line) == "config"
 
 
 def test_a_device_that_is_just_starting_is_kept_in_config() -> None:
     line = PlayedWire(XbusSimulator(start_ns=50_000_000), "xbus")
     known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
-    assert names(line)[:2] == ["GoToConfig", "WakeUpAck"]
+    assert names(line)[:3] == ["ReqDID", "WakeUpAck", "GoToConfig"]
+    assert phase(line) == "measurement"
 
 
 def test_silence_is_reported_with_request_and_attempts() -> None:
     line = PlayedWire(DeafXbusDevice(), "xbus")
     with pytest.raises(NoReplyError, match="No answer to GoToConfig") as silent:
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
-    assert silent.value.attempts == 45
-    assert line.now_ns == pytest.approx(4.5e9 + 3 * 0.5e9, rel=0.01)
+    assert silent.value.attempts == 20
+    assert line.now_ns == pytest.approx(0.2e9 + 2e9 + 3 * 0.5e9, rel=0.01)
 
 
 def test_a_lost_answer_is_requested_again() -> None:

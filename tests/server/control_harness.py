@@ -36,7 +36,7 @@ BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # for tests that do not co
 
 PATIENT = 10.0  # times as long as the product waits for an answer: a simulator that has no processor is not silent
 
-SILENT = StateTimes(config_s=1.0, reset_s=2.0, stream_s=1.0, answer_s=0.5)  # where an MTi cannot answer
+SILENT = StateTimes(config_s=1.0, stream_s=1.0, answer_s=0.5)  # where an MTi cannot answer
 
 
 class ControlHarness:
