@@ -35,6 +35,17 @@ class FrameLister(Protocol):
     def drain(self, *, stalled: bool = False) -> list[dict[str, Any]]: ...
 
 
+class OutputChanges(Protocol):
+    """Interruptions of a device's output that somebody asked for, by its answers: they explain missing samples."""
+
+    @property
+    def standing(self) -> tuple[int, str] | None:
+        """Reason for missing samples that holds now, after its rank: of several reasons the highest counts."""
+
+    def observe(self, reply: Reply) -> tuple[int, str] | None:
+        """Reason for samples that are missing around this answer, after its rank."""
+
+
 @dataclass(frozen=True, slots=True)
 class PositionFix:
     """A place on the ellipsoid: degrees, north and east positive; height in m. None: unknown."""
@@ -222,6 +233,7 @@ class ProtocolInfo:
         configuration_frames: name of a module with a function `effect_of(frame)` (server/holder/client_frames.py,
             Effect), which imports nothing heavy: with it imuscope waits while a client of a shared port configures the
             device, and shows what it changed. "" for none.
+        output_changes: recognises interruptions of the output that somebody asked for; None if samples are not counted.
         rows: rows of its messages, named as its listing prints them: title, text and section of the document.
         identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
         identify_request: harmless request to any device of the protocol for its identity; b"" for none.
@@ -274,6 +286,7 @@ class ProtocolInfo:
     permissive: Mapping[str, Any] = field(default_factory=dict)
     datagrams: bool = False
     silence: bool = False
+    output_changes: Callable[[], OutputChanges] | None = None
     frame_size: str = ""
     stamped: bool = False
     counts: bool = False

@@ -76,7 +76,8 @@ class EventReporter:
         if self._sink.reports_every_gap or self._is_allowed("gap", GAPS_PER_PERIOD):
             text = f"{_samples(gap.missing)} lost ({_duration(t1 - t0)}): {blame.words}"
             data = {"counter": gap.counter, "by": blame.by}
-            self.report("gap", "error", text, time=t1, span=(t0, t1), samples=gap.missing, data=data)
+            level: Level = "info" if blame.by == "request" else "error"
+            self.report("gap", level, text, time=t1, span=(t0, t1), samples=gap.missing, data=data)
             return
         suppressed = self._suppress("gap")
         suppressed.samples += gap.missing

@@ -24,6 +24,7 @@ from protocols.capture_clock import CaptureClock
 from protocols.chunk_boundaries import ChunkBoundaries
 from protocols.clock_sync import ClockSync, TimedRows
 from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
+from protocols.family import OutputChanges
 from protocols.framing import REFUSED
 from protocols.nmea_quantities import NmeaQuantities
 from protocols.plural import counted
@@ -51,6 +52,7 @@ PAUSE_S = 5.0  # shortest reported pause of a capture, by the device's clock
 NEAR_S = 0.5  # a jump that ends this near the end of a pause is that pause
 REMAP_INTERVAL_S = 10.0  # between reports, so that an unsettled mapping does not fill the log
 REPORTED_ONCE = ("no_key",)  # by server/devices/stream_diagnostics.py, not for every frame
+MAX_INTERRUPTIONS = 64  # remembered while no frame arrives
 MAX_PROTECTIONS = 8  # listed for one device
 EMBEDDED_NAMES = {"ubx": "u-blox receiver (UBX)", "rtcm3": "RTCM 3 source", "nmea": "NMEA 0183 device"}
 """Name of a device that sends only such messages, the most specific kind first: any device may send NMEA."""
@@ -72,6 +74,7 @@ class ProtocolTraits:
     datagrams: bool = False
     frame_size: str = ""
     stamped: bool = False
+    output_changes: Callable[[], OutputChanges] | None = None
     configuration_frames: str = ""
 
 
@@ -192,6 +195,9 @@ class Ingest:
         self._sentences = NmeaQuantities()
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last good frame
+        self._changes = about.output_changes() if about.output_changes is not None else None
+        self._interruptions: list[tuple[int, tuple[int, str]]] = []  # since the last frame: position, rank and reason
+        self._last_offset = -1  # of the last frame of the previous drain
         unknown_ns = NETWORK_NS if is_network(line.kind) else 0
         self.clock: ClockSync = CaptureClock()
         if about.stamped:
@@ -321,6 +327,11 @@ class Ingest:
         if self._last_time is not None and len(hosts):
             hosts = np.maximum(hosts, self._last_time)
         pauses = self._pauses(hosts) if not self._line.timed else ()
+        if self._changes is not None:
+            replies = (event for event in events if isinstance(event, Reply))
+            reasons = ((one.offset, self._changes.observe(one)) for one in replies)
+            self._interruptions += [(offset, reason) for offset, reason in reasons if reason is not None]
+            del self._interruptions[:-MAX_INTERRUPTIONS]
         rejects: list[RejectedFrame] = []
         damaged: list[RejectedFrame] = []  # without frames rejected for reasons that do not concern the line
         for event in events:
@@ -350,6 +361,8 @@ class Ingest:
         if rejects:
             self._count_rejects(rejects)
         if len(hosts):
+            self._last_offset = int(offsets[-1])
+            self._interruptions = [one for one in self._interruptions if one[0] > self._last_offset]
             self._last_time = float(hosts[-1])
             self._rejects_before = sum(reject.offset > offsets[-1] for reject in damaged)
         else:
@@ -404,7 +417,17 @@ class Ingest:
         # The first frame after the gap may have an older time (a GNSS solution): the gap ends at the first newer one.
         newer = hosts[at:] if before is None else hosts[at:][hosts[at:] > before]
         after = float(newer[0]) if len(newer) else gap.arrival_ns / 1e9
-        self._events.gap(gap, after if before is None else min(before, after), after, self._loss_cause(rejects))
+        begin = int(offsets[at - 1]) if 0 < at <= len(offsets) else self._last_offset
+        cause = self._requested(begin, gap.offset) or self._loss_cause(rejects)
+        self._events.gap(gap, after if before is None else min(before, after), after, cause)
+
+    def _requested(self, begin: int, end: int) -> LossCause | None:
+        """Cause of a loss between two positions, if somebody asked for it."""
+        if self._changes is None:
+            return None
+        reasons = [reason for offset, reason in self._interruptions if begin < offset < end]
+        reasons += [self._changes.standing] if self._changes.standing is not None else []
+        return LossCause("request", max(reasons)[1]) if reasons else None
 
     def _loss_cause(self, rejects: int) -> LossCause:
         """Cause of a loss, as far as it can be determined on this host."""

@@ -71,6 +71,7 @@ def all_protocols() -> ProtocolSet:
             sender=row.sender,
             utc=row.utc,
             datagrams=row.datagrams,
+            output_changes=row.output_changes,
             frame_size=row.frame_size,
             configuration_frames=row.configuration_frames,
             stamped=row.stamped,

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocols.events import SampleGap, Text
 from protocols.xbus import frames
 from protocols.xbus.enums import SYNC_FUNCTIONS, SYNC_LINES
 from protocols.xbus.product_options import functions_of, lines_of, problems_beyond
@@ -263,6 +264,27 @@ def test_restore_bytes_at_boot_restore_the_factory_baud_rate() -> None:
     assert ask(again, 0x18, now=12 * S) == (0x19, b"\x02")
     assert len(ask(again, 0xC0, now=12 * S)[1]) > 4
     assert ask(again, 0xEC, b"\x00", now=12 * S) == (0xED, alignment)
+
+
+def test_the_counter_counts_sent_samples_only() -> None:
+    """5.3.6: it counts MTData2 messages; strings, and samples that SendLatest held back, made gaps of it."""
+    device = XbusSimulator("MTi-670", measuring=True)
+    begun = run(device, 1)
+    for now, types in ((1, 1 << 3), (3, 0)):  # GPGGA for two seconds
+        begun += device.receive(frames.build(0x30), now * S)
+        begun += device.receive(frames.build(0x8E, struct.pack(">IH", types, 10 if types else 0)), now * S)
+        begun += device.receive(frames.build(0x10), now * S)
+        begun += run(device, 1.9, begin=now + 0.01)
+    begun += device.receive(frames.build(0x30), 5 * S)
+    assert ask(device, 0x2C, bytes([8, 6, 1]) + bytes(9), now=5 * S)[0] == 0x2D
+    device.receive(frames.build(0x10), 5 * S)
+    for tenth in range(51, 60):  # a request in 100 ms
+        now = tenth * S // 10
+        begun += device.advance(now) + device.receive(frames.build(0x34), now)
+    events = decode(begun)
+    assert sum(event.protocol == "nmea" for event in events if isinstance(event, Text)) > 15
+    assert [event.missing for event in events if isinstance(event, SampleGap)] == []
+    assert len(column(events, "PacketCounter")) > 250
 
 
 def test_send_latest_waits_for_a_request() -> None:

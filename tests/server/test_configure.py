@@ -318,7 +318,7 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
         seen = [pool.submit(ops, socket, is_over) for socket in (one, other)]
         done(http, post(http, "run", {"command": "ReqFWRev"}))
         for future in seen:
-            assert requests(future.result(PATIENCE_S))[:3] == ["GoToConfig", "ReqFWRev", "GoToMeasurement"]
+            assert requests(future.result(PATIENCE_S))[:4] == ["ReqDID", "GoToConfig", "ReqFWRev", "GoToMeasurement"]
     with connect(ws, subprotocols=[SUBPROTOCOL]) as late:
         told = ops(late, lambda found: len(found) == 1)[0]
         assert first(told)["done"][0]["title"]

@@ -17,6 +17,7 @@ from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.registry import PROTOCOLS
 from protocols.schema import Field, Message
+from protocols.xbus.frames import build
 from protocols.xbus.simulator.device import XbusSimulator
 from server import wire, wire_codec
 from server.devices.decode_options import DecodeOptions, changed
@@ -311,6 +312,54 @@ def test_datagrams_stand_alone() -> None:
         for half in (frame[:30], frame[30:]):
             decoder.feed(half, 0)
         assert len([*batches(decoder.drain())]) == accepted
+
+
+@each_row(
+    ("request", "answered", "words"),
+    [
+        (build(0x8E, bytes.fromhex("00080005")), "8F", "switched to string output"),
+        (b"", "", "config state"),
+        (build(0x2C, bytes([8, 6, 1]) + bytes(9)), "2D", "on request only"),
+    ],
+)
+def test_samples_that_a_device_left_out_on_request_are_not_blamed_on_the_cable(
+    request: bytes, answered: str, words: str
+) -> None:
+    """String output for 20 s was reported as 104 samples lost in the device, the adapter or the cable."""
+
+    class Counting:
+        """An MTi whose counter goes on while it sends no samples, as it may."""
+
+        next_ns = 0
+
+        def __init__(self) -> None:
+            self.frames = iter(
+                [
+                    sample(1),
+                    sample(2),
+                    build(0x31, b""),
+                    *([build(int(answered, 16), request[4:-1])] if answered else []),
+                    build(0x11, b""),
+                    sample(50),
+                    sample(51),
+                    sample(53),
+                ]
+            )
+
+        def advance(self, now_ns: int) -> bytes:
+            return next(self.frames, b"")
+
+    def sample(number: int) -> bytes:
+        return build(0x36, bytes.fromhex("102002") + number.to_bytes(2, "big") + bytes.fromhex("081004") + bytes(4))
+
+    async def test(stage: FamilyHarness) -> None:
+        await stage.run(Counting(), 2)
+        first, second = stage.events("gap")
+        assert (first.samples, first.level, first.data["by"]) == (47, "info", "request")
+        assert words in first.text
+        assert second.data["by"] == ("request" if "request" in words else "unknown")
+
+    play(test)
 
 
 def test_messages_that_pass_through_are_counted_by_name() -> None:

@@ -41,7 +41,7 @@ from protocols.xbus.product_options import LONGEST_PERIOD
 from protocols.xbus.simulator.faults import NONE, FaultInjection
 from protocols.xbus.simulator.handlers import ACTIONS
 from protocols.xbus.simulator.io import PowerCutError, ReplyQueue, RequestParser
-from protocols.xbus.simulator.measurement import BLOCK_NS, Measurement
+from protocols.xbus.simulator.measurement import BLOCK_NS, Measurement, renumbered
 from protocols.xbus.simulator.settings import (
     BAUDRATE,
     ERROR_MESSAGE,
@@ -166,7 +166,8 @@ class XbusSimulator:
         self._measurement: Measurement | Sentences | None = None
         self._block = 0
         self._waiting: list[tuple[int, bytes]] = []  # messages of this block not sent yet, last first
-        self._counter = self._block_counter = 0
+        self._counter = self._block_counter = 0  # of MTData2 messages that were sent; no others are counted (5.3.6)
+        self._made = 0  # messages of any kind, for faults
         if measuring:
             self.measure(0)
 
@@ -261,8 +262,11 @@ class XbusSimulator:
             self._block += 1
 
     def _send(self, frame: bytes, out: list[bytes]) -> None:
-        number = self._counter
-        self._counter += 1
+        number = self._made
+        self._made += 1
+        is_sample = not isinstance(self._measurement, Sentences)
+        if is_sample and not self.send_latest:
+            self._counter += 1
         if self._drop or self._corrupt:
             random = np.random.default_rng([self._seed, number])
             chance = random.random()
@@ -271,7 +275,7 @@ class XbusSimulator:
             if chance < self._drop + self._corrupt:
                 at, bit = random.integers(len(frame)), random.integers(8)
                 frame = frame[:at] + bytes([frame[at] ^ 1 << bit]) + frame[at + 1 :]
-        if self.send_latest:
+        if is_sample and self.send_latest:
             self._newest = frame
         else:
             out.append(frame)
@@ -285,7 +289,8 @@ class XbusSimulator:
     def send_newest(self) -> None:
         """Handle a trigger of SendLatest; without a measurement since the last one nothing is sent."""
         if self._newest:
-            self._asked_for.append(self._newest)
+            self._asked_for.append(renumbered(self._newest, self._counter))
+            self._counter += 1
             self._newest = b""
 
     def change(self, **state: object) -> None:
@@ -310,6 +315,7 @@ class XbusSimulator:
             utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False, **self._consequences()
         )
         self._start_ns += round(off / self._speed)
+        self._made = 0
         self.phase, self._counter, self.baud, self._ignores_input = "boot", 0, BOOT_BAUD, False
         self._parser = self._new_parser()
 

@@ -125,6 +125,15 @@ class _MeasuredStream:
         return made
 
 
+def renumbered(frame: bytes, number: int) -> bytes:
+    """An MTData2 frame with another packet counter, if it has one."""
+    payload = bytearray(frame[6:-1] if frame[3] == frames.EXTENDED else frame[4:-1])
+    for identifier, at, size in frames.items(bytes(payload))[0]:
+        if identifier == frames.PACKET_COUNTER and size == 2:
+            payload[at : at + 2] = (number & 0xFFFF).to_bytes(2, "big")
+    return frames.build(frames.MTDATA2, bytes(payload))
+
+
 def _pack(items: list[tuple[int, Array]]) -> list[bytes]:
     """Frames of n messages with the same items, each item given as (identifier, (n, size) bytes)."""
     n = len(items[0][1])
