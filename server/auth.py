@@ -45,7 +45,7 @@ from server.config import Config, is_loopback
 from server.errors import DomainError, status_of
 from server.login_throttle import UNGUESSABLE, LoginThrottle
 from server.previous_names import path_of
-from server.security_headers import with_defaults
+from server.security_headers import WEBHOOK_HEADER, with_defaults
 
 log = logging.getLogger("imuscope.auth")
 
@@ -325,6 +325,9 @@ class Guard:
         path, method = path_of(path_on_robot(scope["path"])), scope.get("method", "GET")
         client = (scope.get("client") or ("", 0))[0]
         try:
+            if WEBHOOK_HEADER in headers:
+                hint = "Give the alarm another address."
+                raise RefusedError("own-webhook", "Webhooks of imuscope may not be posted to imuscope.", hint)
             if is_protected(path):
                 socket = scope["type"] == "websocket"
                 place = scope["path"]

@@ -132,6 +132,7 @@ class Config:
         tls: serve https with a self-signed certificate; tls_cert, tls_key: PEM files of another certificate.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
         allowed_origins: pages of other servers that may use this one.
+        webhook_hosts: hosts that webhooks of alarms may reach though they are this machine or its link.
         source_folders: folders, besides the library, from which files may be opened as sources over HTTP; sources given
             at start may be anywhere.
         record: record all devices from the start.
@@ -177,6 +178,7 @@ class Config:
     tls_key: str = ""
     allowed_hosts: tuple[str, ...] = ()
     allowed_origins: tuple[str, ...] = ()
+    webhook_hosts: tuple[str, ...] = ()
     source_folders: tuple[str, ...] = ()
     record: bool = False
     recordings_quota_gb: float = 0.0

@@ -55,6 +55,7 @@ KINDS: Mapping[str, Kind] = {
     "view-only": Kind(403, "The token is view-only."),
     "bad-host": Kind(403, "The server was addressed by a name that is not its own."),
     "bad-origin": Kind(403, "Requests from another page are not allowed."),
+    "own-webhook": Kind(403, "The request is a webhook of imuscope, which may not act on imuscope."),
     # state
     "not-found": Kind(404, "Not found."),
     "busy": Kind(409, "Already in use, by another program or for the same purpose."),

@@ -221,7 +221,7 @@ def build_services(
     signals = SignalDefinitions(config.data)
     robots = robots if fleet_server is None else fleet_server.robots
     recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory, signals)
-    alarms = AlarmService(bus, telemetry.store, config.data, recorder)
+    alarms = AlarmService(bus, telemetry.store, config.data, recorder, config.webhook_hosts)
     uploads = UploadService(config, catalogue, compactor, bus)
     recorder.waiting = uploads.waiting_paths
     return Services(

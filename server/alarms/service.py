@@ -50,12 +50,20 @@ class AlarmService:
         store: rows of the channels.
         folder: the data folder.
         recorder: starts the recordings of alarms that have one.
+        webhook_hosts: hosts that webhooks may reach though they are this machine or its link.
     """
 
-    def __init__(self, bus: TelemetryBus, store: ChannelStore, folder: Path, recorder: Recorder) -> None:
+    def __init__(
+        self,
+        bus: TelemetryBus,
+        store: ChannelStore,
+        folder: Path,
+        recorder: Recorder,
+        webhook_hosts: Sequence[str] = (),
+    ) -> None:
         self._bus = bus
         self._trigger = RecordingTrigger(recorder)
-        self.webhooks = Webhooks()
+        self.webhooks = Webhooks(allowed=webhook_hosts)
         self._store = store
         self._path = folder / FILE
         self._stored: dict[str, StoredAlarm] = {}
@@ -304,7 +312,7 @@ class AlarmService:
             raise DomainError("full", f"There are {MAX_ALARMS} alarms already.", "Delete one first.")
         self.validate(definition)
         if definition.webhook:
-            checked_url(definition.webhook)
+            checked_url(definition.webhook, self.webhooks.allowed)
         stored = StoredAlarm(id=secrets.token_hex(4), definition=definition)
         await self._put(stored, "added")
         return stored
@@ -321,7 +329,7 @@ class AlarmService:
         if definition.webhook == shown_url(known):
             definition = definition.model_copy(update={"webhook": known})
         elif definition.webhook:
-            checked_url(definition.webhook)
+            checked_url(definition.webhook, self.webhooks.allowed)
         stored = StoredAlarm(id=before.id, definition=definition)
         if stored != before:
             self._saved.pop(alarm, None)

@@ -3,7 +3,8 @@
     AlarmInstance ─ message ─> WebhookQueue of the alarm ─ one after the other ─> POST, again after a pause if it fails
 
 Nothing waits for a receiver: each alarm has a queue and a task of its own, bounded in length, rate, attempts and time.
-An address may hold a secret anywhere behind the host, so that answers, events and logs only show the host.
+An address may hold a secret anywhere behind the host, so that answers, events and logs only show the host. Which
+hosts may be reached: webhook_targets.py. A request is marked, and a server of imuscope refuses one that is.
 """
 
 from __future__ import annotations
@@ -15,16 +16,19 @@ import http.client
 import json
 import logging
 import socket
+import ssl
 import urllib.parse
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
 from server import wire
+from server.alarms.webhook_targets import TargetError, check_host, connect
 from server.backoff import Backoff
 from server.errors import DomainError
 from server.limiters import TokenBucket
+from server.security_headers import WEBHOOK_HEADER
 from server.version import VERSION
 
 log = logging.getLogger("imuscope.alarms")
@@ -59,11 +63,14 @@ class UndeliveredError(Exception):
         self.is_final = is_final
 
 
-def checked_url(url: str) -> urllib.parse.SplitResult:
+def checked_url(url: str, allowed: Collection[str] | None = None) -> urllib.parse.SplitResult:
     """The parts of an address.
 
+    Args:
+        allowed: hosts that may be this machine or its link; None: the host is not judged.
+
     Raises:
-        DomainError: it is not one of http or https.
+        DomainError: it is not one of http or https, or its host may not be reached.
     """
     hint = "Give the whole address, such as https://example.org/hook."
     try:
@@ -73,6 +80,8 @@ def checked_url(url: str) -> urllib.parse.SplitResult:
         is_valid = False
     if not is_valid or not url.isascii() or any(letter <= " " or letter == "\x7f" for letter in url):
         raise DomainError("bad-value", "webhook: this is not an address with http or https.", hint)
+    if allowed is not None:
+        check_host(parts.hostname or "", allowed)
     return parts
 
 
@@ -89,8 +98,11 @@ def shown_url(url: str) -> str:
     return url if is_whole else f"{parts.scheme}://{host}{HIDDEN}"
 
 
-async def post(url: str, body: dict[str, Any], attempt_s: float) -> None:
+async def post(url: str, body: dict[str, Any], attempt_s: float, allowed: Collection[str] = ()) -> None:
     """Post a body as JSON; redirects are not followed.
+
+    Args:
+        allowed: hosts that may be this machine or its link.
 
     Raises:
         UndeliveredError: it was not taken.
@@ -98,7 +110,12 @@ async def post(url: str, body: dict[str, Any], attempt_s: float) -> None:
     parts = checked_url(url)
     kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
     connection = kind(parts.hostname or "", parts.port, timeout=attempt_s)
-    headers = {"content-type": "application/json", "user-agent": f"imuscope/{VERSION}", "connection": "close"}
+    headers = {
+        "content-type": "application/json",
+        "user-agent": f"imuscope/{VERSION}",
+        "connection": "close",
+        WEBHOOK_HEADER: "1",
+    }
     if parts.username is not None:
         pair = f"{urllib.parse.unquote(parts.username)}:{urllib.parse.unquote(parts.password or '')}"
         headers["authorization"] = "Basic " + base64.b64encode(pair.encode()).decode()
@@ -106,6 +123,10 @@ async def post(url: str, body: dict[str, Any], attempt_s: float) -> None:
 
     def exchange() -> int:
         try:
+            line = connect(connection.host, connection.port, attempt_s, allowed)
+            if parts.scheme == "https":
+                line = ssl.create_default_context().wrap_socket(line, server_hostname=connection.host)
+            connection.sock = line
             connection.request("POST", path, json.dumps(body, allow_nan=False).encode(), headers)
             return connection.getresponse().status
         finally:
@@ -120,6 +141,8 @@ async def post(url: str, body: dict[str, Any], attempt_s: float) -> None:
     except asyncio.CancelledError:
         _cut(connection)
         raise
+    except TargetError as error:
+        raise UndeliveredError(str(error), is_final=True) from None
     except (OSError, http.client.HTTPException, ValueError) as error:
         why = getattr(error, "strerror", None) or type(error).__name__
         raise UndeliveredError(f"no connection ({why})") from None
@@ -137,9 +160,9 @@ def _cut(connection: http.client.HTTPConnection) -> None:
 class WebhookQueue:
     """Messages of one alarm to one address."""
 
-    def __init__(self, url: str, timing: WebhookTiming) -> None:
+    def __init__(self, url: str, timing: WebhookTiming, allowed: Collection[str]) -> None:
         self.url = url
-        self._timing = timing
+        self._timing, self._allowed = timing, allowed
         self._waiting: deque[tuple[dict[str, Any], Report]] = deque()
         self._bucket = TokenBucket(PER_S, AT_ONCE, asyncio.get_running_loop().time())
         self._left_out = 0
@@ -184,7 +207,7 @@ class WebhookQueue:
         backoff = Backoff(timing.first_pause_s, timing.longest_pause_s)
         for attempt in range(1, timing.attempts + 1):
             try:
-                await post(self.url, body, timing.attempt_s)
+                await post(self.url, body, timing.attempt_s, self._allowed)
             except UndeliveredError as error:
                 if error.is_final or attempt == timing.attempts:
                     times = "one attempt" if attempt == 1 else f"{attempt} attempts"
@@ -202,17 +225,18 @@ class WebhookQueue:
 
 
 class Webhooks:
-    """Queues of all alarms that have a webhook."""
+    """Queues of all alarms that have a webhook; `allowed`: hosts that may be this machine or its link."""
 
-    def __init__(self, timing: WebhookTiming | None = None) -> None:
+    def __init__(self, timing: WebhookTiming | None = None, allowed: Collection[str] = ()) -> None:
         self.timing = timing or WebhookTiming()
+        self.allowed = allowed
         self._queues: dict[tuple[str, str], WebhookQueue] = {}
 
     def send(self, alarm: str, url: str, body: dict[str, Any], report: Report) -> None:
         """Post a message of an alarm in the background; `report` is given a failure in words, once until it works."""
         queue = self._queues.get((alarm, url))
         if queue is None:
-            queue = self._queues[alarm, url] = WebhookQueue(url, self.timing)
+            queue = self._queues[alarm, url] = WebhookQueue(url, self.timing, self.allowed)
         queue.add(body, report)
 
     def is_busy(self, alarm: str) -> bool:

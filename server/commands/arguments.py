@@ -38,6 +38,7 @@ fields."""
 CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sources, and:
   view_token, control_token       tokens to use, at least 20 characters each
   allowed_hosts, allowed_origins  lists of host names and page origins that may use this server
+  webhook_hosts                   hosts that webhooks may reach though they are this machine or its link
   rollback_s                      time to confirm settings that could cut the link, s (default 20)
   history_s, memory_mb            limits of the sample history, whichever is reached first (default 600 s, 256 MB)
   bytes_mb                        of memory_mb, for the bytes of live links, at most a quarter (default 64 MB)

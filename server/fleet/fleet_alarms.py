@@ -144,14 +144,14 @@ class FleetAlarms:
         settings: FleetServerSettings,
         has_profile: Callable[[RobotSummary], bool] = lambda robot: True,
     ) -> None:
+        self.webhooks = Webhooks()
         if settings.alarm_webhook:
-            checked_url(settings.alarm_webhook)
+            self.webhooks.allowed = (checked_url(settings.alarm_webhook).hostname or "",)  # a setting names it
         self._path = folder / FILE
         self._url = settings.alarm_webhook
         self._conditions = {one.id: one for one in conditions_of(settings, has_profile)}
         self._machines: dict[tuple[str, str], AlarmMachine] = {}
         self._groups: dict[str, str] = {}
-        self.webhooks = Webhooks()
         self.is_changed = False  # since `saved_text`
         self._is_failing = False
         for (robot, condition), saved in _stored(self._path):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,10 @@ import pytest
 
 from server.alarms.alarm_file import AlarmFile
 from server.alarms.service import FILE
-from server.alarms.webhooks import MAX_QUEUE, Webhooks, WebhookTiming, shown_url
+from server.alarms.webhooks import MAX_QUEUE, UndeliveredError, Webhooks, WebhookTiming, checked_url, post, shown_url
 from server.config import Config
+from server.errors import DomainError
+from server.security_headers import WEBHOOK_HEADER
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.server.fakes import FakeLinks, sample
@@ -26,6 +30,7 @@ from tests.waiting import block_until, until
 
 QUICK = WebhookTiming(attempt_s=PATIENCE_S, first_pause_s=0.001, longest_pause_s=0.002, attempts=3)
 Told = list[tuple[str, str]]
+HERE = ("127.0.0.1",)
 
 
 class Receiver(ThreadingHTTPServer):
@@ -76,16 +81,24 @@ class Handler(BaseHTTPRequestHandler):
         pass
 
 
+@contextmanager
+def receiving() -> Iterator[Receiver]:
+    receiver = Receiver()
+    try:
+        yield receiver
+    finally:
+        receiver.end()
+
+
 @pytest.fixture
 def receiver() -> Iterator[Receiver]:
-    receiver = Receiver()
-    yield receiver
-    receiver.end()
+    with receiving() as receiver:
+        yield receiver
 
 
 @in_a_loop
 async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver: Receiver) -> None:
-    hooks, told = Webhooks(QUICK), Told()
+    hooks, told = Webhooks(QUICK, HERE), Told()
     receiver.answers = [500, 429, 204, 404, 503, 503, 503]
     for number in range(4):
         hooks.send("a", receiver.url, {"number": number}, lambda level, text: told.append((level, text)))
@@ -101,7 +114,7 @@ async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver
 
 @in_a_loop
 async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
-    hooks, told = Webhooks(QUICK), Told()
+    hooks, told = Webhooks(QUICK, HERE), Told()
     url = f"http://ada:secret@127.0.0.1:{free_port()}/hook"
     for number in range(2):
         hooks.send("a", url, {"number": number}, lambda level, text: told.append((level, text)))
@@ -115,7 +128,7 @@ async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
 
 @in_a_loop
 async def test_a_slow_receiver_delays_no_other_alarm_and_its_queue_is_bounded(receiver: Receiver) -> None:
-    hooks, told = Webhooks(QUICK), Told()
+    hooks, told = Webhooks(QUICK, HERE), Told()
     other = Receiver()
     receiver.is_open.clear()
     hooks.send("slow", receiver.url, {"number": 0}, lambda level, text: told.append((level, text)))
@@ -137,7 +150,7 @@ async def test_a_slow_receiver_delays_no_other_alarm_and_its_queue_is_bounded(re
 
 @in_a_loop
 async def test_an_attempt_ends_when_no_answer_comes(receiver: Receiver) -> None:
-    hooks, told = Webhooks(WebhookTiming(attempt_s=0.2, first_pause_s=0.001, attempts=2)), Told()
+    hooks, told = Webhooks(WebhookTiming(attempt_s=0.2, first_pause_s=0.001, attempts=2), HERE), Told()
     receiver.is_open.clear()
     hooks.send("a", receiver.url, {}, lambda level, text: told.append((level, text)))
     await until(lambda: told, "told")
@@ -169,7 +182,8 @@ def test_an_alarm_is_posted_with_its_address_hidden_and_kept(receiver: Receiver,
         "missing_s": 3600,
         "webhook": url,
     }
-    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), links.open) as running:
+    config = Config(sources=("/dev/one",), protocol="fake", data=tmp_path, webhook_hosts=HERE)
+    with InProcessServer(config, links.open) as running:
         answer = running.client.post("/api/alarms", json=body)
         assert answer.status_code == 201, answer.text
         alarm = answer.json()
@@ -200,3 +214,66 @@ def test_another_address_is_refused(url: str, tmp_path: Path) -> None:
         answer = running.client.post("/api/alarms", json=body)
         assert answer.status_code == 422
         assert answer.json()["message"] == "webhook: this is not an address with http or https."
+
+
+@each_row(
+    ("url", "why"),
+    [
+        ("http://127.0.0.1:8080/api/recordings/start", "127.0.0.1 is this machine"),
+        ("http://127.1.2.3/", "127.1.2.3 is this machine"),
+        ("http://localhost/", "localhost is this machine"),
+        ("http://LOCALHOST./", "localhost. is this machine"),
+        ("http://a.localhost/", "a.localhost is this machine"),
+        ("http://0.0.0.0/", "0.0.0.0 is this machine"),
+        ("http://[::1]:22/", "::1 is this machine"),
+        ("http://[::]/", ":: is this machine"),
+        ("http://[::ffff:127.0.0.1]/", "::ffff:127.0.0.1 is this machine"),
+        ("http://169.254.1.1/latest", "169.254.1.1 is a link-local address"),
+        ("http://[fe80::1]/", "fe80::1 is a link-local address"),
+        ("http://224.0.0.1/", "224.0.0.1 is not the address of one host"),
+        ("http://10.1.2.3/", ""),
+        ("https://192.168.7.1/", ""),
+        ("https://[2001:db8::1]/", ""),
+        ("https://example.org/hook", ""),
+    ],
+)
+def test_this_machine_and_its_link_are_no_target_unless_a_setting_names_them(url: str, why: str) -> None:
+    host = checked_url(url).hostname or ""
+    checked_url(url, [host])
+    if not why:
+        checked_url(url, [])
+        return
+    with pytest.raises(DomainError) as refused:
+        checked_url(url, ["another.example"])
+    assert refused.value.message == f"webhook: {why}."
+    assert "webhook_hosts" in refused.value.hint
+
+
+@each_row("name", ["hook.example", "0", "127.1", "2130706433", "0x7f000001"])
+def test_a_name_is_judged_by_the_address_that_is_connected_to(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with receiving() as receiver:
+        port = receiver.server_address[1]
+        real, asked = socket.getaddrinfo, []
+
+        def rebinding(host: str, *more: Any, **words: Any) -> Any:
+            asked.append(host)
+            return real("127.0.0.1" if host == "hook.example" else host, *more, **words)
+
+        monkeypatch.setattr(socket, "getaddrinfo", rebinding)
+        checked_url(f"http://{name}:{port}/", [])
+        with pytest.raises(UndeliveredError, match=f"{name} is this machine: add it to webhook_hosts") as undelivered:
+            asyncio.run(post(f"http://{name}:{port}/", {}, PATIENCE_S))
+        assert undelivered.value.is_final
+        assert asked == [name]
+        assert receiver.bodies == []
+
+
+def test_a_webhook_posts_nothing_to_an_imuscope(tmp_path: Path) -> None:
+    config = Config(sources=("/dev/one",), protocol="fake", data=tmp_path)
+    with InProcessServer(config, FakeLinks().open) as running:
+        for path in ("/api/recordings/start", "/", "/healthz"):
+            with pytest.raises(UndeliveredError, match="it answered 403"):
+                asyncio.run(post(f"{running.url}{path}", {}, PATIENCE_S, HERE))
+        answer = running.client.get("/api/recorder", headers={WEBHOOK_HEADER: ""})
+        assert (answer.status_code, answer.json()["kind"]) == (403, "own-webhook")
+        assert not running.client.get("/api/recorder").json()["running"]
