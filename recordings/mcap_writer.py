@@ -83,6 +83,7 @@ _SIGNALS_SCHEMA = {
 
 READABLE = "Is it there, and may this server read it?"
 _FREE = "Free some space, or delete recordings; what was recorded until now is kept."
+FULL = (errno.ENOSPC, errno.EDQUOT)
 _HINTS = {
     errno.ENOSPC: _FREE,
     errno.EDQUOT: _FREE,
@@ -103,11 +104,15 @@ _WORDS = {
 
 
 class RecordingError(Exception):
-    """External failure (full disk, missing folder): one sentence, and what to do."""
+    """External failure (full disk, missing folder): one sentence, and what to do.
 
-    def __init__(self, message: str, hint: str = "") -> None:
+    Args:
+        is_full: the disk, or the quota on it, is used up, which passes.
+    """
+
+    def __init__(self, message: str, hint: str = "", *, is_full: bool = False) -> None:
         super().__init__(message)
-        self.message, self.hint = message, hint
+        self.message, self.hint, self.is_full = message, hint, is_full
 
 
 class McapWriter:
@@ -437,4 +442,4 @@ def check_format_version(name: str, version: object, known: int = FORMAT) -> Rec
 def disk_error(error: OSError, path: Path) -> RecordingError:
     """Error text for a failing disk."""
     cause = _WORDS.get(error.errno or 0, (error.strerror or "It cannot be written").capitalize())
-    return RecordingError(f"{cause}: {path.name}.", _HINTS.get(error.errno or 0, ""))
+    return RecordingError(f"{cause}: {path.name}.", _HINTS.get(error.errno or 0, ""), is_full=error.errno in FULL)

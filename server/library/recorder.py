@@ -12,7 +12,7 @@ its controller (server/configuration/device_controller.py). A refusal is reporte
 those alone to a recording of their own, also while another one runs.
 
 A recording continues if a browser or a device disconnects, or a page is busy. A disk error ends it, and `message`
-contains the cause.
+contains the cause; after a full disk the one of `record = true` is resumed (standing_recording.py).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from typing import Any
 
 from recordings import quota
 from recordings.file_names import free_path
-from recordings.mcap_writer import RecordingError
+from recordings.mcap_writer import FULL, RecordingError
 from recordings.recording_writer import Limits, RecordingWriter
 from server import wire
 from server.config import Config
@@ -45,6 +45,7 @@ from server.errors import DomainError
 from server.library.api_models import MarkerRequest, SavedMemory
 from server.library.compaction_worker import CompactionWorker
 from server.library.recording_session import ComputedDefinitions, RecordingSession
+from server.library.standing_recording import StandingRecording
 from server.streaming.bus import TelemetryBus
 from server.version import VERSION
 
@@ -119,6 +120,9 @@ class Recorder:
         self._watcher: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._standing = StandingRecording(
+            plan.folder, lambda words: self.start(words=words), lambda: self._now is not None, self._report
+        )
         sessions.on_added(self._appeared)
 
     # ── start and stop ───────────────────────────────────────────────────────────────────────────────────────────────
@@ -209,14 +213,14 @@ class Recorder:
 
     async def begin(self, sources: Sequence[str]) -> None:
         """Record all devices from the start of the server, before its sources are opened; errors are reported."""
-        try:
-            await self.start(words=_words([short_source(source) for source in sources]))
-        except RecordingError as error:
-            self._last = wire.RecorderState(running=False, message=error.message, hint=error.hint)
+        error = await self._standing.begin(_words([short_source(source) for source in sources]))
+        if error is not None:
+            hint = self._standing.ended(error) or error.hint
+            self._last = wire.RecorderState(running=False, message=error.message, hint=hint)
             self._bus.recorder.publish(self._last)
             words = f"Nothing is recorded: {error.message}"
-            log.error("%s %s", words, error.hint)
-            self._bus.event("", "device", "error", words, data={"hint": error.hint})
+            log.error("%s %s", words, hint)
+            self._report("error", words, hint)
 
     async def stop(self, only: RecordingSession | None = None) -> wire.RecorderState:
         """Stop recording; the file is complete when this returns.
@@ -230,6 +234,10 @@ class Recorder:
         async with self._starting:  # the bytes from before its start are written first
             now = self._now
             if only is not None and now is not only:
+                return self.state
+            if only is None and self._standing.drop() and now is None:
+                self._last = wire.RecorderState(running=False)
+                self._publish()
                 return self.state
             if now is None:
                 raise DomainError("not-now", "No recording is running.", "Start a recording first.")
@@ -289,6 +297,7 @@ class Recorder:
 
     async def close(self) -> None:
         """Stop the recording at the end of the server; compaction is left to the next start."""
+        self._standing.drop()
         if self._packer is not None:
             await self._packer.close()
         async with self._starting:
@@ -352,7 +361,7 @@ class Recorder:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 words = f"The folder {folder} cannot be created: {error.strerror}."
-                raise RecordingError(words, "Choose another with --data.") from None
+                raise RecordingError(words, "Choose another with --data.", is_full=error.errno in FULL) from None
             self._delete_oldest([self.path] if self.path is not None else [])
 
         def name(part: int) -> Path:
@@ -402,7 +411,8 @@ class Recorder:
         last.message, last.hint = (why.message, why.hint) if why is not None else ("", "")
         self._last = last
         if why is not None:
-            self._bus.event("", "device", "error", f"The recording has ended: {why.message}", data={"hint": why.hint})
+            last.hint = self._standing.ended(why) or why.hint
+            self._report("error", f"The recording has ended: {why.message}", last.hint)
         self._bus.recorder.publish(last)
         self._bus.library_changed()
         watcher, self._watcher = self._watcher, None
@@ -460,6 +470,9 @@ class Recorder:
     def _notice(self, text: str, level: wire.Level = "warning") -> None:
         self._bus.event("", "device", level, text)
         self._bus.library_changed()
+
+    def _report(self, level: wire.Level, text: str, hint: str) -> None:
+        self._bus.event("", "device", level, text, data={"hint": hint} if hint else {})
 
     def _publish(self) -> None:
         self._bus.recorder.publish(self.state)

@@ -15,15 +15,17 @@ tests/server/test_recorder.py. Trials and snapshots on a full disk: tests/server
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import random
 import resource
+import shutil
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -34,7 +36,9 @@ from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from server.config import Config
 from server.devices.protocol_set import all_protocols
+from server.library import standing_recording
 from server.library.decode import decode
+from server.library.standing_recording import StandingRecording
 from tests.each_row import each_row
 from tests.fault_injection.recorded_files import received
 from tests.recordings.recorded_drive import drive
@@ -190,6 +194,114 @@ def test_a_slow_disk(
     state = running.client.post("/api/recordings/stop", json={}).json()
     assert state["message"] == ""
     assert received(tmp_path / "recordings" / f"{state['id']}.mcap") == wanted
+
+
+class Usage(NamedTuple):
+    """As shutil.disk_usage."""
+
+    total: int
+    used: int
+    free: int
+
+
+class FullDisk:
+    """A disk whose free space a test sets; writing a recording fails while it is 0."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.free = 10**9
+        write = os.write
+
+        def limited(fd: int, *arguments: Any) -> Any:
+            if not self.free and os.readlink(f"/proc/self/fd/{fd}").endswith(".mcap"):
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return write(fd, *arguments)
+
+        monkeypatch.setattr(os, "write", limited)
+        monkeypatch.setattr(shutil, "disk_usage", lambda folder: Usage(10**9, 0, self.free))
+        monkeypatch.setattr(standing_recording, "FIRST_S", 0.001)
+        monkeypatch.setattr(standing_recording, "LONGEST_S", 0.002)
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> FullDisk:
+    return FullDisk(monkeypatch)
+
+
+def texts_of(running: InProcessServer) -> list[str]:
+    return [one.text for one in running.call(lambda: list(running.services.telemetry.log))]
+
+
+def attempts(running: InProcessServer, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Waits until room has been looked for so often again."""
+    count = 0
+    own = StandingRecording._has_room
+
+    def counted(self: StandingRecording) -> bool:
+        nonlocal count
+        count += 1
+        return own(self)
+
+    monkeypatch.setattr(StandingRecording, "_has_room", counted)
+
+    def wait(more: int) -> None:
+        wanted = count + more
+        block_until(lambda: count >= wanted, "further attempts")
+
+    return wait
+
+
+def test_a_standing_recording_is_resumed_when_a_full_disk_has_room(
+    tmp_path: Path, links: FakeLinks, disk: FullDisk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path, record=True), links.open) as running:
+        wait = attempts(running, monkeypatch)
+        first = running.client.get("/api/recorder").json()
+        disk.free = 0
+        send(running, links, "/dev/one", sample(1))
+        state = ended(running)
+        assert state["message"].startswith("The disk is full")
+        assert state["hint"] == "Recording is resumed by itself when 50 MB are free."
+        disk.free = 49 * 10**6  # not enough: a little is free again and again on such a disk
+        wait(3)
+        assert not running.client.get("/api/recorder").json()["running"]
+        disk.free = 51 * 10**6
+        block_until(lambda: running.client.get("/api/recorder").json()["running"], "recording again")
+        second = running.client.get("/api/recorder").json()
+        assert second["id"] != first["id"]
+        assert "The disk has room again: recording has been resumed." in texts_of(running)
+        send(running, links, "/dev/one", sample(2))
+        settled(running)
+    assert received(tmp_path / "recordings" / f"{second['id']}.mcap") == sample(2)
+
+
+def test_a_standing_recording_begins_when_a_disk_that_was_full_at_the_start_has_room(
+    tmp_path: Path, links: FakeLinks, disk: FullDisk
+) -> None:
+    disk.free = 0
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path, record=True), links.open) as running:
+        assert not running.client.get("/api/recorder").json()["running"]
+        disk.free = 10**9
+        block_until(lambda: running.client.get("/api/recorder").json()["running"], "recording")
+
+
+def test_a_recording_that_a_person_stopped_or_started_is_not_resumed(
+    tmp_path: Path, links: FakeLinks, disk: FullDisk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = Config(sources=("/dev/one",), data=tmp_path, record=True)
+    with InProcessServer(config, links.open) as running:
+        disk.free = 0
+        send(running, links, "/dev/one", sample(1))
+        ended(running)
+        assert running.client.post("/api/recordings/stop", json={}).json()["message"] == ""
+        disk.free = 10**9
+        assert running.client.post("/api/recordings/stop", json={}).status_code == 409
+        assert not running.client.get("/api/recorder").json()["running"]
+        assert not running.services.recorder._standing.is_waiting
+        running.client.post("/api/recordings/start", json={})
+        disk.free = 0
+        send(running, links, "/dev/one", sample(2))
+        assert ended(running)["hint"].startswith("Free some space")
+        assert not running.services.recorder._standing.is_waiting
 
 
 # ── damage ───────────────────────────────────────────────────────────────────────────────────────────────────────────
