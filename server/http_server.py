@@ -255,7 +255,8 @@ class Server(uvicorn.Server):
         self._certificate_task: asyncio.Task[None] | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        await super().startup(sockets)
+        with ending.waiting_for("the start"):
+            await super().startup(sockets)
         for one in sockets or ():
             one.listen(QUEUE)  # asyncio has set it to ACCEPTED_AT_ONCE
         if not self.should_exit:
@@ -271,7 +272,8 @@ class Server(uvicorn.Server):
         for one in connections_of(self.server_state).shaking:
             one.transport.abort()
         try:
-            await super().shutdown(sockets)
+            with ending.waiting_for("the connections and services"):
+                await super().shutdown(sockets)
         finally:
             for timer in timers:
                 timer.cancel()
@@ -374,6 +376,7 @@ def run(
         RuntimeError: the server did not start.
     """
     serving = server(app, on_ready, keeper)
+    ending.ShutdownDeadline()
     sys.setswitchinterval(SWITCH_S)
     raise_limit()
     gc.freeze()  # imported objects stay: exclude them from garbage collection while devices stream
