@@ -14,6 +14,7 @@ import termios
 import time
 from collections import deque
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 READ_BYTES = 1 << 16
@@ -22,6 +23,25 @@ LOCKED_S, LOOK_S = 0.5, 0.02
 MOST_WAITING = 1 << 15  # bytes for the device beyond which clients are not read
 NETWORK_CAPACITY = 1e6  # bytes/s, of a device server: more than any serial line behind it
 EMPTY_READS = 3  # consecutive empty reads after which the port counts as gone
+
+
+def may_be_terminal(place: str, root: Path = Path("/")) -> bool:
+    """Whether a path may be a serial port: only then it is opened, because to open another device can have effects.
+
+    The system tells the kind of a device; where it does not (`/sys` is missing), the opened port has to be a terminal.
+    """
+    try:
+        about = os.stat(place)
+    except OSError:
+        return True  # which is said when it is opened
+    if not stat.S_ISCHR(about.st_mode):
+        return False
+    major, minor = os.major(about.st_rdev), os.minor(about.st_rdev)
+    try:
+        kind = os.readlink(root / f"sys/dev/char/{major}:{minor}/subsystem")
+    except OSError:
+        return True  # a pseudo-terminal has none
+    return kind.rpartition("/")[2] == "tty"
 
 
 class PortError(Exception):
@@ -91,6 +111,9 @@ class Port:
 
     def _open_serial(self) -> Any:
         import serial
+
+        if not may_be_terminal(self._source["place"]):
+            raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
 
         line = self._source
         return serial.Serial(

@@ -33,6 +33,7 @@ from typing import Any
 
 import serial
 
+from server.holder.port import may_be_terminal
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.baud_scan import find_baud
 from server.links.reader_thread import DISCONNECTED_ERRNOS, READ_BYTES, ThreadedLink, closed, hung_up, write_all
@@ -187,6 +188,8 @@ def open_port(place: str, line: SerialSettings) -> Any:
         LinkError: with cause and remedy.
     """
     try:
+        if not may_be_terminal(place):
+            raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
         return serial.Serial(
             place,
             line.baud or 115_200,

@@ -15,7 +15,9 @@ from typing import Any
 import pytest
 import serial
 
+from server.holder.port import Port, PortError, may_be_terminal
 from server.links import open_link
+from server.links.base import LinkError
 from server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
@@ -278,3 +280,42 @@ def test_a_high_latency_timer_is_reported_with_its_fix(tmp_path: Path, text: str
         assert f"up to {int(text or 0)} ms" in notices[0]
         assert "echo 1 | sudo tee" in notices[0]
         assert 'ATTR{latency_timer}="1"' in notices[0]
+
+
+@each_row("name", ["zero", "null", "full", "a pipe", "a file"])
+def test_a_device_that_is_no_terminal_is_not_even_opened(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = Path("/dev") / name if " " not in name else tmp_path / name
+    if name == "a pipe":
+        os.mkfifo(place)
+    elif name == "a file":
+        place.write_bytes(b"")
+    used: list[str] = []
+    open_one = os.open
+
+    def noted(path: Any, *more: Any, **words: Any) -> int:
+        used.append(str(path))
+        return open_one(path, *more, **words)
+
+    monkeypatch.setattr(os, "open", noted)
+    with pytest.raises(LinkError, match=f"{place} is not a serial port") as refused:
+        open_port(str(place), SerialSettings())
+    assert refused.value.kind == "refused"
+    port = Port({"kind": "serial", "place": str(place)})
+    with pytest.raises(PortError):
+        port.open()
+    assert str(place) not in used
+
+
+def test_a_terminal_is_told_by_the_system_without_opening_it(tmp_path: Path) -> None:
+    about = os.stat("/dev/null")
+    folder = tmp_path / f"sys/dev/char/{os.major(about.st_rdev)}:{os.minor(about.st_rdev)}"
+    assert may_be_terminal("/dev/null", tmp_path), "the system does not tell"
+    folder.mkdir(parents=True)
+    (folder / "subsystem").symlink_to("../../../../class/tty")
+    assert may_be_terminal("/dev/null", tmp_path)
+    (folder / "subsystem").unlink()
+    (folder / "subsystem").symlink_to("../../../../class/watchdog")
+    assert not may_be_terminal("/dev/null", tmp_path)
+    assert may_be_terminal("/dev/nothing of that name", tmp_path)
