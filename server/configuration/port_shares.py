@@ -77,7 +77,7 @@ class PortShares:
             self._follow(session, session.link)
 
     def _follow(self, session: Session, link: HeldLink) -> None:
-        known: dict[str, Any] = {"clients": {}, "configuring": None}
+        known: dict[str, Any] = {"clients": {}, "configuring": None, "turned_away": 0}
         off = [
             link.on_state.add(lambda state: self._on_state(session, link, known, state)),
             link.on_client_data.add(lambda data: self._on_client_data(session, link, data)),
@@ -106,9 +106,16 @@ class PortShares:
         for number in set(before) - set(now):
             one, name = before[number], link.name_of(number)
             lost = f" It lost {one['dropped_bytes']} B that it did not read in time." if one["dropped_bytes"] else ""
-            self._report(session, "info", f"{name} left the shared port.{lost}")
+            if number in state.get("displaced", ()):
+                words = "had to leave the shared port: all places were taken, and it sent and read nothing."
+                self._report(session, "warning", f"{name} {words}")
+            else:
+                self._report(session, "info", f"{name} left the shared port.{lost}")
             link.names.pop(number, None)
             self._partial.pop((session.info.id, number), None)
+        if state.get("turned_away", 0) > known["turned_away"]:
+            self._report(session, "warning", "A client of the shared port was refused: all places are taken.")
+        known["turned_away"] = state.get("turned_away", 0)
         configuring, known["clients"], known["configuring"] = known["configuring"], now, state.get("configuring")
         if state.get("configuring") != configuring:
             self._on_configuring(session, link, state.get("configuring"))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import fcntl
 import os
+import struct
+import termios
 from functools import partial
 from typing import Any
 
@@ -94,6 +98,13 @@ class Client:
             raise OSError(errno.EPIPE, "closed")
         self.received += len(data)
         return data
+
+    @property
+    def unread(self) -> int:
+        """Bytes for it that its system has not taken, here and in the socket."""
+        with contextlib.suppress(OSError):
+            return self.queue.size + int(struct.unpack("i", fcntl.ioctl(self.fd, termios.TIOCOUTQ, bytes(4)))[0])
+        return self.queue.size
 
     def state(self, now: float) -> dict[str, Any]:
         """For the server."""

@@ -198,6 +198,8 @@ class Holder:
             "configuring": self.arbiter.configuring(now),
             "shares": [share.address.to_json() for share in self.sharing.shares],
             "clients": self.sharing.state(now),
+            "displaced": list(self.sharing.displaced),
+            "turned_away": self.sharing.turned_away,
         }
 
     def _on_message(self, kind: MessageKind, body: bytes) -> None:

@@ -20,6 +20,7 @@ from server.holder.clients import Client, UdpClient
 from server.holder.shares import ShareAddress, ShareError
 
 MOST_TCP_CLIENTS = 16
+UNREAD = 1 << 13  # bytes that a client has not read, of a line of some 10 kB/s: it does not read at all
 PTS = "/dev/pts/"
 RATES = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[:1] == "B" and name[1:].isdigit()}
 
@@ -62,6 +63,19 @@ class Share(ABC):
     def accept(self) -> Client | None:
         """A client that connected, if any."""
         return None
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no further client can connect."""
+        return False
+
+    def idle_client(self) -> Client | None:
+        """The client that gives way to another one; None: all of them take part."""
+        return None
+
+    def turn_away(self) -> None:
+        """Refuse the client that connects, of a share that may be full."""
+        raise NotImplementedError
 
     def look(self) -> tuple[Client | None, Client | None]:
         """The client that came and the one that left since the last call, for shares without a listener."""
@@ -204,9 +218,6 @@ class TcpShare(Share):
             connection, peer = self._listener.accept()
         except OSError:
             return None
-        if len(self.clients) >= MOST_TCP_CLIENTS:
-            connection.close()
-            return None
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -214,6 +225,18 @@ class TcpShare(Share):
         client = self._add(f"{host}:{peer[1]}", connection.fileno())
         self._sockets[client.number] = connection
         return client
+
+    @property
+    def is_full(self) -> bool:
+        return len(self.clients) >= MOST_TCP_CLIENTS
+
+    def idle_client(self) -> Client | None:
+        return next((one for one in self.clients if not one.received and (not one.sent or one.unread >= UNREAD)), None)
+
+    def turn_away(self) -> None:
+        if self._listener is not None:
+            with contextlib.suppress(OSError):
+                self._listener.accept()[0].close()
 
     def drop(self, client: Client) -> None:
         super().drop(client)

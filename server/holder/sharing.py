@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -27,6 +28,7 @@ SETTLE_S = 0.02  # from a new rate of a client to that of the port: what it sent
 MOST_SETTLE_S = 1.0
 PAUSE_S = 0.1  # of a client whose frames are not known, after which a dialogue of it is probably over
 LIMITED_S = 1.0  # for which a client counts as held back, since it was the last time
+DISPLACED = 64  # clients that are remembered as having given way to others
 LEAST_READ = 64  # bytes that a client may send before it is read again, so that a flood does not cost wake-ups
 
 
@@ -36,6 +38,10 @@ class Sharing:
     Args:
         write: sends to the device; it reports by itself that the port is gone.
         on_sent: called with what a client sent to the device.
+
+    Attributes:
+        displaced: numbers of the last clients that had to give way to others.
+        turned_away: number of connections that were refused because all places were taken.
     """
 
     def __init__(
@@ -53,6 +59,8 @@ class Sharing:
         self.clients: dict[int, Client] = {}  # by descriptor
         self._held_back: set[int] = set()  # descriptors of clients that are not read now
         self._numbers = 0
+        self.displaced: deque[int] = deque(maxlen=DISPLACED)
+        self.turned_away = 0
         self.rules = FrameRules()
         self.changed = True
         self.server_waits = False
@@ -143,6 +151,15 @@ class Sharing:
             self.changed = True
 
     def _accept(self, share: Share) -> None:
+        if share.is_full:
+            idle = share.idle_client()
+            if idle is None:
+                share.turn_away()
+                self.turned_away += 1
+                self.changed = True
+                return
+            self.displaced.append(idle.number)
+            self._drop(idle)
         client = share.accept()
         if client is not None:
             self._came(share, client)

@@ -25,6 +25,7 @@ from server.holder.arbiter import QUIET_S
 from server.holder.messages import MessageKind, MessageReader, message
 from server.holder.places import log_of, socket_of
 from server.holder.process import Holder
+from server.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
 from server.links import held
 from server.links.base import LinkError
 from server.links.held import ROOT, HeldLink, holder_settings
@@ -391,5 +392,43 @@ def test_a_holder_that_is_stuck_is_reported(port: DevicePort, tmp_path: Path, mo
                 assert f"kill -9 {link.holder_pid}" in raised.value.hint
             finally:
                 os.kill(link.holder_pid, signal.SIGCONT)
+
+    asyncio.run(check())
+
+
+def test_clients_that_neither_send_nor_read_give_way_to_those_that_come(port: DevicePort) -> None:
+    number = free_port()
+
+    def connected() -> socket.socket:
+        line = socket.socket()
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)  # little of what it does not read waits there
+        line.connect(("127.0.0.1", number))
+        return line
+
+    async def check() -> None:
+        async with shared(port, f"tcp://127.0.0.1:{number}") as link:
+            with contextlib.ExitStack() as stack:
+                sender, reader, *idle = [stack.enter_context(connected()) for _ in range(MOST_TCP_CLIENTS)]
+                sender.sendall(b"hello")
+                await eventually(lambda: [one["received"] for one in clients(link)] == [5, *[0] * 15], link)
+                size = 2 * UNREAD + 40_000
+                sending = asyncio.create_task(asyncio.to_thread(port.send, bytes(size)))
+                await asyncio.to_thread(read_exactly, reader.fileno(), size)
+                await sending
+                await received(link, size)
+                driver = stack.enter_context(connected())
+                driver.sendall(b"driver")
+                await eventually(lambda: any(one["received"] == 6 for one in clients(link)), link)
+                assert link.state["displaced"] == [3]
+                assert await asyncio.to_thread(idle[0].recv, 1 << 20)  # what was on its way
+                numbers = [one["number"] for one in clients(link)]
+                assert numbers == [1, 2, *range(4, 18)]
+                for one in [stack.enter_context(connected()) for _ in range(13)]:
+                    one.sendall(b"more")
+                await eventually(lambda: sum(one["received"] == 4 for one in clients(link)) == 13, link)
+                late = stack.enter_context(connected())
+                assert await asyncio.to_thread(late.recv, 1) == b""
+                await eventually(lambda: link.state["turned_away"] == 1, link)
+                assert {1, 2, 17} <= {one["number"] for one in clients(link)}
 
     asyncio.run(check())
