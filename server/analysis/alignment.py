@@ -36,6 +36,9 @@ MIN_SHARE = 0.25  # of the shorter signal that has to overlap
 MAX_STEPS = 12  # of the refinement
 INTERVAL = 2.2  # standard deviations: 1.96 for 95 %, and what choosing among the smoothings conceals
 CHANCE = 1.0  # standard deviations above the largest value that is expected by chance
+ALIKE, MOST = 0.97, 0.6  # correlation of signals that resemble each other, over this part of the shorter one
+FEWEST = 10  # widths of the maximum among the other offsets, for a spread of theirs
+ELSEWHERE = 1.2  # times the spread at other offsets: they are not quite independent
 DISTINCT = 2.8  # standard deviations between two maxima of which the lower one is excluded
 CERTAIN = 5.0  # standard deviations of Σ a' b' below which it determines no offset
 WORSE = 3.0  # times the least uncertainty: wider smoothing is not tried
@@ -111,12 +114,19 @@ def align(pairs: Sequence[tuple[Signal, Signal]], low: float = -math.inf, high: 
         raise DomainError("no-result", "There is no offset at which both have enough samples.", hint)
     score = np.where(allowed, correlation * np.sqrt(overlap), -np.inf)
     best = int(np.argmax(score))
-    spread = 1 / math.sqrt(max(_independent(grids, int(lags[best])) - 3, 1))
     height = math.atanh(min(float(correlation[best]), 1 - 1e-12))
-    tried = max(2.0, np.count_nonzero(allowed) * step / max(_lobe(correlation, best) * step, step))
-    if height < spread * (math.sqrt(2 * math.log(tried)) + CHANCE):
-        hint = "Choose a range in which both move, and a signal that does not depend on the mounting, such as norm(…)."
-        raise DomainError("no-result", "The signals do not resemble each other: no offset stands out.", hint)
+    lobe = _lobe(correlation, best)
+    tried = max(2.0, np.count_nonzero(allowed) / max(lobe, 1))
+    independent = _independent(grids, int(lags[best]))
+    spread = 1 / math.sqrt(max(independent - 3, 1))
+    if correlation[best] >= ALIKE and overlap[best] >= MOST * _shorter(grids):
+        spread = min(spread, _spread_elsewhere(np.where(allowed, correlation, np.nan), best))
+    needed = spread * (math.sqrt(2 * math.log(tried)) + CHANCE)
+    if height < needed:
+        reached = f"with a correlation of {correlation[best]:.3f}, where chance reaches {math.tanh(needed):.3f}"
+        message = f"No offset stands out: the best is {offsets[best]:.4g} s, {reached} with so few separate movements."
+        hint = "Choose a longer range in which both move, or a signal that does not depend on the mounting: norm(…)."
+        raise DomainError("no-result", message, hint)
     offset, sigma = _refined(samples, grids[0][0], float(offsets[best]))
     others = _others(np.where(allowed, correlation, -1.0), best, height - DISTINCT * spread)
     return TimeAlignment(
@@ -243,6 +253,26 @@ def _lobe(correlation: Floats, best: int) -> int:
     """Steps from the maximum to where less than half of it is left."""
     low = np.flatnonzero(~(correlation[best:] > correlation[best] / 2))
     return int(low[0]) if len(low) else len(correlation) - best
+
+
+def _shorter(grids: Sequence[tuple[_Grid, _Grid]]) -> float:
+    """Samples of the shorter side of each pair, in sum."""
+    return float(sum(min(a.weight.sum(), b.weight.sum()) for a, b in grids))
+
+
+def _spread_elsewhere(correlation: Floats, best: int) -> float:
+    """Spread that the correlation has by chance, from the other offsets; infinite if they are too few.
+
+    It is in the measure of atanh. That of the independent samples at the best offset is far too large for slow signals
+    that agree there: their spectra agree as well.
+    """
+    lobe = _lobe(correlation, best)
+    others = np.concatenate([correlation[: max(0, best - 2 * lobe)], correlation[best + 2 * lobe :]])
+    others = others[np.isfinite(others)]
+    if len(others) < FEWEST * lobe:
+        return math.inf
+    heights = np.arctanh(np.clip(others, -1 + 1e-12, 1 - 1e-12))
+    return ELSEWHERE * math.sqrt(float(np.square(heights).mean()))
 
 
 def _others(correlation: Floats, best: int, least: float) -> list[int]:

@@ -107,7 +107,8 @@ def _lines(spectrum: Spectrum) -> list[tuple[float, float]]:
     limit = float(chdtri(freedom, FALSE_ALARM / n)) / float(chdtri(freedom, 0.5))
     found = []
     inner = np.arange(lobe, n - 1)
-    tops = inner[(psd[inner] >= psd[inner - 1]) & (psd[inner] >= psd[inner + 1])]
+    least = min(float(np.median(part)) for part in np.array_split(psd, min(n, SMOOTH)))  # no floor is lower
+    tops = inner[(psd[inner] >= psd[inner - 1]) & (psd[inner] >= psd[inner + 1]) & (psd[inner] > limit * least)]
     for at in tops.tolist():
         width = int(min(max(NEAR, at // 2), FAR))
         beside = np.r_[psd[max(1, at - width) : at - lobe + 1], psd[at + lobe : at + width + 1]]

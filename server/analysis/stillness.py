@@ -24,6 +24,7 @@ TURN_SPREAD, TURN_CHANGE = 0.3, 0.15  # °/s: a hand that tries to hold still ha
 FORCE_SPREAD, FORCE_CHANGE = 0.15, 0.15  # m/s²: 0.15 is a tilt of 0.9°
 MIN_RATE = 5.0  # Hz; slower signals cannot show rest within a second
 WINDOW_STEPS = 10  # of 0.1 s
+MOST_STEPS = 100_000  # of samples, for the level of their noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,5 +207,6 @@ def moving_intervals(samples: Samples, spread: float, change: float) -> list[tup
 
 def _white(samples: Samples) -> float:
     """Standard deviation of the white noise of all axes together, from the differences of neighbouring samples."""
-    steps = np.median(np.abs(np.diff(samples.values, axis=0)), axis=0) / 0.6745 / math.sqrt(2)
+    every = slice(0, None, max(1, len(samples) // MOST_STEPS))
+    steps = np.median(np.abs(np.diff(samples.values, axis=0)[every]), axis=0) / 0.6745 / math.sqrt(2)
     return float(np.linalg.norm(steps))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import itertools
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from protocols.simulator.trajectory import vehicle_motion
 from server.analysis import alignment
 from server.analysis.alignment import align
 from server.analysis.signals import Signal
@@ -188,6 +190,30 @@ def test_unrelated_signals_have_no_offset(noise: Any, seed: int) -> None:
     with pytest.raises(DomainError) as raised:
         align([(signal(time, a), signal(time, b))])
     assert raised.value.kind == "no-result"
+
+
+def driven(begin: float, seconds: float, seed: int) -> tuple[Floats, Floats]:
+    """Times and yaw rate of a stretch of the simulated drive, °/s."""
+    time = np.arange(0, seconds, 0.01)
+    noise = np.random.default_rng(seed).normal(0, 0.05, len(time))
+    return time, np.degrees(vehicle_motion(begin + time).rate[:, 2]) + noise
+
+
+def test_slow_turns_that_agree_almost_perfectly_are_aligned() -> None:
+    """Regression: with r = 0.993 and at most 0.5 elsewhere they were said not to resemble each other."""
+    a, b = driven(5.0, 85.0, 1), driven(24.0, 80.0, 2)
+    found = align([(signal(*a), signal(b[0] + 477.8, b[1]))])
+    assert found.offset == pytest.approx(19.0 - 477.8, abs=0.05)
+    assert found.correlation > 0.98
+
+
+def test_a_refusal_names_the_best_offset_and_what_chance_reaches() -> None:
+    """Regression: a test of significance was told as a fact about the signals."""
+    a, b = driven(0.0, 30.0, 1), driven(50.0, 28.0, 2)
+    with pytest.raises(DomainError) as raised:
+        align([(signal(*a), signal(*b))])
+    words = r"No offset stands out: the best is \S+ s, with a correlation of 0\.\d+, where chance reaches 0\.\d+"
+    assert re.match(words, raised.value.message)
 
 
 def test_a_constant_has_no_offset() -> None:
