@@ -1,4 +1,5 @@
-"""Rotations in the form other programs use: quaternions to ENU, from any attitude representation. Pure.
+"""Rotations in the form other programs use: quaternions to ENU, from any attitude representation; their products,
+differences and means. Pure. Euler angles are in recordings/euler.py.
 
     q_enu_from_body = q_enu_from_frame ⊗ q_frame_from_body        frame: ENU, NED or NWU; scalar first
 
@@ -10,8 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
+Floats = NDArray[np.float64]
 
 _HALF = math.sqrt(0.5)
 ENU_FROM: Mapping[str, Quaternion] = {
@@ -97,4 +102,54 @@ def from_x(v: Vector) -> Quaternion:
         return (0.0, 0.0, 0.0, 1.0)
     found = unit((1 + x, 0.0, -z, y))
     assert found is not None
+    return found
+
+
+# -- many rotations at once: unit quaternions, (n, 4) scalar first -----------------------------------------------------
+
+
+def conjugate(q: Floats) -> Floats:
+    """The inverse of unit quaternions."""
+    found: Floats = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return found
+
+
+def product(p: Floats, q: Floats) -> Floats:
+    """Hamilton product."""
+    a, b, c, d = np.moveaxis(p, -1, 0)
+    e, f, g, h = np.moveaxis(q, -1, 0)
+    parts = [
+        a * e - b * f - c * g - d * h,
+        a * f + b * e + c * h - d * g,
+        a * g - b * h + c * e + d * f,
+        a * h + b * g - c * f + d * e,
+    ]
+    found: Floats = np.stack(parts, -1)
+    return found
+
+
+def angle_of(q: Floats) -> Floats:
+    """Angle of rotation, °, 0 to 180."""
+    found: Floats = np.degrees(2 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), np.abs(q[..., 0])))
+    return found
+
+
+def slerp(p: Floats, q: Floats, part: Floats) -> Floats:
+    """Rotations between p and q by the shorter way, at a constant rate."""
+    dot = np.sum(p * q, axis=-1)
+    q = np.where(dot[..., np.newaxis] < 0, -q, q)
+    half = np.arccos(np.clip(np.abs(dot), 0, 1))
+    sine = np.sin(half)
+    flat = sine < 1e-6
+    safe = np.where(flat, 1.0, sine)
+    first = np.where(flat, 1 - part, np.sin((1 - part) * half) / safe)
+    second = np.where(flat, part, np.sin(part * half) / safe)
+    found = first[..., np.newaxis] * p + second[..., np.newaxis] * q
+    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+
+
+def mean_rotation(q: Floats) -> Floats:
+    """The rotation with the least sum of squared distances: q and −q count as the same (Markley et al., 2007)."""
+    _, vectors = np.linalg.eigh(q.T @ q)
+    found: Floats = vectors[:, -1]
     return found

@@ -10,13 +10,13 @@ A is the reference, so a difference is B − A, at the times of A. An angle diff
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.plural import counted
+from recordings.rotations import angle_of, conjugate, mean_rotation, product, slerp
 from server.analysis.sampling import sampling_of, unwrapped
 from server.analysis.signals import Floats, Signal
 from server.errors import DomainError
@@ -153,69 +153,6 @@ def difference_figures(values: Floats) -> Figures:
 
 def _rms(values: Floats) -> float:
     return math.sqrt(float(np.square(values).mean()))
-
-
-# ── quaternions, (n, 4), scalar first ────────────────────────────────────────────────────────────────────────────────
-
-
-def conjugate(q: Floats) -> Floats:
-    """The inverse of unit quaternions."""
-    found: Floats = q * np.array([1.0, -1.0, -1.0, -1.0])
-    return found
-
-
-def product(p: Floats, q: Floats) -> Floats:
-    """Hamilton product."""
-    a, b, c, d = np.moveaxis(p, -1, 0)
-    e, f, g, h = np.moveaxis(q, -1, 0)
-    parts = [
-        a * e - b * f - c * g - d * h,
-        a * f + b * e + c * h - d * g,
-        a * g - b * h + c * e + d * f,
-        a * h + b * g - c * f + d * e,
-    ]
-    found: Floats = np.stack(parts, -1)
-    return found
-
-
-def angle_of(q: Floats) -> Floats:
-    """Angle of rotation, °, 0 to 180."""
-    found: Floats = np.degrees(2 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), np.abs(q[..., 0])))
-    return found
-
-
-def slerp(p: Floats, q: Floats, part: Floats) -> Floats:
-    """Rotations between p and q by the shorter way, at a constant rate."""
-    dot = np.sum(p * q, axis=-1)
-    q = np.where(dot[..., np.newaxis] < 0, -q, q)
-    half = np.arccos(np.clip(np.abs(dot), 0, 1))
-    sine = np.sin(half)
-    flat = sine < 1e-6
-    safe = np.where(flat, 1.0, sine)
-    first = np.where(flat, 1 - part, np.sin((1 - part) * half) / safe)
-    second = np.where(flat, part, np.sin(part * half) / safe)
-    found = first[..., np.newaxis] * p + second[..., np.newaxis] * q
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
-
-
-def mean_rotation(q: Floats) -> Floats:
-    """The rotation with the least sum of squared distances: q and −q count as the same (Markley et al., 2007)."""
-    _, vectors = np.linalg.eigh(q.T @ q)
-    found: Floats = vectors[:, -1]
-    return found
-
-
-def quaternions_of_euler(euler: Sequence[Floats]) -> Floats:
-    """Unit quaternions (n, 4) of roll, pitch and yaw, (n,) each, °: about z, then y, then x (ZYX intrinsic)."""
-    halves = [np.radians(angle) / 2 for angle in euler]
-    axes = [np.zeros((len(half), 4)) for half in halves]
-    for k, (axis, half) in enumerate(zip(axes, halves, strict=True)):
-        axis[:, 0], axis[:, k + 1] = np.cos(half), np.sin(half)
-    roll, pitch, yaw = axes
-    return product(product(yaw, pitch), roll)
-
-
-# ── for display ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
 def outline(signal: Signal, columns: int) -> dict[str, list[float | None]]:

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, Field
 
+from recordings.euler import quaternion_columns
 from server.analysis.alignment import TimeAlignment, align
 from server.analysis.comparison import (
     SignalDifference,
@@ -20,7 +21,6 @@ from server.analysis.comparison import (
     difference,
     difference_figures,
     outline,
-    quaternions_of_euler,
 )
 from server.analysis.signal_request import ExpressionSignal
 from server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn
@@ -110,7 +110,7 @@ class ComparisonSide:
                 columns = [column[finite] for column in columns]
                 if info.kind == "euler":
                     scale = np.degrees(1) if info.columns[0].unit == "rad" else 1.0
-                    return time[finite], quaternions_of_euler([scale * column for column in columns])
+                    return time[finite], np.stack(quaternion_columns([scale * column for column in columns]), -1)
                 rows = np.stack(columns, -1)
                 norms = np.linalg.norm(rows, axis=-1)
                 return time[finite][norms > 0], rows[norms > 0] / norms[norms > 0, np.newaxis]

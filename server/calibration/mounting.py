@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from recordings.euler import euler_columns
 from server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
 from server.analysis.triads import Floats, Samples
 from server.calibration.report import (
@@ -94,7 +95,7 @@ def _fill(report: CalibrationReport, best: DriveFit, vertical: VerticalAxis) -> 
     left = np.cross(best.up, best.forward)
     rows = [best.forward, left, best.up] if vertical == "up" else [best.forward, -left, -best.up]
     matrix = np.array(rows)
-    roll, pitch, yaw = np.degrees(euler_angles(matrix))
+    roll, pitch, yaw = mounting_angles(matrix)
     tilt, heading = float(np.degrees(best.up_sigma)), float(np.degrees(best.forward_sigma))
     report.correction = SensorCorrection(
         unit="",
@@ -104,9 +105,9 @@ def _fill(report: CalibrationReport, best: DriveFit, vertical: VerticalAxis) -> 
         matrix_uncertainty=float(max(best.up_sigma, best.forward_sigma)),
     )
     report.figures = [
-        figure("roll", "Roll", float(roll), "°", tilt),
-        figure("pitch", "Pitch", float(pitch), "°", tilt),
-        figure("yaw", "Yaw", float(yaw), "°", heading),
+        figure("roll", "Roll", roll, "°", tilt),
+        figure("pitch", "Pitch", pitch, "°", tilt),
+        figure("yaw", "Yaw", yaw, "°", heading),
         figure("speed_change", "Change of speed", best.speed_change, "m/s"),
         figure("turn", "Turned", best.turn, "°"),
     ]
@@ -231,12 +232,6 @@ def _refusal(rested: float, best: DriveFit | None, forces: StepMeans) -> Calibra
     return None
 
 
-def euler_angles(matrix: Floats) -> Floats:
-    """Roll, pitch, yaw of a rotation, rad: turns about z, then y, then x, (3,)."""
-    return np.array(
-        [
-            np.arctan2(matrix[2, 1], matrix[2, 2]),
-            np.arcsin(np.clip(-matrix[2, 0], -1, 1)),
-            np.arctan2(matrix[1, 0], matrix[0, 0]),
-        ]
-    )
+def mounting_angles(matrix: Floats) -> list[float]:
+    """Roll, pitch and yaw of a rotation, °, as everywhere (recordings/euler.py)."""
+    return [float(angle[0]) for angle in euler_columns(matrix.reshape(9, 1))]

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from recordings.euler import quaternion_columns
+from recordings.rotations import slerp
 from server import wire
 from server.analysis.comparison import (
     attitude_difference,
     difference,
     difference_figures,
     outline,
-    quaternions_of_euler,
-    slerp,
 )
 from server.analysis.signals import Signal
 from server.config import Config
@@ -134,7 +134,10 @@ def wxyz(rotation: Rotation) -> Floats:
 def test_euler_angles_and_slerp_agree_with_scipy() -> None:
     random = np.random.default_rng(2)
     euler = np.stack([random.uniform(-180, 180, 50), random.uniform(-89, 89, 50), random.uniform(-180, 180, 50)])
-    found, expected = quaternions_of_euler(list(euler)), wxyz(Rotation.from_euler("ZYX", euler[::-1].T, degrees=True))
+    found, expected = (
+        np.stack(quaternion_columns(list(euler)), -1),
+        wxyz(Rotation.from_euler("ZYX", euler[::-1].T, degrees=True)),
+    )
     assert np.abs(np.sum(found * expected, -1)) == pytest.approx(1.0)
     first, second = Rotation.random(50, random_state=1), Rotation.random(50, random_state=2)
     part = random.uniform(0, 1, 50)

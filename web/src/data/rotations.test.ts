@@ -1,4 +1,5 @@
 import { describe, expect, it, test } from "vitest";
+import euler from "../../../tests/golden/euler.json";
 import orientation from "../../../tests/golden/xbus/orientation.json";
 import {
   normBounds,
@@ -166,4 +167,16 @@ it("bounds the lengths of vectors by their summarised components", () => {
   expect(near).toBeCloseTo(Math.hypot(0, 3, 1), 5);
   expect(far).toBeCloseTo(Math.hypot(2, 4, 2), 5);
   expect(normBounds([[NaN, NaN]], 2)).toEqual(new Float32Array([NaN, NaN]));
+});
+
+test("one attitude has the angles that the server gives it, at a pitch of ±90° too", () => {
+  expect(euler.rows.length).toBeGreaterThan(5);
+  for (const { what, quaternion, euler: angles } of euler.rows) {
+    const found = eulerColumns(
+      quaternion.map((part) => [part]),
+      1,
+    ).map((column) => column[0] ?? Number.NaN);
+    const off = found.map((angle, at) => Math.abs(((angle - (angles[at] ?? 0) + 540) % 360) - 180));
+    expect(Math.max(...off), what).toBeLessThan(1e-4);
+  }
 });
