@@ -140,6 +140,7 @@ def requested_signals(
                     data_sheet=data_sheet_of(one.info, one.at, product),
                     temperature=temperature_of([*known, *others], one),
                     companions=beside(one.device) if companions else None,
+                    axes="" if product is unknown_product else product(one.device)[1].axes,
                 )
                 for one in columns
             ]

@@ -70,8 +70,8 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class SignalColumn:
-    """A column of a channel, as named in a request, with the data sheet of its sensor and with the temperature and the
-    other sensors of its device if those are known.
+    """A column of a channel, as named in a request, with the data sheet of its sensor, the temperature and the other
+    sensors of its device and the axes of its body ("FLU", "FRD"), if those are known.
     """
 
     info: ChannelInfo
@@ -79,6 +79,7 @@ class SignalColumn:
     data_sheet: DataSheetNoise | None = None
     temperature: SignalColumn | None = None
     companions: CompanionChannels | None = None
+    axes: str = ""
 
     @property
     def name(self) -> str:

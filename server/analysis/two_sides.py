@@ -7,14 +7,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import Literal
 
-import numpy as np
 from pydantic import BaseModel, Field
 
-from recordings.euler import quaternion_columns
 from server.analysis.alignment import TimeAlignment, align
+from server.analysis.body_axes import ATTITUDES, attitude_of, in_axes_of, turned
 from server.analysis.comparison import (
     SignalDifference,
     attitude_difference,
@@ -23,10 +21,8 @@ from server.analysis.comparison import (
     outline,
 )
 from server.analysis.signal_request import ExpressionSignal
-from server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn
+from server.analysis.signals import ReadSamples, Signal, SignalColumn
 from server.errors import DomainError
-
-ATTITUDES = ("quaternion", "euler")
 
 Alignment = Literal["offset", "start", "correlation"]
 
@@ -91,30 +87,47 @@ class ComparisonSide:
     requested: Sequence[SignalColumn | ExpressionSignal]
     read: ReadSamples
 
-    def signals(self) -> list[Signal]:
-        """All of them; DomainError if one has no samples."""
-        found = list(chain.from_iterable(one.signals(self.read) for one in self.requested))
-        for signal in found:
+    def parts(self) -> list[tuple[SignalColumn | None, Signal]]:
+        """All signals, with the column that each is; None for an expression. DomainError if one has no samples."""
+        found = [
+            (one if isinstance(one, SignalColumn) else None, signal)
+            for one in self.requested
+            for signal in one.signals(self.read)
+        ]
+        for _, signal in found:
             if not len(signal.time):
                 raise DomainError("not-found", f"{signal.name} has no samples in that range.", "Choose another range.")
         return found
 
-    def attitude(self) -> tuple[Floats, Floats] | None:
-        """Times and quaternions of the first channel that is an attitude."""
-        for one in self.requested:
-            if isinstance(one, SignalColumn) and one.info.kind in ATTITUDES:
-                info = one.info
-                pairs = [self.read(SignalColumn(info, at)) for at in range(len(info.columns))]
-                time, columns = pairs[0][0], [values for _, values in pairs]
-                finite = np.isfinite(np.sum(columns, axis=0))
-                columns = [column[finite] for column in columns]
-                if info.kind == "euler":
-                    scale = np.degrees(1) if info.columns[0].unit == "rad" else 1.0
-                    return time[finite], np.stack(quaternion_columns([scale * column for column in columns]), -1)
-                rows = np.stack(columns, -1)
-                norms = np.linalg.norm(rows, axis=-1)
-                return time[finite][norms > 0], rows[norms > 0] / norms[norms > 0, np.newaxis]
-        return None
+    def attitude(self) -> SignalColumn | None:
+        """The first of them that is an attitude."""
+        columns = [one for one in self.requested if isinstance(one, SignalColumn)]
+        return next((one for one in columns if one.info.kind in ATTITUDES), None)
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """A signal of A, and the one of B in the axes of A; `refusal` if that has others."""
+
+    a: Signal
+    b: Signal
+    refusal: DomainError | None = None
+
+
+def _pairs(sides: Sequence[ComparisonSide], words: str, hint: str) -> list[_Pair]:
+    first, second = (side.parts() for side in sides)
+    if len(first) != len(second):
+        raise DomainError("not-alike", words.format(len(first), len(second)), hint)
+    return [_pair(*a, *b, sides[1].read) for a, b in zip(first, second, strict=True)]
+
+
+def _pair(own: SignalColumn | None, a: Signal, other: SignalColumn | None, b: Signal, read: ReadSamples) -> _Pair:
+    if own is None or other is None:
+        return _Pair(a, b)
+    try:
+        return _Pair(a, in_axes_of(own, other, b, read))
+    except DomainError as error:
+        return _Pair(a, b, error)
 
 
 def compared(
@@ -128,24 +141,21 @@ def compared(
     Raises:
         DomainError: the sides do not have the same number of columns, or cannot be aligned.
     """
-    a, b = (side.signals() for side in sides)
-    if len(a) != len(b):
-        hint = "Name single columns."
-        raise DomainError("not-alike", f"A has {len(a)} columns of these signals and B has {len(b)}.", hint)
+    pairs = _pairs(sides, "A has {} columns of these signals and B has {}.", "Name single columns.")
     aligned = TimeAlignment(body.offset, math.nan, math.nan, math.nan)
     if body.align == "start":
         aligned = TimeAlignment(
-            min(one.time[0] for one in a) - min(one.time[0] for one in b), math.nan, math.nan, math.nan
+            min(one.a.time[0] for one in pairs) - min(one.b.time[0] for one in pairs), math.nan, math.nan, math.nan
         )
     elif body.align == "correlation":
         reach = math.inf if body.search is None else body.search
-        pairs = (a, b) if by is sides else tuple(side.signals() for side in by)
-        if len(pairs[0]) != len(pairs[1]):
-            hint = "Correlate signals that both sides have."
-            raise DomainError("not-alike", "The sides have different columns of the signals to correlate.", hint)
-        matched = list(zip(*pairs, strict=True))
-        aligned = align(matched, body.offset - reach, body.offset + reach)
-    rows = [_signal(one, other, aligned.offset, body.columns) for one, other in zip(a, b, strict=True)]
+        words = "The sides have different columns of the signals to correlate: {} and {}."
+        matched = pairs if by is sides else _pairs(by, words, "Correlate signals that both sides have.")
+        for one in matched:
+            if one.refusal is not None:
+                raise one.refusal
+        aligned = align([(one.a, one.b) for one in matched], body.offset - reach, body.offset + reach)
+    rows = [_signal(one, aligned.offset, body.columns) for one in pairs]
     attitude = _attitude(sides, aligned.offset, body.columns)
     return ComparisonAnswer(
         offset=aligned.offset,
@@ -157,7 +167,8 @@ def compared(
     )
 
 
-def _signal(a: Signal, b: Signal, offset: float, columns: int) -> ComparedSignal:
+def _signal(pair: _Pair, offset: float, columns: int) -> ComparedSignal:
+    a, b = pair.a, pair.b
     row = ComparedSignal(
         signal=a.name,
         signal_b=b.name,
@@ -169,6 +180,8 @@ def _signal(a: Signal, b: Signal, offset: float, columns: int) -> ComparedSignal
         notes=list(dict.fromkeys((*a.notes, *b.notes))),
     )
     try:
+        if pair.refusal is not None:
+            raise pair.refusal
         _take(row, difference(a, b, offset), columns)
     except DomainError as error:
         row.notes.append(f"{error.message} {error.hint}")
@@ -183,7 +196,9 @@ def _attitude(sides: Sequence[ComparisonSide], offset: float, columns: int) -> C
         signal="Attitude", signal_b="Attitude", unit="°", a=None, b=None, difference=None, figures={}, notes=[]
     )
     try:
-        found, figures = attitude_difference(first, second, offset)
+        own = attitude_of(first.info, sides[0].read)
+        time, other = attitude_of(second.info, sides[1].read)
+        found, figures = attitude_difference(own, (time, turned(first, second, other)), offset)
     except DomainError as error:
         row.notes.append(f"{error.message} {error.hint}")
         return row

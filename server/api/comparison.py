@@ -11,7 +11,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from protocols.transactions import DeviceContext
-from recordings.column_store import Base
+from recordings.column_store import Base, ColumnStore
 from recordings.mcap_writer import RecordingError
 from server.analysis.jobs import ComparisonJob, Requested
 from server.analysis.two_sides import Alignment, ComparisonAnswer, ComparisonOptions
@@ -106,7 +106,7 @@ async def _side(
 @router.post("/settings", responses=responses(404, 409, 422))
 async def compare_settings(body: SettingsRequest, services: TheServices) -> Difference:
     """Compare settings of two sides: as recorded, or of a live device as last read. `left` is A, `right` is B."""
-    first, second = [await _settings(side, services) for side in (body.a, body.b)]
+    first, second = [await _settings(side, letter, services) for side, letter in ((body.a, "A"), (body.b, "B"))]
     if first.protocol != second.protocol:
         message = f"{first.side.title} uses {first.protocol}, {second.side.title} uses {second.protocol}."
         raise DomainError("not-alike", message, "Compare devices of the same family.")
@@ -133,7 +133,7 @@ class _DeviceSettings:
     side: ComparedValues
 
 
-async def _settings(side: ComparedSide, services: Services) -> _DeviceSettings:
+async def _settings(side: ComparedSide, letter: str, services: Services) -> _DeviceSettings:
     """Settings of one side.
 
     Raises:
@@ -142,12 +142,14 @@ async def _settings(side: ComparedSide, services: Services) -> _DeviceSettings:
     try:
         controller = services.controllers.get(side.source)
     except KeyError:
-        return await _recorded(side, services)
+        return await _recorded(side, letter, services)
     name = controller.session.info.name
     if not controller.values:
-        raise DomainError("not-read", f"{name} has not been read yet.", "Read its settings on Configure first.")
+        raise DomainError(
+            "not-read", f"{letter}: {name} has not been read yet.", "Read its settings on Configure first."
+        )
     read = _wire_values(to_json_safe(controller.values))  # as a recording holds them
-    values = ComparedValues(f"{name}, now", read, controller.missing, "could not be read", from_device=True)
+    values = ComparedValues(f"{letter}: {name}, now", read, controller.missing, "could not be read", from_device=True)
     return _DeviceSettings(controller.session.info.protocol, controller.context, values)
 
 
@@ -160,7 +162,7 @@ def _wire_values(value: Any) -> Any:
     return int(value) if isinstance(value, str) and LARGE.fullmatch(value) else value
 
 
-async def _recorded(side: ComparedSide, services: Services) -> _DeviceSettings:
+async def _recorded(side: ComparedSide, letter: str, services: Services) -> _DeviceSettings:
     try:
         store = await services.columns.opened(side.source)
     except (KeyError, FileNotFoundError):
@@ -173,14 +175,21 @@ async def _recorded(side: ComparedSide, services: Services) -> _DeviceSettings:
     body = recorded.get(device, {})
     values = body.get("values")
     if not isinstance(values, dict) or not values:
-        message = "The recording holds no settings of this device."
-        raise DomainError("not-read", message, "They are recorded once the device has been read.")
+        message = f"{letter}: the recording holds no settings of {_recorded_name(store, device)}."
+        hint = "They are recorded once the device has been read: read it on Configure, and record again."
+        raise DomainError("not-read", message, hint)
     texts = [str(body.get(name) or "") for name in ("protocol", "product", "serial_number", "firmware")]
     missing = body.get("missing")
     own = ComparedValues(
-        f"{texts[1] or device}, as recorded",
+        f"{letter}: {texts[1] or device}, as recorded",
         _wire_values(values),
         missing if isinstance(missing, dict) else {},
         from_device=True,
     )
     return _DeviceSettings(texts[0], DeviceContext(texts[1], texts[2], texts[3]), own)
+
+
+def _recorded_name(store: ColumnStore, device: str) -> str:
+    found = [one for one in store.manifest["devices"] if device in ("", one["id"])]
+    names = [str(one["product"] or one["id"]) for one in found]
+    return ", ".join(names) or "this device"

@@ -234,4 +234,4 @@ def _refusal(rested: float, best: DriveFit | None, forces: StepMeans) -> Calibra
 
 def mounting_angles(matrix: Floats) -> list[float]:
     """Roll, pitch and yaw of a rotation, °, as everywhere (recordings/euler.py)."""
-    return [float(angle[0]) for angle in euler_columns(matrix.reshape(9, 1))]
+    return [float(angle[0]) for angle in euler_columns(list(matrix.reshape(9, 1)))]

@@ -295,7 +295,9 @@ def test_settings_as_recorded_and_as_read_now_are_compared(tmp_path: Path) -> No
             )
 
         live = {"source": "1"}
-        assert_problem(client.post(f"{URL}/settings", json={"a": live, "b": live}), 409, "not-read")
+        refused = client.post(f"{URL}/settings", json={"a": live, "b": live})
+        assert_problem(refused, 409, "not-read")
+        assert refused.json()["message"].startswith("A: ")
         job("read", {})
         recording = client.post("/api/recordings/start", json={"devices": ["1"]}).json()["id"]
         assert client.post("/api/recordings/stop", json={}).status_code == 200
@@ -306,7 +308,9 @@ def test_settings_as_recorded_and_as_read_now_are_compared(tmp_path: Path) -> No
         rows = {row["setting"]: (row["left"], row["right"]) for row in found["rows"]}
         assert rows == {"LocationID": ("0", "42")}
         assert found["same"] > 20
-        assert "as recorded" in found["left"]
+        assert found["left"].startswith("A: MTi-")
+        assert found["left"].endswith(", as recorded")
+        assert found["right"].startswith("B: MTi-")
         assert found["changes"] == {}  # it is for reading; Configure writes
         both = client.post(f"{URL}/settings", json={"a": sides["a"], "b": sides["a"]}).json()
         assert both["rows"] == []

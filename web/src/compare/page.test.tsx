@@ -89,10 +89,20 @@ test("two live devices are compared by the clock, with plots, gaps, statistics a
   expect(chart.querySelector(".side-a path")?.getAttribute("d")?.match(/M/g)?.length).toBe(2); // the gap is open
   expect(screen.getByRole("img", { name: "B − A, Quaternion.w" })).toBeTruthy();
   expect(screen.getByRole("img", { name: "Angle between the attitudes" })).toBeTruthy();
-  expect(screen.getByText(/angle of 7.01 °.*0.25 ° rms/)).toBeTruthy();
+  expect(screen.getByText(/angle of 7.01 °.*0.25 ° rms remain. Two sensors mounted at an angle differ/)).toBeTruthy();
   expect(screen.getByText(/nothing is compared across a gap/)).toBeTruthy();
   expect(screen.getByText("0.31 … 0.69 °")).toBeTruthy();
   await waitFor(() => expect(location.hash).toContain("b=2"));
+});
+
+test("a rotation that leaves much of the difference is not called a mounting", async () => {
+  const signals = ANSWER.signals.map((one) =>
+    one.signal === "Attitude" ? { ...one, figures: { ...FIGURES, mounting: 136.1, remaining: 35.81 } } : one,
+  );
+  open("a=1&al=30", { [ROUTE]: { ...ANSWER, signals } });
+  expect(
+    await screen.findByText(/136.1 °.*35.81 ° rms remain. A different mounting alone does not explain/),
+  ).toBeTruthy();
 });
 
 test("a signal that B has under another name is proposed", async () => {

@@ -18,6 +18,11 @@ type Ready = ComparePlace & { readonly b: Side };
 const FIGURES = ["mean", "sigma", "rms", "min", "max"] as const;
 const shown = (value: number | null | undefined, unit: string): string => `${figure(value)} ${unit}`.trim();
 
+/** Attitudes of two filters differ by this much at rest, °; more than that is no fixed rotation between the sensors. */
+const MOST_REMAINING = 5;
+
+const isFixed = ({ figures }: ComparedSignal): boolean => (figures["remaining"] ?? Infinity) <= MOST_REMAINING;
+
 export function Statistics({ signals }: { readonly signals: readonly ComparedSignal[] }) {
   const rows = signals.filter(({ figures }) => figures["n"] !== undefined);
   const attitude = rows.find(({ figures }) => figures["mounting"] !== undefined);
@@ -54,7 +59,10 @@ export function Statistics({ signals }: { readonly signals: readonly ComparedSig
         </table>
       </div>
       {attitude && (
-        <p>{TEXT.mounting(shown(attitude.figures["mounting"], "°"), shown(attitude.figures["remaining"], "°"))}</p>
+        <p>
+          {TEXT.mounting(shown(attitude.figures["mounting"], "°"), shown(attitude.figures["remaining"], "°"))}{" "}
+          {isFixed(attitude) ? TEXT.mountingFits : TEXT.mountingUnfit}
+        </p>
       )}
     </section>
   );

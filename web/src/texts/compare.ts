@@ -53,7 +53,9 @@ export const TEXT = {
     n: "Samples",
   },
   mounting: (angle: Value, rest: Value) =>
-    `The sensors are mounted at an angle of ${angle} to each other on average; without it, ${rest} rms remain.`,
+    `On average the attitude of B is turned by an angle of ${angle} against that of A; without it, ${rest} rms remain.`,
+  mountingFits: "Two sensors mounted at an angle differ like this.",
+  mountingUnfit: "A different mounting alone does not explain that: look at the alignment in time.",
   to95: (low: Value, high: Value) => `${low} … ${high}`,
   spectra: "Spectra of both",
   settings: "Settings of both",
