@@ -29,7 +29,7 @@ Fault = tuple[str, str, str]
 
 
 def sample_faults(values: Floats, runs: Sequence[slice], rate: float, unit: str) -> list[Fault]:
-    """Faults of the samples of a signal.
+    """Faults of the samples of a signal; the first one found hides the others.
 
     Args:
         values: as they came: (n,).
@@ -40,24 +40,39 @@ def sample_faults(values: Floats, runs: Sequence[slice], rate: float, unit: str)
     parts = [values[run] for run in runs if run.stop - run.start > 1]
     if not parts:
         return []
-    n = sum(map(len, parts))
-    longest, at_value = max((_longest_equal(part) for part in parts), key=lambda found: found[0])
-    if longest == n or all((part == parts[0][0]).all() for part in parts):
-        return [("stuck", f"Stuck: all {counted(n, 'sample')} are {parts[0][0]:.6g} {unit}.", _CHECK_SENSOR)]
-    equal = sum(int(np.count_nonzero(part[1:] == part[:-1])) for part in parts) / (n - len(parts))
-    others = max(equal * (n - len(parts)) - longest, 0.0) / n
-    if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < RARE:
-        words = f"Stuck: {longest / rate:.3g} s without a change, at {at_value:.6g} {unit}."
-        return [("stuck", words, _CHECK_SENSOR)]
-    step, scatter = _resolution(parts), _scatter(parts)
-    by_rounding = step / (2 * math.sqrt(math.pi) * scatter) if scatter else 0.0
+    if stuck := _stuck(parts, rate, unit):
+        return stuck
+    step, scatter, equal = resolution(parts), _scatter(parts), _equal(parts)
     if step > COARSE * scatter:
         words = f"Coarse resolution: a step of {step:.3g} {unit} is larger than the noise."
         return [("resolution", words, "Set the device to an output format with a finer resolution, and record again.")]
+    by_rounding = step / (2 * math.sqrt(math.pi) * scatter)
     if equal > 1.5 * by_rounding + REPEATED:
-        words = f"Repeated samples: {100 * equal:.0f} % equal the one before."
-        return [("repeated", words, _lower_rate(equal, rate))]
+        return [("repeated", f"Repeated samples: {100 * equal:.0f} % equal the one before.", _lower_rate(equal, rate))]
     return _clipped(np.concatenate(parts), unit)
+
+
+def stuck_or_clipped(values: Floats, rate: float, unit: str) -> list[Fault]:
+    """Those faults that make samples useless whatever the sensor does: at rest or in motion, (n,)."""
+    return _stuck([values], rate, unit) or _clipped(values, unit) if len(values) > 1 else []
+
+
+def _equal(parts: Sequence[Floats]) -> float:
+    """Part of the samples that equal the one before."""
+    pairs = sum(len(part) - 1 for part in parts)
+    return sum(int(np.count_nonzero(part[1:] == part[:-1])) for part in parts) / pairs
+
+
+def _stuck(parts: Sequence[Floats], rate: float, unit: str) -> list[Fault]:
+    n = sum(map(len, parts))
+    if all((part == parts[0][0]).all() for part in parts):
+        return [("stuck", f"Stuck: all {counted(n, 'sample')} are {parts[0][0]:.6g} {unit}.", _CHECK_SENSOR)]
+    longest, at_value = max((_longest_equal(part) for part in parts), key=lambda found: found[0])
+    others = max(_equal(parts) - longest / n, 0.0)
+    if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < RARE:
+        words = f"Stuck: {longest / rate:.3g} s without a change, at {at_value:.6g} {unit}."
+        return [("stuck", words, _CHECK_SENSOR)]
+    return []
 
 
 _CHECK_SENSOR = "A sensor that measures always shows noise: restart the device, and look at its settings and self-test."
@@ -75,7 +90,7 @@ def _longest_equal(part: Floats) -> tuple[int, float]:
     return int(lengths[at]), float(part[edges[at]])
 
 
-def _resolution(parts: Sequence[Floats]) -> float:
+def resolution(parts: Sequence[Floats]) -> float:
     """Usual distance of neighbouring values among all that occur; that of a fine resolution is tiny."""
     values = np.unique(np.concatenate(parts)[:MOST])
     return float(np.median(np.diff(values))) if len(values) > 1 else 0.0

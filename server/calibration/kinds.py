@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from server.analysis.sample_quality import stuck_or_clipped
 from server.analysis.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
 from server.calibration.accelerometer import six_positions
 from server.calibration.gyroscope import gyroscope_bias
 from server.calibration.magnetometer import magnetometer_iron
 from server.calibration.mounting import VerticalAxis, mounting_rotation
-from server.calibration.report import CalibrationKind, CalibrationReport
+from server.calibration.report import CalibrationKind, CalibrationRefusal, CalibrationReport
 from server.errors import DomainError
 from server.wire import ChannelInfo
 
@@ -153,7 +154,27 @@ def evaluated(
     samples: Mapping[str, Samples],
     options: CalibrationOptions,
 ) -> CalibrationReport:
-    """The report of a calibration; some of the samples may be missing."""
+    """The report of a calibration; some of the samples may be missing.
+
+    What fits a sensor that is stuck or clipped is no calibration of it: then it is refused.
+    """
     report = method.evaluate({name: samples.get(name, NO_SAMPLES) for name in triads}, triads, options)
     report.sensor = triads[method.sensor].name
+    if report.refusal is None:
+        report.refusal = _fault(triads, samples)
+    if report.refusal is not None:
+        report.correction = None
+        report.progress = min(report.progress, 0.95)
     return report
+
+
+def _fault(triads: Mapping[str, Triad], samples: Mapping[str, Samples]) -> CalibrationRefusal | None:
+    """What is wrong with the samples of a sensor that was used."""
+    for name, triad in triads.items():
+        own = samples.get(name, NO_SAMPLES)
+        if name == TEMPERATURE or not own.rate:
+            continue
+        for at, axis in enumerate("xyz"):
+            for _, message, hint in stuck_or_clipped(own.values[:, at], own.rate, triad.unit):
+                return CalibrationRefusal(message=f"{triad.name}.{axis}: {message}", hint=hint)
+    return None

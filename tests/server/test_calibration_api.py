@@ -277,8 +277,9 @@ def test_a_mounting_rotation_is_written_once_the_settings_were_read(tmp_path: Pa
         setup = SensorSetup(motion="straight", mount=30)
         motion = setup.motion_at(np.arange(0, 30, 0.01))
         begin = device.bus.now()
-        device.feed("RateOfTurn", "°/s", np.degrees(motion.rate), 100.0, begin)
-        device.feed("Acceleration", "m/s²", motion.force, 100.0, begin)
+        noise = np.random.default_rng(1).normal(0, 1e-3, (len(motion.rate), 3))  # without any a sensor counts as stuck
+        device.feed("RateOfTurn", "°/s", np.degrees(motion.rate) + noise, 100.0, begin)
+        device.feed("Acceleration", "m/s²", motion.force + noise, 100.0, begin)
         write = until(device, lambda found: not found["is_running"])["write"]
         assert (write["setting"], write["values"]) == ("AlignmentRotation.RotSensor", None)
         assert "not been read" in write["problem"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +13,13 @@ from hypothesis import strategies as st
 
 from protocols.simulator import trajectory
 from protocols.simulator.setups import ACC_BIAS, ACC_SCALE, SensorSetup
-from server.analysis.triads import NO_SAMPLES, Floats, Samples
+from server.analysis.triads import NO_SAMPLES, Floats, Samples, Triad
 from server.calibration.accelerometer import six_positions
+from server.calibration.kinds import METHODS, CalibrationOptions, evaluated
 from server.calibration.mounting import MAX_TURN, mounting_rotation
+from server.calibration.report import CalibrationKind, CalibrationReport
+from server.wire import ChannelInfo, ColumnInfo
+from tests.each_row import each_row
 
 START = 1_760_000_000.0
 RATE = 50.0
@@ -174,3 +180,56 @@ def test_wrong_gravity_is_refused() -> None:
     report = mounting_rotation(Samples(force.time, force.values * 1.2), turn)
     assert report.refusal is not None
     assert "gravity" in report.refusal.message
+
+
+# ── presuppositions ──────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def resting(seed: int = 3) -> dict[str, Samples]:
+    """Forty seconds of a sensor at rest."""
+    force, turn = sampled(SensorSetup(motion="rest"), 40, 0.01, seed)
+    return {"gyroscope": turn, "accelerometer": force}
+
+
+def triads_of(samples: Mapping[str, Samples]) -> dict[str, Triad]:
+    columns = [ColumnInfo(name=axis, dtype="f4") for axis in "xyz"]
+    found = {}
+    for name in samples:
+        fields: dict[str, Any] = {"id": 1, "device": "1", "name": name, "title": name, "kind": "vector", "unit": ""}
+        info = ChannelInfo(**fields, message="M", frame="", columns=columns)
+        found[name] = Triad(info, (0, 1, 2), name, 1.0, "°/s" if name == "gyroscope" else "m/s²")
+    return found
+
+
+def calibrated(kind: CalibrationKind, samples: Mapping[str, Samples]) -> CalibrationReport:
+    return evaluated(METHODS[kind], triads_of(samples), samples, CalibrationOptions())
+
+
+@each_row(
+    ("sensor", "fault", "words"),
+    [
+        ("gyroscope", lambda values: values.fill(0.25), "gyroscope.x: Stuck: all 2000 samples are 0.25 °/s."),
+        ("gyroscope", lambda values: values[1000:, 1].fill(0.1), "gyroscope.y: Stuck: 20 s without a change"),
+        ("gyroscope", lambda values: values.clip(-0.03, 0.03, out=values), "gyroscope.x: Clipped: "),
+        ("accelerometer", lambda values: values[:, 2].fill(9.81), "accelerometer.z: Stuck: all 2000 samples are 9.81"),
+    ],
+    ids=["dead", "stuck halfway", "clipped", "the other sensor is dead"],
+)
+def test_a_sensor_that_is_stuck_or_clipped_is_not_calibrated(
+    sensor: str, fault: Callable[[Floats], Any], words: str
+) -> None:
+    """Regression: a dead gyroscope had a bias of 0.25 ± 0 °/s."""
+    samples = resting()
+    fault(samples[sensor].values)
+    report = calibrated("gyroscope", samples)
+    assert report.refusal is not None
+    assert words in report.refusal.message
+    assert report.refusal.hint.endswith(".")
+    assert report.correction is None
+    assert report.progress < 1
+
+
+def test_an_honest_gyroscope_is_calibrated() -> None:
+    report = calibrated("gyroscope", resting())
+    assert report.refusal is None
+    assert report.correction is not None
