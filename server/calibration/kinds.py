@@ -169,7 +169,7 @@ def evaluated(
 
 
 def _fault(triads: Mapping[str, Triad], samples: Mapping[str, Samples]) -> CalibrationRefusal | None:
-    """What is wrong with the samples of a sensor that was used."""
+    """A fault in the samples of a sensor that was used."""
     for name, triad in triads.items():
         own = samples.get(name, NO_SAMPLES)
         if name == TEMPERATURE or not own.rate:

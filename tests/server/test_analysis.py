@@ -80,6 +80,11 @@ def test_an_angle_that_wraps_has_a_circular_mean_and_an_unwrapped_slope() -> Non
     assert found["slope"] == pytest.approx(50.0)
     assert found["peak_to_peak"] == pytest.approx(99.5)
     assert math.isnan(found["integral"])
+    assert math.isnan(found["rms"])
+    assert (found["min"], found["max"]) == (150.0, -110.5), "the ends of the arc, as far apart as peak to peak"
+    round_and_round = figures((np.arange(800) * 0.5 + 180.0) % 360.0 - 180.0, period=360.0)
+    assert math.isnan(round_and_round["min"])
+    assert math.isnan(round_and_round["max"])
 
 
 def test_gaps_are_steps_longer_than_the_option_says() -> None:

@@ -1,8 +1,9 @@
 """Statistics of a signal: mean, spread, extremes, slope, integral, rate and gaps.
 
-An angle that wraps has a circular mean and σ (recordings/statistics.py); it is unwrapped for slope and peak to peak,
-and has no integral. `slope` is that of the least-squares line, `integral` by the trapezoidal rule over the sample
-times, so both hold for unevenly spaced samples.
+An angle that wraps has a circular mean and σ (recordings/statistics.py). It is unwrapped for slope, peak to peak and
+the ends `min` and `max` of the arc that it covers (none if it goes all the way round), and has no rms and no integral.
+`slope` is that of the least-squares line, `integral` by the trapezoidal rule over the sample times, so both hold for
+unevenly spaced samples.
 """
 
 from __future__ import annotations
@@ -26,13 +27,14 @@ def run(signal: Signal, options: Mapping[str, float]) -> Result:
     usual = float(np.median(steps)) if len(steps) else NAN
     duration = float(time[-1] - time[0])
     unwrapped = np.unwrap(values, period=signal.period) if signal.period else values
+    low, high = _arc(unwrapped, signal.period) if signal.period else (plain.min, plain.max)
     return {
         "n": plain.n,
         "mean": plain.mean,
         "sigma": plain.sigma,
-        "rms": float(np.sqrt(np.square(values).mean())),
-        "min": plain.min,
-        "max": plain.max,
+        "rms": NAN if signal.period else float(np.sqrt(np.square(values).mean())),
+        "min": low,
+        "max": high,
         "peak_to_peak": float(np.ptp(unwrapped)),
         "slope": slope(time, unwrapped),
         "integral": NAN if signal.period else float(np.trapezoid(values, time)),
@@ -40,6 +42,14 @@ def run(signal: Signal, options: Mapping[str, float]) -> Result:
         "rate": (plain.n - 1) / duration if duration > 0 else NAN,
         "gaps": int(np.count_nonzero(steps > options["gap"] * usual)) if usual > 0 else 0,
     }
+
+
+def _arc(unwrapped: Floats, period: float) -> tuple[float, float]:
+    """Both ends of the arc of an angle, in −period/2 to period/2; NaN if it goes all the way round."""
+    low, high = float(unwrapped.min()), float(unwrapped.max())
+    if high - low >= period:
+        return NAN, NAN
+    return low - period * round(low / period), high - period * round(high / period)
 
 
 def slope(time: Floats, values: Floats) -> float:

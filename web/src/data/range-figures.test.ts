@@ -49,7 +49,9 @@ describe("figures of a range", () => {
   it("go around the circle", () => {
     const turning = [170, 175, -180, -175, -170];
     const found = figuresOf(ringOf(even(5), turning, 360), 0, START, START + 1, "device", 360);
-    expect(found).toMatchObject({ n: 5, peakToPeak: 20, min: -180, max: 175 });
+    expect(found).toMatchObject({ n: 5, peakToPeak: 20, rms: NaN, min: 170, max: -170 });
+    const round = figuresOf(ringOf(even(5), [0, 90, 180, -90, 0], 360), 0, START, START + 1, "device", 360);
+    expect(round).toMatchObject({ peakToPeak: 360, min: NaN, max: NaN });
     expect(Math.abs(found.mean)).toBeCloseTo(180, 9);
     expect(found.sigma).toBeCloseTo(Math.sqrt(250 / 4), 9);
     expect(found.slope).toBeCloseTo(20, 9);

@@ -92,12 +92,18 @@ export function figuresOf(
   }
   return {
     ...stats,
-    rms: Math.sqrt(square / n),
+    ...(period > 0 ? arcOf(low, high, period) : { rms: Math.sqrt(square / n) }),
     peakToPeak: high - low,
     slope: tt > 0 ? tv / tt : NaN,
     integral: period > 0 ? NaN : integral,
     gaps: gapsIn(steps),
   };
+}
+
+/** An angle has no rms; its extremes are the ends of the arc that it covers, and none if it goes all the way round. */
+function arcOf(low: number, high: number, period: number): Pick<RangeFigures, "rms" | "min" | "max"> {
+  const wrapped = (v: number): number => (high - low < period ? v - period * Math.round(v / period) : NaN);
+  return { rms: NaN, min: wrapped(low), max: wrapped(high) };
 }
 
 /** Number of steps that are gaps: longer than GAP medians. */

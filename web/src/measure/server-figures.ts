@@ -82,13 +82,15 @@ export function displayed(figures: SignalFigures["figures"], { factor, offset, p
   const size = Math.abs(factor);
   const moved = offset !== 0 && period > 0; // what is at the edge of the circle is elsewhere on it
   const ends = [of("min"), of("max")].map((v) => (moved ? NaN : factor * v + offset));
+  if (factor < 0) ends.reverse();
+  const [min = NaN, max = NaN] = ends; // of an angle the ends of its arc: max may be the smaller number
   return {
     n: of("n"),
     mean: valueOf({ terms: [[0, factor]], offset }, () => of("mean"), period),
     sigma: size * of("sigma"),
     rms: offset === 0 ? size * of("rms") : NaN,
-    min: Math.min(...ends),
-    max: Math.max(...ends),
+    min,
+    max,
     peakToPeak: size * of("peak_to_peak"),
     slope: factor * of("slope"),
     integral: offset === 0 ? factor * of("integral") : NaN,
