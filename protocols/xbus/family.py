@@ -30,7 +30,7 @@ from protocols.xbus.inspect import XbusFrameLister
 from protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
 from protocols.xbus.messages import ROWS
 from protocols.xbus.mounting import MOUNTING
-from protocols.xbus.output_changes import OutputChanges
+from protocols.xbus.output_changes import XbusOutputChanges
 from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
 from protocols.xbus.products import absent, as_built, has, model_of
 from protocols.xbus.sensors import sensors_of
@@ -269,7 +269,7 @@ FAMILY = ProtocolInfo(
     scan,
     short="Xbus",
     counts=True,
-    output_changes=OutputChanges,
+    output_changes=XbusOutputChanges,
     frame_size="protocols.xbus.frame_size",
     configuration_frames="protocols.xbus.configuration_frames",
     host_drivers={

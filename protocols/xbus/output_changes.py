@@ -24,7 +24,7 @@ ON_REQUEST = "the device sends a sample on request only (SendLatest); those betw
 RESTARTED = "the device restarted meanwhile."
 
 
-class OutputChanges:
+class XbusOutputChanges:
     """See family.OutputChanges."""
 
     def __init__(self) -> None:

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from recordings import atomic_write
-from server.devices.device_names import key_of
 from server.errors import DomainError
-from server.wire import DeviceInfo
+from server.wire import DeviceInfo, key_of
 
 FILE = "signals.json"
 MAX_SIGNALS = 50  # of one device

@@ -22,7 +22,6 @@ from recordings import atomic_write
 from recordings.regular_file import read_regular
 from server.errors import DomainError
 from server.links.source_url import is_printable
-from server.wire import DeviceInfo
 
 log = logging.getLogger("imuscope.devices")
 T = TypeVar("T")
@@ -31,14 +30,6 @@ FILE = "devices.json"
 MAX_NAME = 60
 MAX_SOURCES = 1000
 MAX_NAMES = 10_000
-
-
-def key_of(device: DeviceInfo) -> str:
-    """The key of a device: "xbus-0080800006"; its source (and its name on the link) while it has told no number."""
-    if device.serial_number:
-        return f"{device.protocol}-{device.serial_number}"
-    _, point, member = device.id.partition(".")
-    return f"{device.source}{point}{member}"
 
 
 class DeviceNames:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from protocols.clock_sync import ClockSync
 from server import wire
-from server.devices.device_names import DeviceNames, key_of
+from server.devices.device_names import DeviceNames
 from server.devices.ingest import DeviceIdentity
 from server.devices.link_stats import LinkStatistics
 from server.listeners import CallbackList
@@ -68,7 +68,7 @@ class DeviceState:
         """
         before, new = self.info.serial_number, identity.serial_number
         if new and not before:
-            self.names.move(self.info.key, key_of(replace(self.info, serial_number=new)))
+            self.names.move(self.info.key, wire.key_of(replace(self.info, serial_number=new)))
         known = replace(self.info, product="", firmware="") if before and new and before != new else self.info
         self.set(
             product=identity.product or known.product,
@@ -86,7 +86,7 @@ class DeviceState:
         self.set()
 
     def _named(self, info: wire.DeviceInfo) -> wire.DeviceInfo:
-        key = key_of(info)
+        key = wire.key_of(info)
         return replace(info, key=key, own_name=self.names.name_of(key))
 
     def name(self, product: str, protocol: str, fallback: str = "") -> str:

@@ -74,6 +74,7 @@ class Sessions:
         self._sessions: dict[str, Session] = {}
         self._added: CallbackList[[Session]] = CallbackList()
         self.names = names or DeviceNames(None)
+        self._used: set[str] = set()  # ids: none is given twice in a run, or a page could take one device for another
         self.names.on_change(self._renamed)
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
@@ -115,7 +116,8 @@ class Sessions:
             raise LinkError("full", f"The maximum of {MAX_DEVICES} devices is open.", "Remove one first.")
         settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
         link = self.shared(self._open_link(source, settings))
-        device = self.names.id_of(source, self._sessions)
+        device = self.names.id_of(source, self._used)
+        self._used.add(device)
         session = self._sessions[device] = Session(
             device, link, self._bus, self._protocols, reading, self._sequences, self._scheduler, self.names
         )

@@ -94,6 +94,7 @@ from server.wire.devices import (
     MessageHealth,
     RequiredAction,
     UnknownPayload,
+    key_of,
 )
 from server.wire.events import (
     EventInfo,
@@ -186,4 +187,5 @@ __all__ = [
     "TrafficEntry",
     "UnknownPayload",
     "UnknownPayloads",
+    "key_of",
 ]

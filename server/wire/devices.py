@@ -111,3 +111,11 @@ class UnknownPayload:
     arrival: float  # of this one, unix seconds
     doc: str = ""
     verified: bool = True
+
+
+def key_of(device: DeviceInfo) -> str:
+    """The key of a device: "xbus-0080800006"; its source (and its name on the link) while it has told no number."""
+    if device.serial_number:
+        return f"{device.protocol}-{device.serial_number}"
+    _, point, member = device.id.partition(".")
+    return f"{device.source}{point}{member}"

@@ -315,7 +315,7 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
             commands = [body["text"] for _, body in json_messages(recording, "events") if body["kind"] == "command"]
         # On a busy machine an answer may arrive after its time-out; the request is repeated, which a note reports.
         asked = [text for text in commands if not text.startswith("Sent ")]
-        assert asked == ["GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
+        assert asked == ["ReqDID", "GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
 
 
 @in_a_loop

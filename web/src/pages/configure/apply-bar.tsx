@@ -117,7 +117,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
   };
   const outcome = await server.apply(model.writeName, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
-    await model.previewNow(names); // who is quick applies before the preview has said that the change is temporary
+    await model.asking.now(names); // who is quick applies before the preview has said that the change is temporary
     const temporary = names.some((name) => model.previews.value[name]?.line);
     const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
     model.page.question.value = {

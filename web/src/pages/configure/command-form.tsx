@@ -19,8 +19,8 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
   const key = `!${form.name}`;
   // biome-ignore lint/correctness/useExhaustiveDependencies: a preview belongs to the values, which are listed
   useEffect(() => {
-    model.preview(key, 0);
-    return () => model.forget(key);
+    model.asking.request(key, 0);
+    return () => model.asking.forget(key);
   }, [form]);
   const preview = model.previews.value[key];
   const problems = preview?.problems ?? [];

@@ -31,10 +31,10 @@ import { fullName, linkName, writeName } from "../../wire/device-name";
 import type { DeviceJobs, DeviceInfo, TrafficEntry } from "../../wire/types";
 import type { App } from "../app-state";
 import { server } from "./api";
+import { Previews } from "./previews";
 import { type ConfigureState, configureOf } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
-const PREVIEW_AFTER_MS = 150;
 const UNDO_KEPT = 100;
 const OLDER_BY = 200;
 
@@ -117,8 +117,7 @@ export class Model {
   readonly putAside: Signal<{ readonly of: string; readonly count: number } | undefined> = signal(undefined);
   readonly traffic: ReadonlySignal<readonly TrafficEntry[]>;
 
-  #timers = new Map<string, ReturnType<typeof setTimeout>>();
-  #asked = new Map<string, number>();
+  readonly asking = new Previews(this);
   #undo: Drafts[] = [];
   /** The device's values when a draft was begun, or last rebased. */
   #bases: Drafts = {};
@@ -216,7 +215,7 @@ export class Model {
     this.reason.value = edits.reason;
     this.#undo = [...edits.undo];
     this.#bases = edits.bases;
-    for (const key of Object.keys(edits.drafts)) this.preview(key);
+    for (const key of Object.keys(edits.drafts)) this.asking.request(key);
   }
 
   /** Give the edits away; undefined if there are none. */
@@ -271,7 +270,7 @@ export class Model {
     this.#follow(body.value.values);
     this.body.value = body.value;
     this.previews.value = {};
-    for (const key of this.#asked.keys()) this.preview(key);
+    this.asking.again();
   }
 
   /** Rebase drafts on present values, and report changes by other users in them. */
@@ -368,12 +367,12 @@ export class Model {
     const before = this.present.peek()[form.name];
     if (begun === undefined && before !== undefined) this.#bases = { ...this.#bases, [form.name]: before };
     this.drafts.value = sameSetting(form, before, draft) ? others : { ...others, [form.name]: draft };
-    this.preview(form.name);
+    this.asking.request(form.name);
   }
 
   fill(form: CommandForm, path: Path, value: unknown): void {
     this.arguments.value = { ...this.arguments.peek(), [form.name]: put(this.argumentsOf(form), path, value) };
-    this.preview(`!${form.name}`);
+    this.asking.request(`!${form.name}`);
   }
 
   /** Discard edits: of one setting, or all. */
@@ -386,7 +385,7 @@ export class Model {
     );
     this.elsewhere.value = this.elsewhere.peek().filter(({ setting }) => name !== undefined && setting !== name);
     this.#forget(name);
-    for (const key of this.#asked.keys()) this.preview(key);
+    this.asking.again();
   }
 
   undo(): void {
@@ -394,7 +393,7 @@ export class Model {
     if (before === undefined) return;
     this.drafts.value = before;
     this.#forget(undefined);
-    for (const key of this.#asked.keys()) this.preview(key);
+    this.asking.again();
   }
 
   /** Discard invalid input with the edits; of one setting, or all. */
@@ -415,61 +414,6 @@ export class Model {
     if (why === undefined) next.delete(key);
     else next.set(key, why);
     this.wrong.value = next;
-  }
-
-  // ---- previews
-
-  /** Request the server's answer on a draft, shortly after the last key. */
-  preview(key: string, afterMs = PREVIEW_AFTER_MS): void {
-    clearTimeout(this.#timers.get(key));
-    if (!this.#asked.has(key)) this.#asked.set(key, 0);
-    this.#timers.set(
-      key,
-      setTimeout(() => void this.#ask(key), afterMs),
-    );
-  }
-
-  /** Load the previews of these drafts. */
-  async previewNow(keys: readonly string[]): Promise<void> {
-    for (const key of keys) clearTimeout(this.#timers.get(key));
-    await Promise.all(keys.map((key) => this.#ask(key)));
-  }
-
-  /** Stop requesting previews that are no longer on screen. */
-  forget(key: string): void {
-    clearTimeout(this.#timers.get(key));
-    if (!(key in this.drafts.peek())) this.#asked.delete(key);
-  }
-
-  async #ask(key: string): Promise<void> {
-    const turn = (this.#asked.get(key) ?? 0) + 1;
-    this.#asked.set(key, turn);
-    const request = this.#request(key);
-    const answer = request === undefined ? undefined : await request;
-    if (this.#asked.get(key) !== turn) return; // a newer one is running
-    const { [key]: _, ...others } = this.previews.peek();
-    if (answer === undefined) this.previews.value = others;
-    else if (answer.ok) this.previews.value = { ...others, [key]: answer.value };
-    else this.problem.value = answer.problem;
-  }
-
-  #request(key: string): Promise<Outcome<PreviewResult>> | undefined {
-    if (key.startsWith("!")) {
-      const command = this.command(key.slice(1));
-      return command && server.previewCommand(this.id, command.name, this.argumentsOf(command));
-    }
-    const isPresent = key.startsWith("=");
-    const form = this.setting(isPresent ? key.slice(1) : key);
-    if (form === undefined || !form.writable) return undefined;
-    if (!isPresent && !this.isKnown(form)) return undefined; // initial values are not the device's
-    const values = isPresent
-      ? this.present.peek()[form.name]
-      : form.partial
-        ? this.changes.peek()[form.name]
-        : this.valuesOf(form);
-    if (values === undefined) return undefined;
-    const own = form.fields.filter(({ name, read_only }) => !read_only && values[name] !== undefined);
-    return server.previewSetting(this.id, form.name, Object.fromEntries(own.map(({ name }) => [name, values[name]])));
   }
 
   /** The line's rate after all edits; undefined if none changes it. */

@@ -38,11 +38,11 @@ export function Setting({ model, form, alone }: Props) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: a preview belongs to the form, which is listed
   useEffect(() => {
     if (!showsBytes) return undefined;
-    model.preview(form.name, 0);
-    if (form.table) model.preview(`=${form.name}`, 0);
+    model.asking.request(form.name, 0);
+    if (form.table) model.asking.request(`=${form.name}`, 0);
     return () => {
-      model.forget(form.name);
-      model.forget(`=${form.name}`);
+      model.asking.forget(form.name);
+      model.asking.forget(`=${form.name}`);
     };
   }, [form, showsBytes]);
   return (
