@@ -121,6 +121,9 @@ def _names(request: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping
 def _rule(request: ExportRequest, leader: Mapping[str, Any], others: list[_Follower]) -> str:
     of = f" of {request.device_name(leader['device'])}" if request.has_several_devices else ""
     words = f"A line for each sample of {leader['title'] or leader['name']}{of}."
+    tables = ", ".join(info["name"] for info in request.infos if info["kind"] == "table")
+    if tables:
+        words += f" Left out, because they have several rows at a time: {tables}."
     if not others:
         return words
     ages = ", ".join(f"{held.info['name']} {held.oldest_s:.4g} s" for held in others)

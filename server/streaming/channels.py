@@ -23,6 +23,7 @@ share channels. `channel_per_field` restores the stream order of the pieces of e
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
@@ -34,6 +35,8 @@ from protocols.events import Batch
 from protocols.schema import Bits, Field, Message
 from server.streaming.unknown_payloads import described, is_opaque
 from server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
+
+log = logging.getLogger("imuscope.channels")
 
 Array = NDArray[Any]
 Advertise = Callable[[ChannelInfo], int]
@@ -142,10 +145,25 @@ class ChannelRegistry:
                 if not batch.verified:  # verified and unverified samples must not share a trace
                     info.name = f"{info.name}?"  # separate name; the title is the same, and `verified` marks it
                     info.verified = False
-                number = self._identify(info)
-                if number:
-                    cuts.append(_ColumnPlan(number, used, _rows_per_sample(batch.columns[used[0]]), factors))
+                plan = _ColumnPlan(0, used, _rows_per_sample(batch.columns[used[0]]), factors)
+                if self._fits(batch, plan, info) and (number := self._identify(info)):
+                    cuts.append(replace(plan, channel=number))
         return cuts
+
+    def _fits(self, batch: Batch, plan: _ColumnPlan, info: ChannelInfo) -> bool:
+        """Whether the values have the described columns. Otherwise this channel is left out, and no other suffers."""
+        columns = _values(batch, plan)
+        rows = len(batch) * plan.per_sample
+        if len(columns) == len(info.columns) and all(len(column) == rows for column in columns):
+            return True
+        log.error(
+            "%s of %s has no channel: %d columns, %d described",
+            info.name,
+            info.message,
+            len(columns),
+            len(info.columns),
+        )
+        return False
 
     def _identify(self, info: ChannelInfo) -> int:
         """The id of this description; a changed unit, frame or dtype is a new channel. 0 above the maximum number."""
@@ -338,9 +356,11 @@ def _column_infos(field: Field, array: Array, prefix: str) -> list[ColumnInfo]:
     names = _element_names(field, array.shape[1:], len(flat))
     axes = _axis_colours(field, len(flat))
     units = field.unit.split(",") if "," in field.unit else [field.unit] * len(flat)
+    if len(units) != len(flat):
+        units = [""] * len(flat)  # units of groups of elements (m²,rad²): which has which is not known here
     return [
         _column(replace(field, unit=unit), _join(prefix, name) if prefix else name, dtype, axis)
-        for name, axis, unit in zip(names, axes, units, strict=False)
+        for name, axis, unit in zip(names, axes, units, strict=True)
     ]
 
 

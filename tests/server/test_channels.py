@@ -10,6 +10,7 @@ import pytest
 from protocols.events import Batch
 from protocols.isb.decoder import IsbDecoder
 from protocols.schema import Bits, Field, Message
+from server.streaming import channels
 from server.streaming.channels import ChannelRegistry
 from server.wire import ChannelInfo
 from tests.each_row import each_row
@@ -235,3 +236,24 @@ def test_fields_with_separate_channels() -> None:
     lla = next(info for info in found if info.name == "DID_INS_1.lla")
     assert [(column.name, column.unit) for column in lla.columns] == [("lat", "°"), ("lon", "°"), ("alt", "m")]
     assert (lla.frame, lla.title, lla.group) == ("WGS84", "Position", "INS 1")
+
+
+def test_units_of_groups_of_elements_cost_no_column() -> None:
+    """Two units for 21 elements described two columns, and the recording of such a message could not be opened."""
+    info, columns = one(Field("Covariance", "<f4", (5,), unit="m²,rad²"), np.arange(10, dtype=np.float32).reshape(2, 5))
+    assert [column.unit for column in info.columns] == [""] * 5
+    assert len(columns) == 2 + 5
+
+
+def test_a_channel_that_cannot_be_described_costs_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    described = channels._column_infos
+
+    def broken(field: Field, array: Any, prefix: str) -> Any:
+        return described(field, array, prefix)[: 1 if field.name == "Bad" else None]
+
+    monkeypatch.setattr(channels, "_column_infos", broken)
+    row = Message(1, "M", (Field("Good", "<f4", (2,)), Field("Bad", "<f4", (2,))), channel_per_field=True)
+    page = FakePage()
+    found = split(page, batch(row, {"Good": np.zeros((3, 2)), "Bad": np.zeros((3, 2))}, [0, 9, 18]))
+    assert found.keys() == {"Good"}
+    assert [info.name for info in page.infos] == ["Good"]
