@@ -25,6 +25,7 @@ class ProtocolComposer:
         opaque_fields: fields of a message known only by number ("0x80").
         numbered: whether a message may be given by number alone.
         listed: fields of messages that inspect may print differently: in another form, or as parts of a frame.
+        of_devices: names of messages that only a device sends: they are composed, and not sent to one.
         strings: protocols of the non-frame output of its devices → encoder of such a record; None if the line is
             enough.
     """
@@ -37,6 +38,7 @@ class ProtocolComposer:
     numbered: bool = True
     listed: Mapping[str, tuple[Field, ...]] | None = None
     strings: Mapping[str, Callable[[FrameRecord], bytes] | None] = field(default_factory=dict)
+    of_devices: frozenset[str] = frozenset()
 
     def command(self, name: str) -> Command | None:
         """A command by name; the $ of a sentence is optional."""

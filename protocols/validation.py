@@ -24,6 +24,7 @@ from protocols.layouts import EncodeError, is_open
 from protocols.schema import Field
 from protocols.shown_values import is_scaled, shown_number
 
+MAX_LISTED = 40  # choices in an error; a longer list hides the error
 _FIXED = {"fp1220": 2.0**11, "fp1632": 2.0**15}
 
 
@@ -137,6 +138,8 @@ def _of_number(field: Field, value: Any) -> str:
         limits = " and ".join(_shown(shown_number(field, limit)) for limit in (low, high))
         return f"{field.name} lies between {limits}{_unit(field)}, given {_given(field, value)}"
     if field.choices and value not in field.choices:
+        if len(field.choices) > MAX_LISTED:
+            return f"{field.name} is one of {len(field.choices)} known values, given {value!r:.80}"
         return f"{field.name} is one of {_listed(field)}, given {value!r:.80}"
     return ""
 

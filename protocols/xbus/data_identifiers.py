@@ -475,6 +475,7 @@ RAW_BLOB = 0xA080
 _ROWS: dict[int, list[Field]] = {}
 for _item in ITEMS:
     _ROWS.setdefault(_item.id, []).append(_item)
+_DOCUMENTED = frozenset(row.id for row in ITEMS if _ALSO not in row.doc)
 
 BY_NAME: dict[str, Field] = {field.name: field for field in reversed(ITEMS)}
 """The first row of each name."""
@@ -509,5 +510,5 @@ def form_words(one: Field, other: Field) -> str:
 
 
 def is_known(identifier: int) -> bool:
-    """Whether the table has a row for this identifier, of any size."""
-    return identifier & 0xFFF0 in _ROWS and (identifier >> 2) & 3 < len(COORDINATES)
+    """Whether the document gives the sizes of this identifier. One that is known from elsewhere may have others."""
+    return identifier & 0xFFF0 in _DOCUMENTED and (identifier >> 2) & 3 < len(COORDINATES)

@@ -62,7 +62,13 @@ def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
     forms = {name: tuple(part for row in rows for part in row.fields) for name, rows in BY_NAME.items()}
     forms["MTData2"] = tuple(ITEMS.values())
     return ProtocolComposer(
-        "xbus", DRIVER, messages, frame_from_json, listed=forms, strings={"tss2": None, "em1000": _em1000}
+        "xbus",
+        DRIVER,
+        messages,
+        frame_from_json,
+        listed=forms,
+        strings={"tss2": None, "em1000": _em1000},
+        of_devices=frozenset(name for name, rows in BY_NAME.items() if rows[0].direction == "to_host"),
     )
 
 

@@ -139,7 +139,7 @@ def frame_of(
             problem = problem or ComposeError(f"{message}: {error}")
     if problem is not None:
         raise problem
-    fields = composer.messages.get(message)
+    fields = composer.messages.get(message) or (composer.listed or {}).get(message, composer.messages.get(message))
     defaults = (
         {}
         if fields is not None

@@ -107,7 +107,7 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
     if isinstance(value, (Mapping, list, tuple)):
         return _shown(value, field, flags, path)
     if field.choices and value in field.choices:
-        return field.choices[value]
+        return f"{value} ({field.choices[value]})"
     if isinstance(value, str):
         return value if len(value) <= LONGEST_WORD else f"{value[: LONGEST_WORD - 1]}…"
     scaled = field.scale != 1 or field.bias

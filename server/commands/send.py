@@ -265,6 +265,8 @@ async def _transact(context: _SendContext, channel: LinkChannel, out: TextIO, no
     present = await _present(driver, command, request, known, play)
     frame, values = frame_of(context.composer, request.message, request.pairs, known, present)
     if command is None:
+        if request.message in context.composer.of_devices:
+            raise SendError(f"{request.message} is sent by devices only, and a device does not take it")
         await channel.send(frame)
         _print(out, {"sent": frame.hex()})
         return

@@ -329,3 +329,12 @@ def test_two_forms_of_one_quantity_are_two_columns() -> None:
         "ENU from body",
         "NED from body",
     ]
+
+
+def test_an_undocumented_identifier_of_another_size_is_unknown_and_not_wrong() -> None:
+    """0x4820 with 12 bytes was rejected, while 0x20C0 was passed over."""
+    decoder = XbusDecoder()
+    for identifier, wrong in (("4820", False), ("20C0", False), ("8020", True)):
+        decoder.feed(build(0x36, bytes.fromhex(identifier + "0B") + bytes(11)), 0)
+        events = decoder.drain()
+        assert any(isinstance(event, RejectedFrame) for event in events) == wrong

@@ -12,7 +12,7 @@ from protocols.layouts import EncodeError, is_open
 from protocols.schema import Command, Field
 from protocols.shown_values import is_scaled, shown_number
 from protocols.transactions import DeviceContext
-from protocols.validation import bounds, is_whole
+from protocols.validation import bounds, find_problems, is_whole
 from protocols.xbus.json_codec import frame_to_json
 from protocols.xbus.products import model_of
 from tests.each_row import each_row
@@ -204,3 +204,10 @@ def test_fields_are_those_of_the_product() -> None:
 def test_a_period_between_two_multiples_is_refused() -> None:
     with pytest.raises(EncodeError, match="multiple of 1152"):
         DRIVER.frame("SetPeriod", {"period": 1153}, KNOWN["MTi-G-710"])
+
+
+def test_an_error_about_a_choice_of_a_hundred_does_not_list_them() -> None:
+    """The refusal of a data set outside the table was a sentence of four screens."""
+    field = Field("id", "u1", choices={number: f"DID_{number}" for number in range(100)})
+    [problem] = find_problems((field,), {"id": 250})
+    assert problem.message == "id is one of 100 known values, given 250"

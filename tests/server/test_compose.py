@@ -326,3 +326,9 @@ def test_numbers_of_a_vendors_own_message_are_typed_in_their_unit(tmp_path: Path
         assert "w [1.5, -2] m/s" in shown_by_inspect(frame.hex(), tmp_path / "a.bin", reading)
     with pytest.raises(ComposeError, match=r"w is a multiple of 0.01 m/s, given 1.555"):
         frame_of(find_composer(every, "WheelSpeed"), "WheelSpeed", ["w=[1.555,0]"])
+
+
+def test_a_data_message_is_composed_by_the_names_of_its_items() -> None:
+    """MTData2, which `inspect` prints, was said to have no fields."""
+    frame = composed("MTData2", "PacketCounter=7", "Quaternion=1,0,0,0")
+    assert frame == "faff36181020020007201010" + "3f800000" + "00" * 12 + frame[-2:]

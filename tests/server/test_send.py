@@ -88,3 +88,7 @@ def test_errors_are_one_line(arguments: tuple[str, ...], said: str) -> None:
 
 def test_a_frame_of_idtp_is_sent_and_nothing_answers() -> None:
     assert sent("sim:idtp", "Imu3Acc", "acc_x=1") == [{"message": "Imu3Acc", "fields": {}}]
+
+
+def test_a_message_of_devices_is_not_sent_to_one() -> None:
+    assert "MTData2 is sent by devices only" in refused("sim:xbus", "MTData2", "PacketCounter=7")
