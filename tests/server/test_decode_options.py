@@ -12,6 +12,7 @@ from protocols.decode_options import RESERVED, DecodeOption, merged
 from protocols.family import ProtocolInfo
 from protocols.idtp.custom_payloads import parse
 from protocols.registry import PROTOCOLS
+from protocols.schema import Field, Message
 from server.api.decode_options_body import DecodeOptionsBody
 from server.commands import arguments as options
 from server.commands.common import decode_options_of
@@ -19,6 +20,7 @@ from server.config import Config, ConfigError, load
 from server.devices.decode_options import (
     DecodeOptionError,
     DecodeOptions,
+    changed,
     checked_options,
     declared_options,
     file_text,
@@ -185,3 +187,15 @@ def test_a_configuration_holds_them(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         load(key=123456)
     assert "123456" not in str(caught.value)
+
+
+def test_given_options_change_and_the_rest_stays() -> None:
+    speed = Field("Speed", dtype="<i2")
+    row, other, newer = (Message(id, name, (speed,)) for id, name in ((0x80, "A"), (0x81, "B"), (0x80, "C")))
+    old = decode_options("idtp", key=b"k", min_mode="safety", schema={0x80: row})
+    rekeyed = decode_options("idtp", key=b"new", min_mode="safety", schema={0x80: row})
+    assert changed(old, decode_options(key=b"new"), {"key"}) == rekeyed
+    added = changed(old, decode_options(schema={0x81: other, 0x80: newer}), {"schema"})
+    assert {row.id: row.name for row in added.settings("idtp")["schema"].values()} == {0x80: "C", 0x81: "B"}
+    assert added.settings("idtp")["key"] == b"k"
+    assert changed(added, DecodeOptions(), {"schema", "min_mode"}).values.keys() == {"key", "schema"}

@@ -16,11 +16,10 @@ from protocols.events import batches
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.registry import PROTOCOLS
-from protocols.schema import Field, Message
 from protocols.xbus.frames import build
 from protocols.xbus.simulator.device import XbusSimulator
 from server import wire, wire_codec
-from server.devices.decode_options import DecodeOptions, changed
+from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.links.base import LinkError
 from server.streaming.telemetry import Telemetry
@@ -487,15 +486,3 @@ def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
         assert stage.health.rejects_by == {}
 
     play(test)
-
-
-def test_given_options_change_and_the_rest_stays() -> None:
-    speed = Field("Speed", dtype="<i2")
-    row, other, newer = (Message(id, name, (speed,)) for id, name in ((0x80, "A"), (0x81, "B"), (0x80, "C")))
-    old = decode_options("idtp", key=b"k", min_mode="safety", schema={0x80: row})
-    rekeyed = decode_options("idtp", key=b"new", min_mode="safety", schema={0x80: row})
-    assert changed(old, decode_options(key=b"new"), {"key"}) == rekeyed
-    added = changed(old, decode_options(schema={0x81: other, 0x80: newer}), {"schema"})
-    assert {row.id: row.name for row in added.settings("idtp")["schema"].values()} == {0x80: "C", 0x81: "B"}
-    assert added.settings("idtp")["key"] == b"k"
-    assert changed(added, DecodeOptions(), {"schema", "min_mode"}).values.keys() == {"key", "schema"}
