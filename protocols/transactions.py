@@ -86,7 +86,16 @@ class Note:
     words: str
 
 
-Act = Send | WaitFor | Sleep | ReopenLink | Note
+@dataclass(frozen=True, slots=True)
+class PutBack:
+    """Store the frames that put the device back into the state in which it was found, in case this process ends before
+    the transaction does; none: it is back.
+    """
+
+    frames: tuple[bytes, ...] = ()
+
+
+Act = Send | WaitFor | Sleep | ReopenLink | Note | PutBack
 Transaction = Generator[Act, Any, T]
 
 

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from protocols.events import Decoder, Event
 from protocols.registry import PROTOCOLS
-from protocols.transactions import Act, Note, ReopenLink, Send, Sleep, T, Transaction, WaitFor
+from protocols.transactions import Act, Note, PutBack, ReopenLink, Send, Sleep, T, Transaction, WaitFor
 
 STEP_NS = 1_000_000  # how finely time passes while something is awaited
 
@@ -49,6 +49,7 @@ class PlayedWire:
         self.now_ns = start_ns
         self.sent: list[Send] = []
         self.notes: list[str] = []
+        self.put_back: list[tuple[bytes, ...]] = []
         self._step_ns = step_ns
         self._decoder = self._fresh()
         self._events: deque[Event] = deque()
@@ -111,6 +112,8 @@ class PlayedWire:
             return self.pass_time(act.seconds)
         if isinstance(act, Note):
             return self.notes.append(act.words)
+        if isinstance(act, PutBack):
+            return self.put_back.append(act.frames)
         assert isinstance(act, ReopenLink)
         self.relink(act.baud)
         return True

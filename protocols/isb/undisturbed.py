@@ -34,6 +34,7 @@ from protocols.transactions import (
     Act,
     DeviceRejectedError,
     NoReplyError,
+    PutBack,
     Send,
     T,
     Transaction,
@@ -91,6 +92,7 @@ class _Watch:
         self._mute: set[int] = set()  # data sets of whose stream nothing came in time
         self._waiting = -1  # the data set whose stream replaces the request
         self._requested: set[int] = set()  # although they stream
+        self._disturbed = False
 
     def do(self, act: Act) -> Transaction[Any]:
         """Run one act of the body, or its replacement."""
@@ -124,6 +126,8 @@ class _Watch:
                 self._waiting = did
                 return
             self._requested.add(did)
+            self._disturbed = True
+            yield PutBack(tuple(self._restart(one) for one in sorted(self._requested)))
         self._answers[did] += 1
         yield act
 
@@ -172,12 +176,17 @@ class _Watch:
                 if not (yield from self._is_over(did)):
                     self._requested.discard(did)
                     continue
-                yield Send(frames.get_data(did, period=self._period(did)))
+                yield Send(self._restart(did))
+        if self._disturbed:
+            yield PutBack()
 
     def restore_at_once(self) -> Transaction[None]:
         """Restart, without waiting, every stream that was requested although it streamed."""
         for did in sorted(self._requested):
-            yield Send(frames.get_data(did, period=self._period(did)))
+            yield Send(self._restart(did))
+
+    def _restart(self, did: int) -> bytes:
+        return frames.get_data(did, period=self._period(did))
 
     def _is_over(self, did: int) -> Transaction[bool]:
         """Whether it has stopped streaming."""

@@ -34,6 +34,7 @@ from protocols.transactions import (
     DeviceRejectedError,
     LinkLoad,
     NoReplyError,
+    PutBack,
     ReopenLink,
     RequiresState,
     Send,
@@ -131,6 +132,8 @@ class XbusDriver(DeviceDriver):
         continues = isinstance(body, RequiresState) and body.continues  # then nothing may come in between
         if not at_rest and not continues:
             at_rest = yield from requests.is_in_config()
+        if not at_rest:
+            yield PutBack((frames.build(requests.GO_TO_MEASUREMENT),))
         try:
             yield from requests.to_config(self._times)
             result = yield from body
@@ -141,9 +144,11 @@ class XbusDriver(DeviceDriver):
         except Exception:  # also before the body: an answer may have been lost, and the device be silent
             if not at_rest:
                 yield from _measure_again()
+                yield PutBack()
             raise
         if not at_rest:
             yield from requests.to_measurement()
+            yield PutBack()
         return result
 
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:

@@ -24,7 +24,7 @@ from typing import Any
 
 from protocols.events import Batch, Event, Reply, Text
 from protocols.json_values import jsonable
-from protocols.transactions import DeviceRejectedError, NoReplyError, Send, Sleep, T, Transaction, WaitFor
+from protocols.transactions import DeviceRejectedError, NoReplyError, PutBack, Send, Sleep, T, Transaction, WaitFor
 from protocols.xbus import frames
 from protocols.xbus.messages import answers
 
@@ -68,6 +68,8 @@ def addressed(transaction: Transaction[T], bid: int) -> Transaction[T]:
         while True:
             if isinstance(act, Send):
                 act = replace(act, frame=frames.to_bus(act.frame, bid))
+            elif isinstance(act, PutBack):
+                act = PutBack(tuple(frames.to_bus(one, bid) for one in act.frames))
             try:
                 answer = yield act
             except Exception as thrown:  # the transaction is stopped: it may yield final frames

@@ -17,12 +17,13 @@ import numpy as np
 
 from protocols.plural import counted
 from recordings.column_store import Base, ColumnStore
+from server.analysis.body_axes import ATTITUDES
 from server.analysis.pairs import Pairing, paired, shortened, thinned
 from server.analysis.registry import Figure, FiguresOfSignal, analysis_named
 from server.analysis.report import arrow_of, figures_of, in_parallel
 from server.analysis.signal_request import ExpressionSignal
 from server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn, recorded_samples
-from server.analysis.two_sides import ATTITUDES, ComparisonOptions, ComparisonSide, compared
+from server.analysis.two_sides import ComparisonOptions, ComparisonSide, compared
 from server.errors import DomainError
 
 TEXT = "text/plain; charset=utf-8"

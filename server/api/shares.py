@@ -148,6 +148,21 @@ async def delete_share(
     return _shared_port(services, session)
 
 
+class TakeOverRequest(BaseModel):
+    """Consent to end what a program does."""
+
+    confirmed: bool = Field(False, description="the person has read which program is interrupted")
+
+
+@router.post("/take-over", responses=responses(404, 409, 422, 502))
+async def take_over(body: TakeOverRequest, services: TheServices, session: OneSession) -> SharedPort:
+    """End a configuration that a program has begun and not finished, so that others may talk to the device. 409 names
+    the program until it is `confirmed`.
+    """
+    await services.shares.take_over(session, confirmed=body.confirmed)
+    return _shared_port(services, session)
+
+
 @router.delete("/clients/{number}", responses=responses(404, 409, 422, 502))
 async def disconnect_client(
     services: TheServices, session: OneSession, number: Annotated[int, Path(ge=1)]

@@ -17,6 +17,7 @@ from protocols.transactions import DeviceDriver
 from server import previous_names
 from server.configuration.device_controller import DeviceController
 from server.configuration.jobs import Jobs
+from server.configuration.put_back import TITLE, PutBackStore, putting_back
 from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.configuration.snapshots import Snapshots
@@ -74,6 +75,8 @@ class ControllerRegistry:
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
         previous_names.rename_folder(data / "trials", data / "rollbacks")
         self.rollbacks = RollbackStore(data / "rollbacks")
+        self.put_back = PutBackStore(data / "put-back")
+        self._timings = timings
         self.reader = SettingsReader(self.snapshots, self.rollbacks)
         self.jobs = Jobs(self.reader, self.rollbacks, timings)
         self._controllers: dict[str, DeviceController] = {}
@@ -86,7 +89,13 @@ class ControllerRegistry:
     def _added(self, session: AnyDevice) -> None:
         device = session.info.id
         controller = self._controllers[device] = DeviceController(
-            session, self._bus, self._drivers, decode, self._sharing_line, patience=self._patience
+            session,
+            self._bus,
+            self._drivers,
+            decode,
+            self._sharing_line,
+            patience=self._patience,
+            put_back=self.put_back.keep,
         )
 
         async def removed() -> None:
@@ -113,15 +122,27 @@ class ControllerRegistry:
         """The controller of a device with a pending rollback. Its source is opened if necessary; it may be written
         differently than before, or be open at another baud rate.
         """
-        same = (one.session for one in self._controllers.values() if one.session.info.source == record.source)
-        session = next((one for one in same if isinstance(one, Session)), None)
-        session = session or self._sessions.at(record.source) or self._sessions.add(record.source)
+        session = self._session_at(record.source)
         if record.address is not None:
             session.devices.expect_reply(record.device, record.address)
         return self._controllers[f"{session.info.id}.{record.device}" if record.device else session.info.id]
 
+    def _session_at(self, source: str) -> Session:
+        same = (one.session for one in self._controllers.values() if one.session.info.source == source)
+        session = next((one for one in same if isinstance(one, Session)), None)
+        return session or self._sessions.at(source) or self._sessions.add(source)
+
     async def resume(self) -> None:
-        """Roll back changes that the previous run left unconfirmed."""
+        """Put devices back whose transaction the end of the previous run interrupted, and roll back changes that it
+        left unconfirmed.
+        """
+        for found in await asyncio.to_thread(self.put_back.all):
+            try:
+                controller = self._controllers[self._session_at(found.source).info.id]  # all on a link have one line
+            except LinkError as error:
+                log.error("%s was interrupted and cannot be opened: %s", found.source, error)
+                continue
+            controller.add(TITLE, putting_back(controller, self.put_back, found, self._timings), stoppable=False)
         for record in await asyncio.to_thread(self.rollbacks.all):
             try:
                 controller = self._controller_at(record)

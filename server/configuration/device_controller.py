@@ -40,7 +40,7 @@ from protocols.transactions import (
 from server.configuration.preview import DevicePresentState, SerialLine, load_of
 from server.configuration.traffic_log import TrafficLog
 from server.configuration.transaction_runner import Runner
-from server.devices.member import AnyDevice, address_of, explain_silence, state_of
+from server.devices.member import AnyDevice, address_of, explain_silence, name_of, state_of
 from server.errors import DomainError
 from server.links.base import LinkError
 from server.streaming.bus import TelemetryBus
@@ -98,6 +98,7 @@ class DeviceController:
         decode: decodes the first frame of some bytes of a protocol to plain values.
         beside: the controllers of the other devices on its link.
         patience: of its runner.
+        put_back: stores the frames that put a device back, by source and name on the link (put_back.py).
     """
 
     def __init__(
@@ -109,6 +110,7 @@ class DeviceController:
         beside: Callable[[str], Sequence[DeviceController]] = lambda device: (),
         *,
         patience: float = 1.0,
+        put_back: Callable[[str, str, Sequence[bytes]], None] | None = None,
     ) -> None:
         self.session = session
         self.beside = beside
@@ -121,7 +123,8 @@ class DeviceController:
             lambda frame: self._name_of(frame),
             session.bytes_at,
         )
-        self.runner = Runner(session, self.log, patience)
+        self._put_back = put_back
+        self.runner = Runner(session, self.log, patience, self._store_put_back)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
@@ -342,6 +345,10 @@ class DeviceController:
     async def run(self, transaction: Transaction[T]) -> T:
         """Run a transaction; see server/configuration/transaction_runner.py."""
         return await self.runner.run(transaction)
+
+    async def _store_put_back(self, frames: Sequence[bytes]) -> None:
+        if self._put_back is not None and self.session.info.link not in ("simulator", "file"):
+            await asyncio.to_thread(self._put_back, self.session.info.source, name_of(self.session), frames)
 
     def rest(self, on: bool) -> None:
         """Note that the user set the device to the state in which settings are read, which explains its silence, or

@@ -248,6 +248,23 @@ class PortShares:
             raise DomainError("not-found", f"Client {client} not found.", "It may have left.")
         await link.request("drop", number=client)
 
+    async def take_over(self, session: Session, *, confirmed: bool) -> None:
+        """End the configuration of the device that a client has begun and not finished.
+
+        Raises:
+            DomainError: "confirm" with the name of the program until it is confirmed; "not-now": nobody configures it.
+        """
+        link = session.link
+        client = link.state.get("configuring") if isinstance(link, HeldLink) else None
+        if not isinstance(link, HeldLink) or client is None:
+            raise DomainError("not-now", "No program is configuring the device now.", "Send what you want to send.")
+        name = link.name_of(client) or "A program"
+        if not confirmed:
+            words = f"{name} is configuring the device and has not finished; what it sends next may be refused."
+            raise DomainError("confirm", words, "Send it again with `confirmed` to take over.")
+        await link.request("take-over", number=client)
+        self._report(session, "warning", f"A person took over from {name}, which was configuring the device.")
+
 
 def _news(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """Sentences on what happened to a client that was there before."""

@@ -5,6 +5,7 @@
                 ──Sleep──────> sleep
                 ──ReopenLink─> session.reopen          close the link and open it again
                 ──Note───────> watcher.add_note        a sentence for the traffic log
+                ──PutBack────> put_back                frames on disk, in case the server is killed in between
 
 Events are collected from the first act on, so that an answer that arrives before it is waited for is not lost. A new
 request (a Send after a wait) discards older events, so that a late answer to the previous attempt is not taken for its
@@ -19,11 +20,11 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from protocols.events import Event
-from protocols.transactions import Act, Note, ReopenLink, Send, Sleep, Transaction, WaitFor, cancel
+from protocols.transactions import Act, Note, PutBack, ReopenLink, Send, Sleep, Transaction, WaitFor, cancel
 from server.links.base import LinkError
 
 log = logging.getLogger("imuscope.runner")
@@ -60,11 +61,19 @@ class Runner:
 
     Args:
         watcher: receives every sent frame and every event that answered.
+        put_back: stores the frames that put the device back if the server is killed; none: it is back.
         patience: factor of the time that the answer to a request has. A simulator on a busy machine answers late.
     """
 
-    def __init__(self, channel: TransactionPort, watcher: TrafficListener, patience: float = 1.0) -> None:
+    def __init__(
+        self,
+        channel: TransactionPort,
+        watcher: TrafficListener,
+        patience: float = 1.0,
+        put_back: Callable[[Sequence[bytes]], Awaitable[None]] | None = None,
+    ) -> None:
         self._channel = channel
+        self._put_back = put_back
         self._patience = patience
         self._watcher = watcher
         self._received: deque[Event] = deque(maxlen=MAX_EVENTS)
@@ -116,6 +125,10 @@ class Runner:
                 return await self.reopen(baud)
             case Note(words=words):
                 self._watcher.add_note(words, error=True)
+                return None
+            case PutBack(frames=frames):
+                if self._put_back is not None:
+                    await self._put_back(frames)
                 return None
 
     async def reopen(self, baud: int | None) -> bool:
@@ -179,6 +192,7 @@ class Runner:
             except (LinkError, TimeoutError) as error:
                 log.warning("the final steps of a stopped transaction failed: %s", error)
                 return
+        await self._do(PutBack())
 
 
 def group(number: int) -> str:

@@ -5,6 +5,7 @@
 {"do": "share", "share": {…}}    offer a share · "unshare", "name": end it · "drop", "number": disconnect a client
 {"do": "frames", "module": "…"}  how frames are found, with "configuration": which of them configure the device
                                  (client_frames.FrameRules)
+{"do": "take-over", "number": N} end the configuration that a client has not finished
 {"do": "end"}                    end the holder
 """
 
@@ -41,6 +42,8 @@ def carry_out(holder: Holder, request: Mapping[str, Any]) -> None:
             holder.sharing.remove(request["name"])
         case "drop":
             holder.sharing.drop(int(request["number"]))
+        case "take-over":
+            holder.arbiter.forget(int(request["number"]))
         case "frames":
             holder.use_frames(request["module"], request.get("configuration", ""))
         case "end":

@@ -338,7 +338,8 @@ class HeldLink(ThreadedLink):
         name = self.name_of(state.get("speaker") or 0)
         who = f"The client {name}" if name else "Another program"
         does = "configuring the device at" if state.get("configuring") is not None else "talking to"
-        hint = "Wait until it has finished, or end it under Share port."
+        takes_over = state.get("configuring") is not None
+        hint = f"Wait until it has finished, or {'take over' if takes_over else 'end it'} under Share port."
         return LinkError("busy", f"{who} is {does} {self.source}.", hint)
 
     def _take_answers(self) -> None:

@@ -102,6 +102,26 @@ def test_the_server_waits_until_a_client_has_configured_the_device(port: DeviceP
 
 
 @pytest.mark.usefixtures("short_waits")
+def test_a_person_may_take_over_from_a_client_that_does_not_finish(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with in_process(port, str(tmp_path / "imu0")) as link:
+            link.use_frames(*XBUS)
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            os.write(driver, GO_TO_CONFIG)
+            await eventually(lambda: link.state["configuring"], link)
+            with pytest.raises(LinkError, match="is configuring the device") as raised:
+                await link.write(b"server")
+            assert raised.value.hint == "Wait until it has finished, or take over under Share port."
+            await link.request("take-over", number=link.state["configuring"])
+            await link.write(b"person")
+            assert await asyncio.to_thread(port.receive, len(GO_TO_CONFIG) + 6) == GO_TO_CONFIG + b"person"
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+@pytest.mark.usefixtures("short_waits")
 def test_what_has_waited_too_long_is_refused(port: DevicePort, tmp_path: Path) -> None:
     async def check() -> None:
         async with in_process(port, str(tmp_path / "imu0")) as link:

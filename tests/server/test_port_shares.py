@@ -296,6 +296,9 @@ def test_what_a_client_configures_is_shown_and_kept(simulator: SimulatorThread, 
         os.write(driver.fd, driver_of.frame("GoToConfig", {}, known))
         block_until(lambda: ask(server, "/shares")["configuring"], "a configuration")
         assert ask(server, "/shares")["speaker"] == client["name"]
+        asked = refusal(server, "/shares/take-over", {})
+        assert asked["kind"] == "confirm"
+        assert asked["message"].startswith(f"{client['name']} is configuring the device and has not finished")
         block_until(lambda: "GoToConfigAck" in {one["name"] for one in ask(server, "/traffic")}, "the config state")
         os.write(driver.fd, driver_of.frame("SetOutputConfiguration", {"outputs": outputs}, known))
         block_until(

@@ -89,6 +89,20 @@ test("a program that configures the device is named, and what it changed is show
   expect(screen.getByText(/Held by process 812/)).toBeTruthy();
 });
 
+test("a person takes over from a program that has not finished, after a question that names it", async () => {
+  const name = "xda_host (process 4711)";
+  const busy = { ...SHARED, speaker: name, configuring: true };
+  const asked = open({ [`GET ${ROUTE}`]: busy, [`POST ${ROUTE}/take-over`]: { ...SHARED, speaker: "" } });
+  fireEvent.click(await screen.findByRole("button", { name: "Take over…" }));
+  expect(screen.getByText(`${name} has not finished. What it sends next may be refused by the device.`)).toBeTruthy();
+  expect(asked.some(({ method }) => method === "POST")).toBe(false);
+  fireEvent.click(screen.getByRole("button", { name: `Take over from ${name}` }));
+  await waitFor(() =>
+    expect(asked.filter(({ method }) => method === "POST")).toMatchObject([{ body: { confirmed: true } }]),
+  );
+  await waitFor(() => expect(screen.getByRole("status").textContent).not.toContain(name));
+});
+
 test("a program that floods or comes too late is told apart", async () => {
   const client = { ...CLIENT, limited: true, refused: 2_000 };
   const share = { name: "tcp://127.0.0.1:4001", kind: "tcp" as const, read_only: false, clients: [client] };

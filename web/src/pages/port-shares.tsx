@@ -9,6 +9,7 @@ import { fullName } from "../wire/device-name";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
 import type { App } from "./app-state";
+import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 import "./port-shares.css";
 
@@ -57,7 +58,7 @@ export function SharePort({ device, onClose }: Props) {
     <Dialog title={TEXT.sharePortOf(fullName(device))} onClose={onClose}>
       <div class="port-shares">
         <p>{TEXT.shareIntro}</p>
-        {port.value && shares.length > 0 && <Speaker port={port.value} />}
+        {port.value && shares.length > 0 && <Speaker port={port.value} state={state} />}
         {port.value && shares.length === 0 && <p class="dim">{port.value.why_not || TEXT.notShared}</p>}
         {shares.map((share) => (
           <Share key={share.name} share={share} state={state} />
@@ -70,8 +71,14 @@ export function SharePort({ device, onClose }: Props) {
   );
 }
 
-function Speaker({ port }: { readonly port: SharedPort }) {
+function Speaker({ port, state }: { readonly port: SharedPort; readonly state: State }) {
   const { speaker, configuring, holder } = port;
+  const isAsking = useSignal(false);
+  const takeOver = (): void => {
+    isAsking.value = false;
+    const input = { path: { device: state.device }, body: { confirmed: true } };
+    void state.send(request("POST /api/devices/{device}/shares/take-over", input));
+  };
   const text =
     speaker === "" ? TEXT.noCommands : configuring ? TEXT.configuringDevice(speaker) : TEXT.commandsFrom(speaker);
   return (
@@ -79,6 +86,22 @@ function Speaker({ port }: { readonly port: SharedPort }) {
       <p role="status">
         <span class={`dot ${speaker === "" ? "off" : "live"}`} /> {text}
       </p>
+      {configuring && !isAsking.value && (
+        <button type="button" class="btn small edge" onClick={() => (isAsking.value = true)}>
+          {TEXT.takeOver}
+        </button>
+      )}
+      {configuring && isAsking.value && (
+        <div class="actions" role="group" aria-label={TEXT.takeOver}>
+          <span class="grow">{TEXT.takeOverHint(speaker)}</span>
+          <button type="button" class="btn small edge" onClick={takeOver}>
+            {TEXT.takeOverFrom(speaker)}
+          </button>
+          <button type="button" class="btn small" onClick={() => (isAsking.value = false)}>
+            {COMMON.cancel}
+          </button>
+        </div>
+      )}
       {holder > 0 && <p class="dim">{TEXT.heldByProcess(holder)}</p>}
     </div>
   );

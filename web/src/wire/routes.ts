@@ -1346,6 +1346,12 @@ export interface TableInfo {
   readonly columns: readonly TableColumnInfo[];
 }
 
+/** Consent to end what a program does. */
+export interface TakeOverRequest {
+  /** the person has read which program is interrupted */
+  readonly confirmed?: boolean;
+}
+
 /** Uploads of this robot's recordings. */
 export interface UploadsState {
   /** whether finished recordings are uploaded: `[store] upload = true` */
@@ -1575,6 +1581,12 @@ export interface Routes {
   "DELETE /api/devices/{device}/shares": {
     readonly path: { readonly device: string };
     readonly query: { readonly name: string };
+    readonly answer: SharedPort;
+  };
+  /** End a configuration that a program has begun and not finished, so that others may talk to the device. 409 names the program until it is `confirmed`. */
+  "POST /api/devices/{device}/shares/take-over": {
+    readonly path: { readonly device: string };
+    readonly body: TakeOverRequest;
     readonly answer: SharedPort;
   };
   /** Disconnect a client; it may connect again. */
