@@ -329,9 +329,16 @@ async def _run_setting(
     if not setting.write:
         raise SendError(f"{setting.name} is read-only")
     present: Values = {}
-    if names_elements(request.pairs, setting.fields):
-        present = await play(driver.read(setting.name, known))
-    values = parse(request.pairs, setting.fields, present)
+    try:
+        if names_elements(request.pairs, setting.fields):
+            present = await play(driver.read(setting.name, known))
+        values = parse(request.pairs, setting.fields, present)
+    except ComposeError as error:
+        command = composer.command(setting.write)
+        fields = {one.name for one in command.arguments} if command is not None else set()
+        if fields and all(pair.partition("=")[0].split(".")[0] in fields for pair in request.pairs):
+            raise ComposeError(f"{error}; the command {setting.write} has it") from None
+        raise
     driver.setting_frames(setting.name, values, known)
     await _allow_write(driver, setting, values, request, known, play)
     written = await play(driver.write(setting.name, values, known))

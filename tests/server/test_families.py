@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from protocols.events import batches
+from protocols.idtp.frames import build as idtp_frame
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.registry import PROTOCOLS
@@ -357,6 +358,31 @@ def test_samples_that_a_device_left_out_on_request_are_not_blamed_on_the_cable(
         assert (first.samples, first.level, first.data["by"]) == (47, "info", "request")
         assert words in first.text
         assert second.data["by"] == ("request" if "request" in words else "unknown")
+
+    play(test)
+
+
+def test_samples_lost_by_a_false_number_only_are_taken_back() -> None:
+    """One damaged sequence number counted 60 000 samples as lost, for good."""
+
+    class Damaged:
+        next_ns = 0
+
+        def __init__(self) -> None:
+            numbers = [*range(10, 15), 60_010, *range(15, 25)]
+            self.frames = iter([idtp_frame(0, bytes(12), sequence=n, timestamp=1000 * n) for n in numbers])
+
+        def advance(self, now_ns: int) -> bytes:
+            return next(self.frames, b"")
+
+    async def test(stage: FamilyHarness) -> None:
+        device = Damaged()
+        await stage.run(device, 0.6)
+        assert (stage.health.lost, stage.health.gaps) == (59_995, 1)
+        await stage.run(device, 2)
+        assert (stage.health.lost, stage.health.gaps) == (0, 0)
+        [told] = [event for event in stage.events("device") if "withdrawn" in event.data]
+        assert told.text.startswith("59995 samples reported as lost earlier were not lost")
 
     play(test)
 

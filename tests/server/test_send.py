@@ -92,3 +92,10 @@ def test_a_frame_of_idtp_is_sent_and_nothing_answers() -> None:
 
 def test_a_message_of_devices_is_not_sent_to_one() -> None:
     assert "MTData2 is sent by devices only" in refused("sim:xbus", "MTData2", "PacketCounter=7")
+
+
+def test_a_field_of_the_command_that_writes_a_setting_is_found() -> None:
+    """The flags of OptionFlags are written by two fields of SetOptionFlags, which it does not have."""
+    words = refused("sim:xbus", "OptionFlags", "set_flags=DisableAutoStore")
+    assert "unknown field 'set_flags'" in words
+    assert words.endswith("the command SetOptionFlags has it.")
