@@ -11,7 +11,7 @@ values are scaled to the unit of their row. Text from a device is escaped so tha
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -66,6 +66,7 @@ class InspectTable:
         known = self._fields(line["protocol"], line["message"])
         words = [f"{name} {_shown(v, known.get(name, _NOTHING), flags, name)}" for name, v in line["fields"].items()]
         wire = line.get("wire", {})
+        words += _repeated(wire, known.values())
         words += [f"({name} {_shown(wire[name], _NOTHING, {}, '')})" for name in ("bid", "trailing") if name in wire]
         words += [f"({NOTES.get(note, note)})" for note in line.get("notes", ())]
         words += ["(unverified)"] * (line.get("verified") is False)
@@ -78,6 +79,17 @@ class InspectTable:
         if composer is None:
             return {}
         return {field.name: field for field in _rows(composer, message)}
+
+
+def _repeated(wire: Mapping[str, Any], fields: Iterable[Field]) -> list[str]:
+    """The earlier forms of a quantity that a message holds several times, by name and identifier."""
+    rows = {field.id: field for field in fields if field.id >= 0}
+    words = []
+    for position, value in wire.get("repeated", ()):
+        identifier = wire["items"][position][0]
+        field = rows.get(identifier & 0xFFF0, _NOTHING)
+        words.append(f"(also {field.name or 'unknown'} 0x{identifier:04X} {_shown(value, field, {}, '')})")
+    return words
 
 
 def _rows(composer: ProtocolComposer, message: str) -> tuple[Field, ...]:

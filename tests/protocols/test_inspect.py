@@ -223,3 +223,11 @@ def test_bytes_that_belong_to_nothing_are_counted_with_the_place_to_look(tmp_pat
     path.write_bytes(good + SENTENCE)
     inspect_file(path, io.StringIO(), DecodeOptions("xbus"), notes=(quiet := io.StringIO()))
     assert quiet.getvalue() == ""
+
+
+def test_the_table_shows_every_form_of_a_quantity(tmp_path: Path) -> None:
+    """Only the last of two coordinate systems was listed."""
+    payload = bytes.fromhex("201010" + "3F800000" + "00" * 12 + "201410" + "00000000" + "3F800000" + "00" * 8)
+    (tmp_path / "a.bin").write_bytes(build(0x36, payload))
+    inspect_file(tmp_path / "a.bin", out := io.StringIO(), DecodeOptions("xbus"))
+    assert "Quaternion [0, 1, 0, 0]  (also Quaternion 0x2010 [1, 0, 0, 0])" in out.getvalue()
