@@ -119,7 +119,7 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
     if isinstance(value, (Mapping, list, tuple)):
         return _shown(value, field, flags, path)
     if field.choices and value in field.choices:
-        return f"{value} ({field.choices[value]})"
+        return f"{field.choices[value]} ({value})"
     if isinstance(value, str):
         return value if len(value) <= LONGEST_WORD else f"{value[: LONGEST_WORD - 1]}…"
     scaled = field.scale != 1 or field.bias

@@ -201,7 +201,7 @@ def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
     out = io.StringIO()
     inspect_file(tmp_path / "a.bin", out, DecodeOptions("xbus"))
     _, error, outputs, told, long, short = out.getvalue().splitlines()
-    assert "code 4 (message invalid)" in error
+    assert "code message invalid (4)" in error
     assert "data_identifier 0x1020 (" in outputs
     assert "data_identifier 0x402A (" in outputs
     assert "master_device_id 0080800001 " in told

@@ -42,7 +42,7 @@ def rows(data: bytes, path: Path, reading: DecodeOptions, format: str = "table")
 def test_version_33_mode_1_and_bare_numbers(tmp_path: Path) -> None:
     frame = build(0, struct.pack("<3f", 0.5, -1.25, 9.81), sequence=3, timestamp=2000, device=7, mode=SAFETY)
     (row,) = rows(frame, tmp_path / "a.bin", DecodeOptions("idtp"))
-    assert "version 2.1  mode Safety  acc_x 0.5 m/s²  acc_y -1.25 m/s²  acc_z 9.81 m/s²" in row
+    assert "version 2.1 (33)  mode Safety (1)  acc_x 0.5 m/s²  acc_y -1.25 m/s²  acc_z 9.81 m/s²" in row
 
 
 def test_irregularities_are_described_in_words(tmp_path: Path) -> None:
