@@ -183,7 +183,7 @@ def _accept(states: Ints, device: int, sequence: int, mode: int, arrival: int, v
     elif verdict == OVERRULED:
         lost = ((sequence - states[own, LAST]) & MASK) - 1 if states[own, KNOWN] else 0
     elif ahead < HALF or verdict == CONFIRMED:
-        lost = ahead - 1
+        lost = max(ahead - 1, 0)  # a weaker frame may have the same number
     for weaker in range(mode):
         row = lowest | weaker
         newer = 0 < (sequence - states[unsigned(row), LAST]) & MASK < HALF

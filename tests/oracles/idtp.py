@@ -231,7 +231,7 @@ def _take(tracks: dict[tuple[int, int], Track], frame: OracleIdtpFrame, verdict:
     weakest = tracks.get((frame.device, LITE))
     own = tracks.get((frame.device, frame.mode))
     ahead = (number - weakest.last) % 2**32 if weakest else 1
-    lost = ahead - 1 if 0 < ahead < 2**31 or verdict == "confirmed" else 0
+    lost = ahead - 1 if 0 < ahead < 2**31 or (ahead and verdict == "confirmed") else 0
     if verdict == "overruled":
         assert own is not None
         lost = (number - own.last) % 2**32 - 1 if own.last != -1 else 0

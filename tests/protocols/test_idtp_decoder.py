@@ -176,6 +176,14 @@ def test_a_weaker_mode_never_locks_a_stronger_one_out() -> None:
         assert shown(events) == [*range(10, 15), *forged, *range(15 + dropped, 35)]
 
 
+def test_a_number_that_a_weaker_frame_has_is_not_a_loss() -> None:
+    """Safety 14 after Lite 14, below a jump that is not settled: minus one was lost, and the frame dropped."""
+    numbers = [(10, SAFETY), (60, LITE), (12, LITE), (13, SAFETY), (14, LITE), (14, SAFETY), (15, SAFETY)]
+    events = decode([acc(number, mode) for number, mode in numbers])
+    assert set(reasons(events)) <= {"stale"}
+    assert shown(events)[-2:] == [14, 15]
+
+
 def test_a_late_secure_frame_makes_no_weaker_number_new() -> None:
     """Secure 50 after Lite 100 was accepted, and so were Lite 60 and 100 after it."""
     late = [acc(100, LITE), acc(50, SECURE), acc(60, LITE), acc(100, LITE)]
@@ -184,12 +192,16 @@ def test_a_late_secure_frame_makes_no_weaker_number_new() -> None:
 
 def test_any_forged_numbers_among_good_ones() -> None:
     """Modes, losses, repetitions and forged numbers near and far in any order give the result of the oracle."""
-    for seed in range(30):
+    for seed in range(60):
         random = np.random.default_rng(seed)
         number, frames = 2**32 - 100, []
-        for _ in range(400):
+        for _ in range(200):
             number += int(random.choice([1, 1, 1, 1, 1, 1, 1, 2, 30, -3]))
-            forged = number + int(random.choice([200, -40, 60_000, 10**6])) if random.random() < 0.05 else number
+            forged = (
+                number + int(random.choice([200, -40, 60_000, 10**6, 17, 5, -5000]))
+                if random.random() < 0.1
+                else number
+            )
             frames.append(acc(forged % 2**32, int(random.choice([LITE, SAFETY, SECURE] if seed % 3 else [LITE]))))
         events = decode([(0.0, b"".join(frames))], key=KEY, min_mode=LITE)
         good, bad = oracle.judge(oracle.scan(b"".join(frames), final=True, key=KEY).frames, keyed=True)
