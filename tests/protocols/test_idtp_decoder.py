@@ -177,11 +177,12 @@ def test_a_weaker_mode_never_locks_a_stronger_one_out() -> None:
 
 
 def test_a_number_that_a_weaker_frame_has_is_not_a_loss() -> None:
-    """Safety 14 after Lite 14, below a jump that is not settled: minus one was lost, and the frame dropped."""
-    numbers = [(10, SAFETY), (60, LITE), (12, LITE), (13, SAFETY), (14, LITE), (14, SAFETY), (15, SAFETY)]
-    events = decode([acc(number, mode) for number, mode in numbers])
-    assert set(reasons(events)) <= {"stale"}
-    assert shown(events)[-2:] == [14, 15]
+    """Safety 345 after Lite 345, below a jump of its own mode: minus one was lost, and the frame dropped."""
+    numbers = [(279, SECURE), (280, SAFETY), (312, LITE), (347, SAFETY), (343, LITE), (344, SECURE), (345, LITE)]
+    events = decode([acc(number, mode) for number, mode in [*numbers, (345, SAFETY)]], key=KEY, min_mode=LITE)
+    assert reasons(events) == ["stale"]
+    assert shown(events)[-2:] == [345, 345]
+    assert -1 not in [event.missing for event in events if isinstance(event, SampleGap)]
 
 
 def test_a_late_secure_frame_makes_no_weaker_number_new() -> None:
