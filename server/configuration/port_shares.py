@@ -104,7 +104,8 @@ class PortShares:
             for text in _news(link.name_of(number), before[number], one):
                 self._report(session, "warning", text)
         for number in set(before) - set(now):
-            one, name = before[number], link.name_of(number)
+            one = before[number]
+            name = link.names.get(number) or one["peer"]  # the link does not know it any more
             lost = f" It lost {one['dropped_bytes']} B that it did not read in time." if one["dropped_bytes"] else ""
             if number in state.get("displaced", ()):
                 words = "had to leave the shared port: all places were taken, and it sent and read nothing."
@@ -132,7 +133,8 @@ class PortShares:
             if others:
                 link.names[client["number"]] = ", ".join(others)
         rights = "may write" if client["may_write"] else "only reads"
-        self._report(session, "info", f"{link.name_of(client['number'])} is connected to the shared port and {rights}.")
+        name = link.names.get(client["number"]) or client["peer"]  # it may have left already
+        self._report(session, "info", f"{name} is connected to the shared port and {rights}.")
 
     def _on_configuring(self, session: Session, link: HeldLink, client: int | None) -> None:
         if client is not None:

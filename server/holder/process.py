@@ -69,8 +69,8 @@ class Holder:
             failed: called with a defect of this program after that, while everybody is still connected.
 
         Raises:
-            OSError: another holder has the socket.
-            ShareError: a share cannot be offered.
+            OSError: its socket cannot be created.
+            ShareError: another holder has the port, or a share cannot be offered.
         """
         self.server.listen()
         try:

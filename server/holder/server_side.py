@@ -6,7 +6,6 @@ What it sends while a client has the voice waits, for MOST_WAIT_S; then it is re
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import socket
 from collections.abc import Callable, Mapping
@@ -17,6 +16,7 @@ from server.holder.clients import Client
 from server.holder.event_loop import READ, WRITE, EventLoop
 from server.holder.messages import CLIENT, VERSION, MessageKind, json_message, message
 from server.holder.server_connection import ServerConnection
+from server.holder.shares import ShareError
 
 MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
 SERVER_BYTES = 1 << 15  # collected for the server before it is due
@@ -63,7 +63,7 @@ class ServerSide:
         """Be found from now on.
 
         Raises:
-            OSError: another holder has the port.
+            ShareError: another holder has the port.
         """
         path = self._path
         accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -74,7 +74,7 @@ class ServerSide:
                 os.unlink(path)  # of a holder that was killed
             else:
                 accepting.close()
-                raise OSError(errno.EADDRINUSE, "another holder has this port")
+                raise ShareError("another holder has this port; end it first, or use its shares")
             accepting.close()
             accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         before = os.umask(0o177)

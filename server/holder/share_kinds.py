@@ -120,7 +120,10 @@ class PtyShare(Share):
             temporary = f"{path}.{os.getpid()}.tmp"
             os.symlink(name, temporary)
             atomic_write.replace(Path(temporary), Path(path), durable=False)
-        except (OSError, KeyError) as error:
+        except ShareError as error:
+            os.close(master)
+            raise ShareError(f"{path} cannot be created: {error}") from None
+        except OSError as error:
             os.close(master)
             raise ShareError(_cannot_link(path, error)) from None
         finally:
@@ -129,10 +132,9 @@ class PtyShare(Share):
         self._master, self._slave = master, name
 
     def _own(self, slave: int) -> None:
-        """Set owner, group and permissions of the terminal; KeyError: no such user or group."""
+        """Set owner, group and permissions of the terminal; ShareError: no such user or group."""
         owner, group = self.address.owner, self.address.group
-        uid = -1 if not owner else int(owner) if owner.isdigit() else pwd.getpwnam(owner).pw_uid
-        gid = -1 if not group else int(group) if group.isdigit() else grp.getgrnam(group).gr_gid
+        uid, gid = _user(owner), _group(group)
         if uid >= 0 or gid >= 0:
             os.fchown(slave, uid, gid)
         if self.address.permissions is not None:
@@ -313,13 +315,29 @@ def _holder_of(path: str) -> int | None:
     return None
 
 
-def _cannot_link(path: str, error: Exception) -> str:
-    if isinstance(error, KeyError):
-        return f"{path}: {error.args[0]}; name an existing user and group"
-    number = getattr(error, "errno", 0)
+def _user(name: str) -> int:
+    """Number of a user; −1 for none given."""
+    try:
+        return -1 if not name else int(name) if name.isdigit() else pwd.getpwnam(name).pw_uid
+    except KeyError:
+        raise ShareError(f"there is no user {name!r:.40}; name one that exists") from None
+
+
+def _group(name: str) -> int:
+    """Number of a group; −1 for none given."""
+    try:
+        return -1 if not name else int(name) if name.isdigit() else grp.getgrnam(name).gr_gid
+    except KeyError:
+        raise ShareError(f"there is no group {name!r:.40}; name one that exists") from None
+
+
+def _cannot_link(path: str, error: OSError) -> str:
+    number = error.errno
     folder = os.path.dirname(path)
+    if number == errno.ENOENT and os.path.isdir(folder):
+        return f"{path} cannot be created: {folder} takes no files; choose a folder such as /run/imuscope"
     if number == errno.ENOENT:
         return f"{path} cannot be created: there is no folder {folder}; create it first"
     if number in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"{path} cannot be created: no permission to write in {folder} or to set its owner"
-    return f"{path} cannot be created: {(getattr(error, 'strerror', '') or str(error)).lower()}"
+    return f"{path} cannot be created: {(error.strerror or str(error)).lower()}"

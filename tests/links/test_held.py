@@ -270,7 +270,9 @@ def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePort, tmp
     [
         ("{folder}/file", "exists and is not a link of a share"),
         ("{folder}/none/imu0", "there is no folder"),
-        ("{folder}/imu0?group=nobody-of-that-name", "name an existing user and group"),
+        ("{folder}/imu0?group=nobody-of-that-name", "imu0 cannot be created: there is no group 'nobody-of-that-name'"),
+        ("{folder}/imu0?owner=nobody-of-that-name", "imu0 cannot be created: there is no user 'nobody-of-that-name'"),
+        ("/proc/imu0", "/proc/imu0 cannot be created: /proc takes no files; choose a folder such as /run/imuscope"),
         ("tcp://127.0.0.1:{taken}", "address already in use"),
     ],
 )

@@ -26,6 +26,7 @@ from server.holder.messages import MessageKind, MessageReader, message
 from server.holder.places import log_of, socket_of
 from server.holder.process import Holder
 from server.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
+from server.holder.shares import ShareError
 from server.links import held
 from server.links.base import LinkError
 from server.links.held import ROOT, HeldLink, holder_settings
@@ -450,5 +451,15 @@ def test_clients_that_neither_send_nor_read_give_way_to_those_that_come(port: De
                 assert await asyncio.to_thread(late.recv, 1) == b""
                 await eventually(lambda: link.state["turned_away"] == 1, link)
                 assert {1, 2, 17} <= {one["number"] for one in clients(link)}
+
+    asyncio.run(check())
+
+
+def test_a_second_holder_of_a_port_says_so_without_a_number_of_an_error(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with in_process(port, str(tmp_path / "imu0")) as link:
+            second = Holder(holder_settings(link.inner, [], stay=True))
+            with pytest.raises(ShareError, match=r"^another holder has this port; end it first, or use its shares$"):
+                await asyncio.to_thread(second.server.listen)
 
     asyncio.run(check())

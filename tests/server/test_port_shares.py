@@ -27,6 +27,7 @@ from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.simulator import SimulatorThread
 from server.links.source_url import SourceUrl
 from tests.each_row import each_row
+from tests.free_ports import free_port
 from tests.links.shared_port import opened
 from tests.server_process import ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S, http_client
@@ -314,3 +315,14 @@ def test_what_a_client_configures_is_shown_and_kept(simulator: SimulatorThread, 
         assert client["name"] in entry["reason"]
         assert ask(server, "/shares")["configuring"] is False
         driver.stop()
+
+
+def test_a_client_that_leaves_is_named_in_the_events(simulator: SimulatorThread, tmp_path: Path) -> None:
+    number = free_port()
+    shares = ("--share", f"tcp://127.0.0.1:{number}")
+    with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data", arguments=shares) as server:
+        block_until(lambda: is_live(server), "the device is live")
+        with socket.create_connection(("127.0.0.1", number)) as client:
+            name = "{}:{}".format(*client.getsockname())
+            block_until(lambda: f"{name} is connected to the shared port and may write." in server.log, "it came")
+        block_until(lambda: f"{name} left the shared port." in server.log, lambda: server.log)
