@@ -163,7 +163,7 @@ class PortShares:
         changes, name = self._changes[device], link.name_of(sent.client) or sent.peer
         key = device, sent.client
         data = self._partial.pop(key, b"") + sent.data
-        rest = log_frames(controller, name, data, lambda line: changes.sent(name, line))
+        rest = log_frames(controller, name, data, sent.arrival_ns / 1e9, lambda line: changes.sent(name, line))
         if rest:
             self._partial[key] = rest
 
@@ -281,19 +281,19 @@ def _news(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> Itera
 
 
 def log_frames(
-    controller: DeviceController, peer: str, data: bytes, on_frame: Callable[[Mapping[str, Any]], None]
+    controller: DeviceController, peer: str, data: bytes, time: float, on_frame: Callable[[Mapping[str, Any]], None]
 ) -> bytes:
-    """Log every frame of a client; returns the beginning of a frame that is not complete."""
+    """Log every frame of a client, sent at a time; returns the beginning of a frame that is not complete."""
     while data:
         line = controller.log.decode(data)
         if line is None:
             break
         end = int(line["offset"]) + int(line["size"])
-        controller.log.client_sent(peer, data[int(line["offset"]) : end], line)
+        controller.log.client_sent(peer, data[int(line["offset"]) : end], line, time)
         on_frame(line)
         data = data[end:]
     if len(data) > MOST_PARTIAL:
-        controller.log.client_sent(peer, data, {})
+        controller.log.client_sent(peer, data, {}, time)
         return b""
     return data
 

@@ -89,17 +89,18 @@ class TrafficLog:
         data = {"message": name, "hex": frame[:HEX_BYTES].hex()}
         self._bus.event(self._device, "command", "info", f"{name}: {text}" if text else name, data=data)
 
-    def client_sent(self, client: str, frame: bytes, line: Mapping[str, Any]) -> None:
+    def client_sent(self, client: str, frame: bytes, line: Mapping[str, Any], time: float) -> None:
         """Log a frame that another client of a shared port sent to the device.
 
         Args:
             line: the decoded frame, {} if it is none.
+            time: when it was sent, unix s: what is told later may follow its answer.
         """
         self.flush()
         self._log_repeats()
         name = str(line.get("message") or "") or self._name_of(frame)
         values = values_text(line.get("fields", {}))
-        self._add("tx", name, frame, f"{client}: {values}" if values else client)
+        self._add("tx", name, frame, f"{client}: {values}" if values else client, time=time)
         data = {"message": name, "hex": frame[:HEX_BYTES].hex(), "client": client}
         self._bus.event(self._device, "command", "info", f"{client} sent {name or 'bytes'}.", data=data)
 

@@ -128,3 +128,15 @@ def test_values_are_short() -> None:
     assert len(values_text({"x": "y" * 1000})) == 160
     ids = {"master_device_id": 0x0080003A, "device_id": 0x008010EC5D1D000F}
     assert values_text(ids) == "master_device_id 0080003A, device_id 8010EC5D1D000F"
+
+
+def test_a_frame_of_a_client_has_the_time_at_which_it_was_sent_not_at_which_it_was_told() -> None:
+    clock = FakeClock()
+    one = log(clock, build(0x31))
+    sent = clock.ns / 1e9
+    clock.move(0.017)
+    one.on_received(reply(clock))
+    clock.move(0.03)
+    one.client_sent("driver (process 7)", build(0x30), {}, sent)
+    times = {entry.direction: entry.time for entry in one.tail()}
+    assert times["tx"] == sent < times["rx"]
