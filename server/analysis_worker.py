@@ -27,7 +27,6 @@ OWN_MB = 128  # of memory besides the limit, for stacks of threads, and for the 
 
 def main() -> int:
     """Serve jobs until standard input, a socket, is closed."""
-    lower_priority(5)  # live devices come first
     limits = AnalysisLimits.of(sys.argv[1:])
     limits = AnalysisLimits(min(limits.memory_mb, memory_of_one() >> 20), limits.time_s)
     load_analyses()
@@ -35,7 +34,12 @@ def main() -> int:
         import_module(name)
     cpu_s = round(limits.time_s * (os.cpu_count() or 1)) + 60  # in several threads
     memory = memory_in_use() + (limits.memory_mb + OWN_MB << 20)
-    serve(lambda: bounded(memory, cpu_s), lambda receive: _answer(receive, limits))
+
+    def limit() -> None:
+        lower_priority(5)  # live devices come first; the start, which somebody waits for, is over
+        bounded(memory, cpu_s)
+
+    serve(limit, lambda receive: _answer(receive, limits))
     return 0
 
 

@@ -215,15 +215,19 @@ def live_samples(
     """Samples of a live device, t0 ≤ t ≤ t1, as far as memory holds them.
 
     Returns:
-        Gives the samples of one of the columns, in any thread; this function copies in the event loop.
+        Gives the samples of one of the columns, in any thread; this function copies these in the event loop.
     """
+    asked: dict[int, list[int]] = {}
+    for one in columns:
+        asked[one.info.id] = sorted({*asked.get(one.info.id, ()), one.at})
     copies: Mapping[int, list[NDArray[np.generic]]] = {
-        info.id: stored_values(store.of(info.id), t0, base)
-        for info in {one.info.id: one.info for one in columns}.values()
+        number: stored_values(store.of(number), t0, base, own) for number, own in asked.items()
     }
 
     def samples(column: SignalColumn) -> tuple[Floats, Floats]:
-        rows = query_columns(column.info, copies[column.info.id], t0, t1, 0, columns=[column.at], base=base).rows
+        number = column.info.id
+        at = asked[number].index(column.at)
+        rows = query_columns(column.info, copies[number], t0, t1, 0, columns=[at], base=base).rows
         assert isinstance(rows, ExactRows)  # no buckets were asked for
         time = rows.arrival if base == "arrival" else np.where(np.isnan(rows.time), rows.arrival, rows.time)
         _check_size(column, len(time))

@@ -16,7 +16,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -98,11 +98,17 @@ def live(
     return query_columns(channel.info, stored_values(channel, t0, base), t0, t1, width, columns=columns, base=base)
 
 
-def stored_values(channel: StoredChannel, t0: float, base: Base = "device") -> list[Array]:
-    """Copy of the ring buffers from `t0` on; call it in the event loop."""
+def stored_values(
+    channel: StoredChannel, t0: float, base: Base = "device", columns: Collection[int] | None = None
+) -> list[Array]:
+    """Copy of the ring buffers from `t0` on: arrival, time, and all columns or those at some positions, in their order.
+
+    Call it in the event loop.
+    """
     ring = channel.ring
     # device time may be some seconds away from arrival; a ring is searched by arrival
-    return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0))
+    wanted = None if columns is None else {0, 1, *(2 + at for at in columns)}
+    return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0), wanted)
 
 
 def query_columns(

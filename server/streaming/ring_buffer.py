@@ -22,8 +22,8 @@ crosses a block.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import chain, groupby
 from typing import Any
 
 import numpy as np
@@ -164,16 +164,17 @@ class RingBuffer:
         parts[0] = sample_header(channel, start, n, self.columns, size, now, history=history)
         return b"".join(parts)
 
-    def read(self, start: int = 0) -> list[NDArray[Any]]:
-        """Copies of all columns from sequence number `start` on, for tests and for readers inside the server."""
+    def read(self, start: int = 0, columns: Collection[int] | None = None) -> list[NDArray[Any]]:
+        """Copies of all columns, or of those at some positions, from sequence number `start` on."""
         pieces: list[list[NDArray[Any]]] = []
+        is_wanted: Callable[[int], bool] = (lambda at: True) if columns is None else columns.__contains__
         for block in reversed(self._blocks):  # the newest rows are read most often
             a = max(start - block.first, 0)
             if a < block.n:
-                pieces.insert(0, [row[a : block.n] for array in block.arrays for row in array])
+                pieces.insert(0, [row[a : block.n] for at, row in enumerate(chain(*block.arrays)) if is_wanted(at)])
             if block.first <= start:
                 break
         dtypes = [dtype for dtype, rows in self._groups for _ in range(rows)]
         if not pieces:
-            return [np.zeros(0, dtype) for dtype in dtypes]
+            return [np.zeros(0, dtype) for at, dtype in enumerate(dtypes) if is_wanted(at)]
         return [np.concatenate(column) for column in zip(*pieces, strict=True)]

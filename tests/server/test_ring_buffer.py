@@ -26,6 +26,12 @@ def test_stored_samples_are_returned(sizes: list[int], data: st.DataObject) -> N
     assert ring.total == sum(sizes)
     for wanted, got in zip(rows(0, ring.total), ring.read(), strict=True):
         np.testing.assert_array_equal(wanted, got)
+    some = data.draw(st.sets(st.sampled_from(range(len(DTYPES)))))
+    first = data.draw(st.integers(0, ring.total + 1))
+    whole = ring.read(first)
+    for wanted, got in zip([whole[at] for at in sorted(some)], ring.read(first, some), strict=True):
+        np.testing.assert_array_equal(wanted, got)
+        assert wanted.dtype == got.dtype
     start = data.draw(st.integers(0, ring.total))
     stop = data.draw(st.integers(start, ring.total))
     at = start
