@@ -8,6 +8,7 @@ To start an interpreter that imports numpy and scipy takes a second of a core, t
 process has one thread and no work of its own, so it is safe to fork; it starts with the first job and ends after IDLE_S
 without one. A job is a picklable object; its arrays cross the socket as they are (pickle protocol 5, out of band).
 
+    control  READY from the process, then a byte with a descriptor for each job
     job      u32 number of buffers + 1, u64 size of each, pickle, buffers
     answer   one line of JSON with `length`, then so many bytes
 
@@ -43,6 +44,7 @@ from server.workers import Worker
 IDLE_S = 300.0
 MAX_LINE = 1 << 20
 STANDARD_INPUT, STANDARD_OUTPUT, STANDARD_ERROR = range(3)
+READY = b"r"
 FIRST_TO_BE_KILLED = "1000"  # oom_score_adj, proc(5): where memory runs out, a job ends and not what records
 
 
@@ -116,6 +118,8 @@ class ForkServer:
         self._is_closed = True
         if self._idle_end is not None:
             self._idle_end.cancel()
+        if self._worker is not None:
+            await self._worker.end()  # it may be starting, for which `_starting` is held
         async with self._starting:
             await self._end()
 
@@ -156,6 +160,7 @@ class ForkServer:
         if self._is_closed:
             raise ConnectionAbortedError("the server is shutting down")
         ours, theirs = socket.socketpair()
+        ours.setblocking(False)
         with theirs:
             try:
                 self._worker = await Worker.start(self._module, *self._arguments, control=theirs.fileno())
@@ -163,6 +168,9 @@ class ForkServer:
                 ours.close()
                 raise
         self._control = ours
+        if await asyncio.get_running_loop().sock_recv(ours, 1) != READY:
+            await self._end()
+            raise ConnectionAbortedError("it ended while it started")
 
     async def _end(self) -> None:
         control, self._control = self._control, None
@@ -213,6 +221,7 @@ def serve(limit: Callable[[], None], answer: Answerer) -> None:
     gc.collect()
     gc.freeze()  # a collection would copy the memory of all objects in every child
     with socket.socket(fileno=os.dup(STANDARD_INPUT)) as control:
+        control.sendall(READY)
         while True:
             try:
                 word, given, _, _ = socket.recv_fds(control, 1, 1)

@@ -20,6 +20,7 @@ from server.analysis.limits import AnalysisLimits
 from server.analysis.service import AnalysisService
 from server.errors import DomainError
 from server.fork_server import ForkServer, JobLostError
+from tests.forked_workers import started_afresh
 from tests.waiting import until
 
 TEXT = "text/plain"
@@ -185,6 +186,30 @@ def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
         await until(lambda: forks.pid is None, "the end of the fork server")
         assert (await forks.run(Says("2"))).body == b"2"
         await forks.close()
+
+    asyncio.run(main())
+
+
+def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() -> None:
+    async def main() -> None:
+        forks = ForkServer("server.analysis_worker", "no number", "60")
+        with pytest.raises(OSError, match="it ended while it started"):
+            await forks.run(Says("1"))
+        assert forks.pid is None
+        await forks.close()
+
+    asyncio.run(main())
+
+
+def test_closing_does_not_wait_for_the_start() -> None:
+    async def main() -> None:
+        with started_afresh():
+            forks = ForkServer("json.tool")  # it reads for ever, and never says that it is ready
+            starting = asyncio.create_task(forks.prepare())
+            await until(lambda: forks.pid, "the process to be there")
+            await forks.close()
+            with pytest.raises(OSError, match="it ended while it started"):
+                await starting
 
     asyncio.run(main())
 
