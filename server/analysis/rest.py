@@ -74,8 +74,8 @@ def _absolute(signal: Signal, values: Floats) -> Iterable[tuple[float, float]]:
 
 
 def _alone(signal: Signal, values: Floats, factor: float) -> Samples:
-    """One axis as a triad."""
-    return Samples(signal.time, np.stack([values * factor, *np.zeros((2, len(values)))], axis=1))
+    """One axis as a sensor of one."""
+    return Samples(signal.time, (values if factor == 1.0 else values * factor)[:, np.newaxis])
 
 
 def _unmoved(run: slice, moving: NDArray[np.bool_]) -> list[slice]:

@@ -189,7 +189,9 @@ def moving_intervals(samples: Samples, spread: float, change: float) -> list[tup
             np.append(np.arange(0, len(part) - WINDOW_STEPS, WINDOW_STEPS // 2), len(part) - WINDOW_STEPS)
         )
         values = means.means[part] - means.means[part[0]]
-        sums, squares = (np.concatenate((np.zeros((1, 3)), np.cumsum(one, axis=0))) for one in (values, values**2))
+        sums, squares = (
+            np.concatenate((np.zeros_like(one[:1]), np.cumsum(one, axis=0))) for one in (values, values**2)
+        )
         mean = (sums[starts + WINDOW_STEPS] - sums[starts]) / WINDOW_STEPS
         variance = (squares[starts + WINDOW_STEPS] - squares[starts]) / WINDOW_STEPS - mean**2
         moving = np.sqrt(np.maximum(variance, 0).sum(axis=1)) > spread * grow
