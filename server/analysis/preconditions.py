@@ -280,7 +280,8 @@ def _fit(measured: Measured) -> Obstacle | None:
 
 CHECKS: Sequence[Sequence[Callable[[Measured], Obstacle | None]]] = (
     (_samples,),
-    (_status, _motion, _gravity, _tilt, _turning, _attitude, _temperature, _gaps, _duration),
+    (_status, _motion, _gaps),
+    (_gravity, _tilt, _turning, _attitude, _temperature, _duration),
     (_line, _slow),
     (_fit,),
 )

@@ -131,6 +131,14 @@ def test_an_honest_sensor_gets_its_verdict(noise: dict[str, float], signal: str,
     assert found["unchecked"] == ""
 
 
+def test_of_a_sensor_in_motion_only_that_is_said() -> None:
+    """Regression: four sentences for one motion hid what to do."""
+    sensor = at_rest(7, seconds=49.0)
+    carried(sensor, 0.76)
+    [found] = judged(sensor)["obstacles"]
+    assert found == {"check": "motion", "message": "Moving: 39 s of 49 s.", "hint": LAY_DOWN}
+
+
 def test_a_short_motion_on_another_axis_is_left_out_of_all() -> None:
     """Regression: of one body x and z lost 3 s to motion, and y none."""
     sensor = at_rest(7)
