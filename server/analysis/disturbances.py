@@ -34,7 +34,8 @@ NEAR, FAR = 8, 50  # bins beside a line by which its floor is judged
 FILTERED = 0.1  # of the density below
 SMOOTH = 60  # parts of a spectrum
 MIN_BLOCKS = 24
-SIGNIFICANT = 30.0  # of Fisher's F, for a shape of one or two coefficients
+SIGNIFICANT = 24.0  # twice the logarithm of the likelihood ratio: of 100 random walks one reaches it with 27 shapes
+SUSPECT = 14.0  # one of 7 reaches it: no reason to refuse, but to be careful with what a walk resembles
 PERIODS = np.arange(1, 25) / 2  # in the range
 ENDS = (0.05, 0.15, 0.4)  # time constants of a drift that ends, as parts of the range
 WELCH = {"length": 0.0, "overlap": 0.5, "window": 0.0, "detrend": 0.0}
@@ -130,11 +131,20 @@ def _share(line: tuple[float, float], rate: float, curve: AllanCurve) -> float:
     return float((own / np.maximum(np.square(curve.adev), 1e-300)).max())
 
 
-def slow_change(time: Floats, values: Floats, runs: Sequence[slice]) -> str:
-    """Words for a slow change that is neither noise nor a drift along a line; "" for none."""
+@dataclass(frozen=True, slots=True)
+class SlowChange:
+    """The slow change that fits best: words for it, and whether it is sure or only suspected."""
+
+    words: str
+    is_sure: bool
+    is_suspected: bool
+
+
+def slow_change(time: Floats, values: Floats, runs: Sequence[slice]) -> SlowChange:
+    """A slow change that is neither noise nor a drift along a line."""
     blocks = blocks_of(runs, len(time))
     if len(blocks) < MIN_BLOCKS:
-        return ""
+        return SlowChange("", False, False)
     centres = np.array([time[block].mean() for block in blocks])
     means = np.array([values[block].mean() for block in blocks])
     span = float(time[-1] - time[0])
@@ -143,7 +153,7 @@ def slow_change(time: Floats, values: Floats, runs: Sequence[slice]) -> str:
     shapes += [("a drift that slows down", np.exp(-since / part)[:, None]) for part in ENDS]
     significance = [(_significance(since, means, shape), words) for words, shape in shapes]
     best, words = max(significance)
-    return words if best > SIGNIFICANT else ""
+    return SlowChange(words, best > SIGNIFICANT, best > SUSPECT)
 
 
 def _sine(since: Floats, periods: float) -> Floats:
@@ -152,20 +162,18 @@ def _sine(since: Floats, periods: float) -> Floats:
 
 
 def _significance(since: Floats, means: Floats, shape: Floats) -> float:
-    """Fisher's F of a shape beside a line, with errors of white noise and the most likely share of a random walk."""
-    count, own = len(means), shape.shape[1]
+    """Twice the logarithm of the likelihood ratio of a shape beside a line and of the line alone, each with errors of
+    white noise and the most likely share of a random walk.
+    """
+    count = len(means)
     line = np.stack([np.ones(count), since], axis=1)
-    best, found = -math.inf, 0.0
+    best = [-math.inf, -math.inf]
     for root, log in _roots(since.tobytes()):
         right = root @ means
-        without, within = (_rest(root @ design, right) for design in (line, np.hstack([line, shape])))
-        if within <= 0:
-            return math.inf if without > 0 else 0.0
-        # of the line alone: a bias that wanders is not taken for a shape because the shape leaves less to wander
-        likelihood = -0.5 * (count * math.log(without) + log)
-        if likelihood > best:
-            best, found = likelihood, (without - within) / own / (within / (count - 2 - own))
-    return found
+        for at, design in enumerate((line, np.hstack([line, shape]))):
+            rest = max(_rest(root @ design, right), 1e-300)
+            best[at] = max(best[at], -count * math.log(rest) - log)
+    return best[1] - best[0]
 
 
 def _rest(design: Floats, right: Floats) -> float:

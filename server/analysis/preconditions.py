@@ -20,7 +20,7 @@ import numpy as np
 from protocols.plural import counted
 from server.analysis.allan_deviation import AllanCurve
 from server.analysis.companions import Companions
-from server.analysis.disturbances import Spectrum, bandwidth, slow_change, spectrum_of, strongest_line
+from server.analysis.disturbances import SlowChange, Spectrum, bandwidth, slow_change, spectrum_of, strongest_line
 from server.analysis.noise_model import NoiseModel
 from server.analysis.rest import Rest
 from server.analysis.sample_quality import sample_faults
@@ -87,6 +87,11 @@ class Measured:
     def spectrum(self) -> Spectrum | None:
         """Of the stretches at rest."""
         return spectrum_of(self.values, self.rest.runs, self.sampling)
+
+    @cached_property
+    def slow(self) -> SlowChange:
+        """Of the stretches at rest."""
+        return slow_change(self.signal.time, self.values, self.rest.runs)
 
     @cached_property
     def duration(self) -> float:
@@ -255,11 +260,10 @@ def _line(measured: Measured) -> Obstacle | None:
 
 
 def _slow(measured: Measured) -> Obstacle | None:
-    words = slow_change(measured.signal.time, measured.values, measured.rest.runs)
-    if not words:
+    if not measured.slow.is_sure:
         return None
     hint = "Let the sensor warm up for 20 minutes where nothing moves it and the temperature is even, and record again."
-    return Obstacle("drift", f"Slow change: the signal shows {words}, which is no noise.", hint)
+    return Obstacle("drift", f"Slow change: the signal shows {measured.slow.words}, which is no noise.", hint)
 
 
 def _fit(measured: Measured) -> Obstacle | None:

@@ -20,6 +20,8 @@ from server.analysis.signals import Floats
 
 MOST = 100_000  # samples looked at for the resolution
 STUCK_S = 0.5
+MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much
+QUIET = 0.01  # of the noise of the loud windows: noise by chance is never so low
 RARE = 1e-9  # probability of a stretch of equal values as long by chance
 REPEATED = 0.03  # part of equal neighbours beyond what rounding explains
 COARSE = 1.0  # standard deviations in a step of the resolution
@@ -42,6 +44,8 @@ def sample_faults(values: Floats, runs: Sequence[slice], rate: float, unit: str)
         return []
     if stuck := _stuck(parts, rate, unit):
         return stuck
+    if quiet := _quiet(parts, rate):
+        return [("stuck", f"Stuck: {quiet / rate:.3g} s without noise.", _CHECK_SENSOR)]
     step, scatter, equal = resolution(parts), _scatter(parts), _equal(parts)
     if step > COARSE * scatter:
         words = f"Coarse resolution: a step of {step:.3g} {unit} is larger than the noise."
@@ -94,6 +98,17 @@ def resolution(parts: Sequence[Floats]) -> float:
     """Usual distance of neighbouring values among all that occur; that of a fine resolution is tiny."""
     values = np.unique(np.concatenate(parts)[:MOST])
     return float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+
+
+def _quiet(parts: Sequence[Floats], rate: float) -> int:
+    """Samples in windows with hardly any noise, if the others have some: an average or a held value, no measurement."""
+    length = max(MIN_WINDOW, round(rate * STUCK_S))
+    windows = [np.diff(part[: len(part) // length * length].reshape(-1, length), axis=1) for part in parts]
+    noise = np.concatenate([np.square(steps).mean(axis=1) for steps in windows])
+    if len(noise) < 4:
+        return 0
+    count = int(np.count_nonzero(noise < QUIET * float(np.quantile(noise, 0.75))))
+    return count * length if count >= 2 and count < 0.75 * len(noise) else 0
 
 
 def _scatter(parts: Sequence[Floats]) -> float:

@@ -68,6 +68,7 @@ WRONG = [
     of("no gravity", lambda one: one.force.__isub__((0, 0, 5.0)), "Gravity: the accelerometers show 4.82 m/s²"),
     of("dead", lambda one: one.turn.fill(0.25), "Stuck: all 60000 samples are 0.25 °/s."),
     of("stuck at the end", lambda one: stuck(one, 10.0), "Stuck: 10 s without a change, at "),
+    of("held and drifting", lambda one: (stuck(one, 60.0), warming(one, 1.0)), "Stuck: 60 s without noise."),
     of("quantised", lambda one: rounded(one, 0.2), "Coarse resolution: a step of 0.2 °/s is larger than the noise."),
     of("each sample twice", lambda one: repeated(one, 0.5), "Repeated samples: 50 % equal the one before."),
     of("some samples twice", lambda one: repeated(one, 0.1), "Repeated samples: 10 % equal the one before."),

@@ -57,8 +57,11 @@ def run(signal: Signal, options: Settings) -> Result:
     curve = allan_curve([values[part] for part in runs], sampling.rate, lengths)
     model = fit_noise(curve)
     low, high = intervals(curve.adev, model.freedom)
-    found = obstacles(Measured(signal, values, sampling, replace(rest, runs=runs), curve, model))
+    measured = Measured(signal, values, sampling, replace(rest, runs=runs), curve, model)
+    found = obstacles(measured)
     ramp = "" if found else _ramp_note(model, signal.unit)
+    if not found and not ramp and measured.slow.is_suspected:
+        ramp = f"The bias may follow {measured.slow.words}; then K and B contain it. Record longer to tell."
     sheet = signal.data_sheet
     compared: Result = {} if sheet is None else {"data_sheet": sheet_curve(sheet, curve.tau).tolist()}
     if sheet is not None and found:
