@@ -43,12 +43,14 @@ def at_rest(path: Path, seconds: float = 40.0, seed: int = 1) -> Path:
     return written(path, gravity, BIAS + draw.normal(0, 0.002, (count, 3)))
 
 
-def shaken(path: Path, moved_s: float = 0.0, extra: float = 0.0, seconds: float = 30.0) -> Path:
+def shaken(
+    path: Path, moved_s: float = 0.0, extra: float = 0.0, seconds: float = 30.0, turn: Rows | None = None
+) -> Path:
     """Accelerations without a period, `moved_s` later in their motion than those of another file, and `extra` more."""
     time = np.arange(int(seconds * RATE)) / RATE + 5.0 + moved_s
     wave = 2 * np.sin(2.1 * time) + 1.5 * np.sin(0.83 * time**1.2)
     rows = np.stack([wave + extra, 0.5 * wave, np.full(len(time), 9.81)], axis=1)
-    return written(path, rows, np.zeros_like(rows))
+    return written(path, rows, np.zeros_like(rows) if turn is None else turn)
 
 
 def printed(capsys: pytest.CaptureFixture[str], *words: Any) -> str:
@@ -104,6 +106,21 @@ def test_a_calibration_that_is_not_determined_says_why(tmp_path: Path, capsys: p
     with pytest.raises(SystemExit):
         main(["calibrate", str(file), "barometer"])
     assert "valid choices: gyroscope, magnetometer, accelerometer, mounting" in capsys.readouterr().err
+
+
+def test_noise_of_a_sensor_in_motion_is_not_printed_for_other_programs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: of a sensor swung by hand a rate random walk of 193 °/s²/√Hz could be copied for Kalibr.
+
+    The accelerometer of the file shows the motion; its gyroscope, which is asked for, is at rest.
+    """
+    noise = np.random.default_rng(2).normal(0, 0.002, (30 * RATE, 3))
+    moved, still = shaken(tmp_path / "moved.bin", turn=noise), at_rest(tmp_path / "still.bin")
+    turn = ("allan", "--signal", "RateOfTurn", "--format", "kalibr")
+    line = refused(capsys, "analyse", moved, *turn)
+    assert "RateOfTurn.x: Moving: 30 s of 30 s. Lay the sensor down" in line
+    assert "gyroscope_noise_density: " in printed(capsys, "analyse", still, *turn)
 
 
 def test_two_files_are_compared_where_they_fit_best(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
