@@ -115,7 +115,7 @@ def conjugate(q: Floats) -> Floats:
 
 
 def product(p: Floats, q: Floats) -> Floats:
-    """Hamilton product."""
+    """Hamilton product; either may be one quaternion, (4,)."""
     a, b, c, d = np.moveaxis(p, -1, 0)
     e, f, g, h = np.moveaxis(q, -1, 0)
     parts = [

@@ -16,7 +16,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.rotations import ENU_FROM, READ, Quaternion
+from recordings.euler import quaternion_columns
+from recordings.rotations import ENU_FROM, READ, Quaternion, product
 
 Floats = NDArray[np.float64]
 BodyAxes = Literal["FLU", "FRD"]
@@ -55,35 +56,11 @@ def attitudes(columns: Sequence[NDArray[Any]], kind: str) -> Floats:
         lengths = np.linalg.norm(values, axis=1, keepdims=True)
         return np.where((lengths > 1e-6) & (lengths < 1e6), values / np.where(lengths > 0, lengths, 1.0), np.nan)
     if kind == "euler":
-        half = np.radians(values) / 2
-        (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
-        return np.column_stack(
-            (
-                cr * cp * cy + sr * sp * sy,
-                sr * cp * cy - cr * sp * sy,
-                cr * sp * cy + sr * cp * sy,
-                cr * cp * sy - sr * sp * cy,
-            )
-        )
+        return np.column_stack(quaternion_columns(list(values.T)))
     nothing = (np.nan,) * 4
     return np.array([READ[kind](row) or nothing for row in values.tolist()]).reshape(-1, 4)
 
 
 def enu_from_flu(quaternions: Floats, frame: str, axes: str) -> Floats:
     """Quaternions (n, 4) of the body in a frame, as those of FLU in ENU."""
-    return _multiply(_multiply(np.array(ENU_FROM[frame]), quaternions), np.array(_BODY_FROM_FLU[axes]))
-
-
-def _multiply(a: Floats, b: Floats) -> Floats:
-    """A ⊗ b of (4,) or (n, 4)."""
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        (
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ),
-        axis=-1,
-    )
+    return product(product(np.array(ENU_FROM[frame]), quaternions), np.array(_BODY_FROM_FLU[axes]))

@@ -18,6 +18,7 @@ from recordings.euler import euler_columns, quaternion_columns
 from recordings.rotations import READ, angle_of, conjugate, product
 from server.analysis.signal_request import requested_signals
 from server.calibration.mounting import mounting_angles
+from server.ros2.axes import attitudes
 from server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 from tests.source_files import ROOT
@@ -54,6 +55,7 @@ def test_every_place_shows_the_same_angles(row: dict[str, Any]) -> None:
         "comparison": np.stack(quaternion_columns([np.array([angle]) for angle in row["euler"]]), -1)[0],
         "other programs": np.array(READ["euler"](row["euler"])),
         "of a matrix, for other programs": np.array(READ["matrix"](matrix.ravel().tolist())),
+        "ROS": attitudes([np.array([angle]) for angle in row["euler"]], "euler")[0],
         "settings of devices": quaternion_of(matrix),
     }
     for place, other in back.items():
