@@ -195,7 +195,10 @@ async def _until_end(
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(wait_s):
                 await ended.wait()
-        if all(one.info.status in ("ended", "idle") for one in sessions) or not recorder.state.running:
+        if (
+            all(one.info.status in ("ended", "idle") and not one.info.is_open for one in sessions)
+            or not recorder.state.running
+        ):
             return
         rounds += 1
         say()

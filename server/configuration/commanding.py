@@ -24,6 +24,7 @@ from server.wire_codec import to_json_safe
 
 LISTEN_S = 1.0  # for replies to raw bytes
 AWAKE_TRIES = 5  # about a second each: wait for a restarting device before reading it
+STOPPED_HINT = "Choose its outputs under Configure and apply them, or restart it."
 NOT_SINCE = "not read since “{}”"
 
 
@@ -76,6 +77,9 @@ def run(
             controller.rest(controller.state == AT_REST)
         if restarts:
             await _follow(controller, task, timings.rounds)
+        row = next((one for one in driver.commands(known) if one.name == command), None)
+        if row is not None and row.caution == "stops-output" and not controller.at_rest:
+            controller.explain_quiet(f"“{task.job.title}” ended its output.", STOPPED_HINT)
         controller.note_unfinished(command, driver.unfinished(command, values))
         task.job.values = to_json_safe(answer)
         task.job.message = task.job.message or ("Answered." if answer else "Done.")

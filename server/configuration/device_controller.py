@@ -40,6 +40,7 @@ from protocols.transactions import (
 from server.configuration.preview import DevicePresentState, SerialLine, load_of
 from server.configuration.traffic_log import TrafficLog
 from server.configuration.transaction_runner import Runner
+from server.devices.device_demux import QuietReason
 from server.devices.member import AnyDevice, address_of, explain_silence, name_of, state_of
 from server.errors import DomainError
 from server.links.base import LinkError
@@ -51,7 +52,8 @@ T = TypeVar("T")
 
 MAX_WAITING = 16
 DONE_KEPT = 5
-REST_HINT = "It was set to the state {state}, in which it sends no data; send {command} to resume measuring."
+REST = "It is in the {state} state, in which it sends no data."
+REST_HINT = "Send {command} to resume measuring."
 UNANSWERED_HINT = "Check its power, its cable and the baud rate, then read its settings again."
 
 
@@ -351,13 +353,22 @@ class DeviceController:
             await asyncio.to_thread(self._put_back, self.session.info.source, name_of(self.session), frames)
 
     def rest(self, on: bool) -> None:
-        """Note that the user set the device to the state in which settings are read, which explains its silence, or
-        that this state has ended.
-        """
+        """Note that the user set the device to the state in which settings are read, or that this state has ended."""
         if on != self.at_rest:
             self.at_rest = on
-            hint = REST_HINT.format(state=AT_REST, command=self.driver.ends_rest) if on else ""
-            explain_silence(self.session, hint)
+            self._explain_rest(on)
+
+    def _explain_rest(self, on: bool) -> None:
+        """Explain the silence of the config state, whoever has set the device to it."""
+        if on:
+            command = self.driver.ends_rest
+            self.explain_quiet(REST.format(state=AT_REST.lower()), REST_HINT.format(command=command), command)
+        else:
+            explain_silence(self.session, None)
+
+    def explain_quiet(self, text: str, hint: str, resume: str = "") -> None:
+        """Say why the device sends nothing from now on, and what makes it send again: `resume` is a command."""
+        explain_silence(self.session, QuietReason(text, hint, resume, self.bus.now()))
 
     def step(self, task: QueuedJob, text: str) -> None:
         """Set the current step of a job."""
@@ -400,6 +411,8 @@ class DeviceController:
             if state != self.state:
                 self.state = state
                 self.rest(self.at_rest and state == AT_REST)
+                if not self.at_rest and self._running is None:
+                    self._explain_rest(state == AT_REST)  # by another program
                 self.notify()
 
     def _name_of(self, frame: bytes) -> str:

@@ -15,7 +15,7 @@ At most `MAX_SENDERS` devices of a link are shown; messages of others are counte
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
@@ -39,7 +39,29 @@ MAX_SENDERS = 16  # on one link; more are probably noise
 SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)
 FEW_CHUNKS = 3  # are fed one by one
 TAIL_BYTES = 1 << 17  # of the stream, stored for the traffic log
+STOPS_WITHIN_S = 2.0  # samples on their way may come until then
 SILENT_HINT = "Check that it is powered and in range; it is shown again when it sends."
+
+
+@dataclass(frozen=True, slots=True)
+class QuietReason:
+    """Known reason why a device sends nothing.
+
+    Args:
+        text: a sentence.
+        hint: what makes it send again.
+        resume: command that does; "" if there is none.
+        since: unix s; it explains a silence that begins then, not one that begins later.
+    """
+
+    text: str
+    hint: str
+    resume: str
+    since: float
+
+    def explains(self, last_arrival: float | None) -> bool:
+        """Whether it explains a silence after this arrival, unix s."""
+        return last_arrival is None or last_arrival < self.since + STOPS_WITHIN_S
 
 
 class LinkDevice:
@@ -66,7 +88,7 @@ class LinkDevice:
         )
         self.intake: Ingest | None = None
         self.last_sample_at = 0.0  # unix s of the last sample
-        self.silence_hint = ""  # remedy for its silence, if the cause is known
+        self.quiet_reason: QuietReason | None = None
         self._silence = SilenceWatchdog(SILENT_S, SILENT_S)
         state.replaced.add(self._on_replaced)
 
@@ -84,6 +106,24 @@ class LinkDevice:
     def suppress_timeout(self, on: bool, now: float) -> None:
         """Ignore silence while `on`."""
         self._silence.suppress(on, now)
+
+    def came_to_rest(self) -> bool:
+        """Publish that the device is quiet for a known reason; False if its silence has none."""
+        reason, last = self.quiet_reason, self.last_sample_at or self.stats.last_arrival
+        if reason is None or not reason.explains(last):
+            return False
+        self.events.report("device", "info", reason.text, data={"kind": "rest", "hint": reason.hint})
+        self.state.set(
+            status="idle",
+            message=reason.text,
+            hint=reason.hint,
+            resume=reason.resume,
+            next_attempt=None,
+            last_arrival=self.stats.last_arrival,
+        )
+        if self.intake is not None:
+            self.intake.samples = 0  # the next sample makes it live again
+        return True
 
     def silence(self, now: float) -> float:
         """Time since the last expected data, s."""
@@ -233,10 +273,12 @@ class LinkDevices:
             "the link is still open" if all(one.is_silent(now) for one in self.all) else "others on its link continue"
         )
         text = f"No data from {sender.state.info.name} for {sender.silence(now):.1f} s; {others}."
-        return text, sender.silence_hint or SILENT_HINT
+        return text, SILENT_HINT
 
     def _fell_silent(self, sender: LinkDevice, now: float) -> None:
         text, hint = self._silence_text(sender, now)
+        if sender.came_to_rest():
+            return
         sender.events.report("link", "error", text, data={"kind": "silent"})
         last = sender.stats.last_arrival
         sender.state.set(status="lost", message=text, hint=hint, next_attempt=None, last_arrival=last)
@@ -417,7 +459,10 @@ class LinkDecoder:
             return
         sender.stats.last_arrival = now
         if sender.state.info.status != "live":
-            sender.state.set(status="live", is_open=True, message="", hint="", next_attempt=None, last_arrival=now)
+            sender.quiet_reason = None
+            sender.state.set(
+                status="live", is_open=True, message="", hint="", resume="", next_attempt=None, last_arrival=now
+            )
             sender.events.report("link", "info", f"{sender.state.info.name} is back.", data={"kind": "back"})
 
     def _intake(self, sender: LinkDevice) -> Ingest:

@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 from protocols.events import Event
 from server import wire
 from server.devices.decode_options import DecodeOptions
-from server.devices.device_demux import LinkDevice
+from server.devices.device_demux import LinkDevice, QuietReason
 from server.devices.device_state import DeviceState
 from server.devices.session import Session
 
@@ -132,12 +132,12 @@ def address_of(device: AnyDevice) -> int | None:
     return session.devices.addresses.get(name_of(device))
 
 
-def explain_silence(device: AnyDevice, hint: str) -> None:
-    """Set the remedy for the silence of a device if its cause is known; "" otherwise."""
+def explain_silence(device: AnyDevice, reason: QuietReason | None) -> None:
+    """Set the reason for which a device will send nothing; None: there is none any more."""
     session = device.session if isinstance(device, Member) else device
     sender = session.devices.of(name_of(device))
     if sender is not None:
-        sender.silence_hint = hint
+        sender.quiet_reason = reason
 
 
 def shares(device: AnyDevice) -> bool:

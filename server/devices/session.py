@@ -326,7 +326,9 @@ class Session(LinkAccess):
         back = self.info.status == "lost"
         self._backoff.reset()
         hint, last = self._diagnostics.hint, self._stats.last_arrival
-        self._set(status="live", message="", hint=hint, required_action="", next_attempt=None, last_arrival=last)
+        self.devices.own.quiet_reason = None
+        changes = {"message": "", "hint": hint, "required_action": "", "resume": "", "next_attempt": None}
+        self._set(status="live", last_arrival=last, **changes)
         stream = self._pipeline.stream
         if back and self.info.serial_number and stream is not None and not stream.identity.serial_number:
             self._set(unconfirmed_since=self._sink.now())  # another one may have been plugged in
@@ -401,8 +403,8 @@ class Session(LinkAccess):
             if quiet > GIVE_UP_S or (is_new and self._pipeline.hides_messages()):
                 self._drain(final=True)
         if self.info.status == "live" and looked and quiet > self._silence.limit and not self._link.backlog:
-            hint = self.devices.own.silence_hint or LINK_SILENT_HINT
-            self._fell_silent(f"No data from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)
+            text = f"No data from {self.info.source} for {quiet:.1f} s; the link is still open."
+            self._fell_silent(text, LINK_SILENT_HINT)
         elif self.info.status in ("live", "lost") and self._decode_watchdog.update(
             now, self.devices.stats, self._silence.suppressed
         ):
@@ -413,6 +415,8 @@ class Session(LinkAccess):
 
     def _fell_silent(self, text: str, hint: str) -> None:
         self._connection.apply(ConnectionEvent.SILENCE)
+        if self.devices.own.came_to_rest():
+            return
         self._reporter.report("link", "error", text, data={"kind": "silent"})
         action = self._diagnostics.required_action if self.restarts.waiting else ""
         self._set(status="lost", message=text, hint=hint, required_action=action, last_arrival=self._stats.last_arrival)

@@ -47,6 +47,7 @@ class DeviceInfo:
     absent: list[str] = field(default_factory=list)  # flags of its status words that this product does not have
     key: str = ""  # names the sensor on any port and in later runs: "xbus-0080800006"; its source if it told no number
     own_name: str = ""  # given by people, stored with the key; "" if none
+    resume: str = ""  # command that makes a device send again that is quiet for a known reason: "GoToMeasurement"
     unconfirmed_since: float | None = None  # unix seconds at which its link came back: another sensor may be there
 
 

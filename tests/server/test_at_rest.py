@@ -12,6 +12,7 @@ from protocols.transactions import DeviceContext, DeviceRejectedError
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.simulator.device import XbusSimulator
 from server.configuration.device_controller import DeviceController
+from server.devices.device_demux import QuietReason
 from server.wire import Job
 from tests.each_row import each_row
 from tests.server.control_harness import ControlHarness, bench, house, over
@@ -57,12 +58,14 @@ def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path) -> N
         async with bench() as there, house(tmp_path) as here:
             desk = await here.add(f"{there.slave}?baud=115200")
             await told(here, desk, "GoToConfig")
-            await until(lambda: desk.session.info.status == "lost", "it is silent")
-            assert "set to the state Config, in which it sends no data" in desk.session.info.hint
-            assert "send GoToMeasurement" in desk.session.info.hint
+            await until(lambda: desk.session.info.status != "live", "it is silent")
+            info = desk.session.info
+            assert (info.status, info.resume) == ("idle", "GoToMeasurement")
+            assert info.message == "It is in the config state, in which it sends no data."
+            assert info.hint == "Send GoToMeasurement to resume measuring."
             await told(here, desk, "GoToMeasurement")
             await until(lambda: desk.session.info.status == "live", "it measures")
-            assert not desk.session.info.hint
+            assert (desk.session.info.hint, desk.session.info.resume) == ("", "")
             there.unplug()
             await until(lambda: desk.session.info.status == "lost", "it is unplugged")
             assert "GoToMeasurement" not in desk.session.info.hint
@@ -70,13 +73,34 @@ def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path) -> N
     asyncio.run(check())
 
 
+def test_streams_that_the_user_stopped_are_not_lost(tmp_path: Path) -> None:
+    """An IMX was called lost after "Stop all streams", with its power to be checked."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("sim:isb?rate=50")
+            assert (await told(here, desk, "STOP_BROADCASTS_ALL_PORTS")).state == "done"
+            await until(lambda: desk.session.info.status != "live", "it is silent")
+            assert desk.session.info.status == "idle"
+            assert desk.session.info.message == "“STOP_BROADCASTS_ALL_PORTS” ended its output."
+
+    asyncio.run(check())
+
+
+def test_a_silence_that_begins_long_after_a_stop_is_not_explained_by_it() -> None:
+    reason = QuietReason("Stopped.", "", "", since=100.0)
+    assert reason.explains(None)
+    assert reason.explains(101.0)
+    assert not reason.explains(160.0)
+
+
 def test_a_device_at_rest_beside_others_is_explained_too(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
             for desk in await both(here):
                 await told(here, desk, "GoToConfig")
-                await until(lambda info=desk.session: info.info.status == "lost", "it is silent")
-                assert "send GoToMeasurement" in desk.session.info.hint
+                await until(lambda info=desk.session: info.info.status == "idle", "it is silent")
+                assert "Send GoToMeasurement" in desk.session.info.hint
                 await told(here, desk, "GoToMeasurement")
                 await until(lambda info=desk.session: info.info.status == "live", "it measures")
 

@@ -4,7 +4,7 @@ import { api } from "../ui/http";
 import { age } from "../ui/format";
 import { Message } from "../ui/message";
 import { shortSource } from "../ui/page-state";
-import { deviceInLink, fullName } from "../wire/device-name";
+import { deviceInLink, fullName, writeName } from "../wire/device-name";
 import { capabilities } from "../wire/capabilities";
 import type { DeviceInfo, Attempt } from "../wire/types";
 import { type App, connect, linkOf, run, scanPorts } from "./app-state";
@@ -256,10 +256,25 @@ export function HeldBand({ app, device }: DeviceProps) {
         <Message text={device.hint} />
       </span>
       <span class="grow" />
-      <button type="button" class="btn edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
-        {state === "ended" ? TEXT.playAgain : TEXT.tryNow}
-      </button>
+      {!device.resume ? (
+        <button type="button" class="btn edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
+          {state === "ended" ? TEXT.playAgain : TEXT.tryNow}
+        </button>
+      ) : (
+        <ResumeButton app={app} device={device} />
+      )}
     </div>
+  );
+}
+
+/** Makes a device send again that is quiet for a known reason. */
+export function ResumeButton({ app, device }: DeviceProps) {
+  const named = writeName(device.id, app.store.devices.value);
+  const resume = (): void => void run(app, api.runCommand(named, device.resume));
+  return (
+    <button type="button" class="btn edge" title={device.resume} onClick={resume}>
+      {COMMON.startMeasuring}
+    </button>
   );
 }
 

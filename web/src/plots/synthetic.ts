@@ -83,6 +83,7 @@ export const DEVICE: DeviceInfo = {
   absent: [],
   key: "",
   own_name: "",
+  resume: "",
   unconfirmed_since: null,
   baud: null,
   message: "",

@@ -138,6 +138,8 @@ export const api = {
   removeDevice: (device: string) => request("DELETE /api/devices/{device}", { path: { device } }),
   nameDevice: (device: string, name: string) =>
     request("PUT /api/devices/{device}/name", { path: { device }, body: { name } }),
+  runCommand: (device: string, command: string) =>
+    request("POST /api/devices/{device}/run", { path: { device }, body: { command, values: {}, confirmed: false } }),
   retryDevice: (device: string) => request("POST /api/devices/{device}/retry", { path: { device } }),
   /** Accept any sequence number next from a Secure device of this link. */
   rearmDevice: (device: string, sender: string) =>

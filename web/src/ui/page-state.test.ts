@@ -17,6 +17,7 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   absent: [],
   key: "",
   own_name: "",
+  resume: "",
   unconfirmed_since: null,
   baud: null,
   message: "",

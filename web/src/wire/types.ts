@@ -152,6 +152,8 @@ export interface DeviceInfo {
   readonly key: string;
   /** given by people, stored with the key; "" if none */
   readonly own_name: string;
+  /** command that makes a device send again that is quiet for a known reason: "GoToMeasurement" */
+  readonly resume: string;
   /** unix seconds at which its link came back: another sensor may be there */
   readonly unconfirmed_since: number | null;
 }

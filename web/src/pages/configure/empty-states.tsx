@@ -2,6 +2,8 @@
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { protocolOf } from "../../wire/capabilities";
 import { describe } from "../../forms/elsewhere";
+import type { App } from "../app-state";
+import { ResumeButton } from "../empty-states";
 import type { Model } from "./model";
 import { linkTo, readAll, unfinishedOf } from "./view-state";
 import { clock } from "../../ui/format";
@@ -101,9 +103,22 @@ export function ViewOnlyBand({ model }: { readonly model: Model }) {
   );
 }
 
-export function LostBand({ model }: { readonly model: Model }) {
+export function LostBand({ app, model }: { readonly app: App; readonly model: Model }) {
   const device = model.device.value;
-  if (!device || device.status === "live" || device.status === "idle") return null;
+  if (!device || device.status === "live") return null;
+  if (device.status === "idle") {
+    if (device.message === "") return null;
+    return (
+      <div class="band calm" role="status" data-key="quiet">
+        <span class="dot off" />
+        <b>{COMMON.status.idle}</b>
+        <span class="grow">
+          <Message text={device.message} /> <Message text={device.hint} />
+        </span>
+        {device.resume && !model.page.viewOnly.value && <ResumeButton app={app} device={device} />}
+      </div>
+    );
+  }
   if (model.jobs.value?.pending_rollback?.state === "unreachable") return null; // the deck says more
   return (
     <div class={`band ${device.status === "connecting" ? "calm" : ""}`} role="status">

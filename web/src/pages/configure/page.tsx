@@ -103,7 +103,7 @@ export function Centre({ model, app }: { readonly model: Model; readonly app: Ap
       <Title app={app} model={model} place={place} />
       <ViewOnlyBand model={model} />
       <SensorBand model={model} />
-      <LostBand model={model} />
+      <LostBand app={app} model={model} />
       <UnfinishedBand model={model} />
       <ElsewhereBand model={model} />
       <ProblemLine model={model} />

@@ -85,3 +85,18 @@ test("a question names the sensor it is about", async () => {
     expect(screen.getByRole("dialog").textContent).toContain(page.store.devices.value[0]?.serial_number),
   );
 });
+
+test("a device that somebody stopped is not lost, and one button makes it measure again", async () => {
+  const page = await openConfigure("xbus", { answers: { "POST /api/devices/1/run": { id: 9, state: "waiting" } } });
+  const message = "It is in the config state, in which it sends no data.";
+  swapped(page, { status: "idle", is_open: true, message, hint: "Send GoToMeasurement.", resume: "GoToMeasurement" });
+  const band = await waitFor(() => {
+    const found = document.querySelector<HTMLElement>("[data-key=quiet]");
+    if (found === null) throw new Error("no band");
+    return found;
+  });
+  expect(band.textContent).toContain(message);
+  fireEvent.click(screen.getByRole("button", { name: "Start measuring" }));
+  const run = () => page.asked.filter(({ path }) => path === "/api/devices/1/run");
+  await waitFor(() => expect(run()).toMatchObject([{ body: { command: "GoToMeasurement", confirmed: false } }]));
+});
