@@ -73,6 +73,7 @@ def test_a_rate_is_changed_in_five_actions_the_plot_follows_and_a_profile_goes_b
     assert "100 Hz" in row.locator("td").last.inner_text()
     picture(page, "compare-1440")
     page.get_by_role("button", name="Apply this profile").click()
+    page.get_by_role("dialog").get_by_role("button", name="Write profile").click()
     until(page, "document.querySelector('.compare')?.innerText.includes('No difference')")
     entries = asked(server, "values")["values"]["OutputConfiguration"]["outputs"]
     assert {"data_identifier": 0x4020, "output_frequency": 100} in entries

@@ -82,8 +82,10 @@ def killed(there: SimulatorThread, data: Path) -> None:
     (data / "cache" / "columns" / ".abc.4711.making").mkdir(parents=True, exist_ok=True)
 
     with ServerProcess(device, data=data) as second, http_client(base_url=second.url) as http:
-        block_until(lambda: http.get("/api/devices/2/jobs").json()["done"], "the settings went back")
-        (job,) = http.get("/api/devices/2/jobs").json()["done"]
+        jobs = lambda: http.get("/api/devices/2/jobs").json()  # noqa: E731
+        idle = lambda: jobs()["done"] and not jobs()["running"] and not jobs()["queue"]  # noqa: E731
+        block_until(idle, "the settings went back")
+        job = jobs()["done"][0]  # after one that put the device back into its state, if the kill had interrupted that
         assert (job["state"], job["message"]) == ("done", "The device has its old settings again.")
         block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "the device measures")
         assert not list((data / "rollbacks").glob("*.json"))
