@@ -1,6 +1,7 @@
 """Harm of a change of settings, apart from the link.
 
     DID_FLASH_CONFIG    turns or moves the reference frame of all output; ends the measurement
+                        periods: shorter than an IMX-5 with GNSS can keep, or than the one they follow; faster streams
     DID_MAG_CAL         replaces the existing calibration
     fields maintained by the device (a checksum, its own size)      not for the user to write
 
@@ -15,6 +16,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.isb.stored_settings import settings_of
+from protocols.layouts import EncodeError
 from protocols.transactions import Harm
 
 Values = Mapping[str, Any]
@@ -22,12 +24,40 @@ _FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla
 _PERIODS = ("startupImuDtMs", "startupNavDtMs")
 _TURNED = "The reference frame of attitude, position or velocity changes; every consumer of the data must be adapted."
 _ENDED = "With a period of 0 the device stops measuring."
+LEAST_NAV_MS = 7  # of an IMX-5 with a GNSS receiver
+_TOO_SHORT = "An IMX-5 with a GNSS receiver needs a navigation period of at least {least} ms, given {given} ms."
+_FASTER = "Every stream that follows the navigation period rises from {old:.4g} to {new:.4g} Hz."
 _RECALIBRATED = "The existing magnetometer calibration is replaced."
 _OWN = "The device maintains these fields itself. Writing them can make it discard its configuration."
 _CALIBRATES = (1, 2)  # states of DID_MAG_CAL that start one
 
 
-def harm(setting: str, old: Values | None, new: Values) -> list[Harm]:
+def check_periods(new: Values, old: Values | None) -> None:
+    """Check periods of DID_FLASH_CONFIG that depend on each other.
+
+    Raises:
+        EncodeError: the sampling period would be longer than the navigation period.
+    """
+    if "startupImuDtMs" not in new:
+        return
+    sampling, navigation = new["startupImuDtMs"], new.get("startupNavDtMs", (old or {}).get("startupNavDtMs"))
+    if navigation and sampling > navigation:
+        words = f"startupImuDtMs is at most startupNavDtMs, {navigation} ms, given {sampling} ms"
+        raise EncodeError(words, "startupImuDtMs")
+
+
+def _of_navigation(before: Values, changed: Values, product: str) -> list[Harm]:
+    """Consequences of another navigation period."""
+    period, old = changed.get("startupNavDtMs", 0), before.get("startupNavDtMs", 0)
+    found = []
+    if 0 < period < LEAST_NAV_MS and (not product or product.startswith("IMX-5")):
+        found.append(Harm("stops-output", _TOO_SHORT.format(least=LEAST_NAV_MS, given=period)))
+    if 0 < period < old:
+        found.append(Harm("", _FASTER.format(old=1000 / old, new=1000 / period)))
+    return found
+
+
+def harm(setting: str, old: Values | None, new: Values, product: str = "") -> list[Harm]:
     """See protocols.transactions.DeviceDriver.risks."""
     before = old or {}
     changed = {name: value for name, value in new.items() if name not in before or before[name] != value}
@@ -40,6 +70,8 @@ def harm(setting: str, old: Values | None, new: Values) -> list[Harm]:
             found.append(Harm("moves-frame", _TURNED))
         if any(changed.get(name) == 0 for name in _PERIODS):
             found.append(Harm("stops-output", _ENDED))
+    if setting == "DID_FLASH_CONFIG":
+        found += _of_navigation(before, changed, product)
     if setting == "DID_MAG_CAL" and changed.get("state") in _CALIBRATES:
         found.append(Harm("moves-frame", _RECALIBRATED))
     return found

@@ -11,7 +11,7 @@ Nothing is sent. Present values of the device (as far as they have been read) co
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from protocols.layouts import EncodeError
@@ -27,6 +27,7 @@ from server.configuration.api_models import (
     SpanInfo,
 )
 from server.configuration.checks import problems_of, sentence, unlike
+from server.configuration.dangers import dangers_of_write
 from server.configuration.settings_diff import ComparedValues, compare
 from server.configuration.value_format import numbers
 from server.wire_codec import to_json_safe
@@ -100,6 +101,8 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
     if found:
         return PreviewResult(frames=[], problems=found)
     change = driver.line_change(name, present.values.get(name), values, known)
+    old = present.values.get(name)
+    risks = dangers_of_write(driver, replace(row, caution=""), old, values, known) if old is not None else []
     merged = {**present.values, name: {**present.values.get(name, {}), **values}}
     baud = change.baud if change is not None and change.baud is not None else present.line.baud
     return PreviewResult(
@@ -107,6 +110,7 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
         problems=[],
         load=load_of(present, merged, baud),
         line=change.words if change is not None else "",
+        risks=[] if change is not None else list(dict.fromkeys(one.consequence for one in risks)),
     )
 
 

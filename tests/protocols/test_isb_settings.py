@@ -11,9 +11,12 @@ import pytest
 from protocols import validation
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import VERSIONS
+from protocols.isb.driver import IsbDriver
 from protocols.isb.field_docs import BAUD_RATES, CAN_RATES
 from protocols.isb.stored_settings import fields_of, settings_of
+from protocols.layouts import EncodeError
 from protocols.schema import Field
+from protocols.transactions import DeviceContext
 from server.configuration.form_builder import field_form
 from tests.each_row import each_row
 from tests.vendor.inertial_sense import KEPT
@@ -100,3 +103,22 @@ def test_commands_are_not_offered_as_sentences() -> None:
         assert not {"SRST", "STPB", "PERS", "ASCE", "NELB", "SPECIAL_CASE_START", "GNGSV_START"} & names
     assert max(kept) < 256, "a number of one byte"
     assert "GPGSV_1" in chosen.values()
+
+
+def test_a_navigation_period_that_the_product_cannot_keep_is_told() -> None:
+    """3 ms was written to an IMX-5 without a word, while the help said at least 7 ms; all streams rose to 333 Hz."""
+    driver, old = IsbDriver(), {"startupNavDtMs": 20, "startupImuDtMs": 20}
+
+    def told(product: str, **new: int) -> list[str]:
+        found = driver.risks("DID_FLASH_CONFIG", old, new, DeviceContext(product=product))
+        return [harm.consequence for harm in found]
+
+    short = "An IMX-5 with a GNSS receiver needs a navigation period of at least 7 ms, given 3 ms."
+    faster = "Every stream that follows the navigation period rises from 50 to 333.3 Hz."
+    assert told("IMX-5.1", startupNavDtMs=3) == [short, faster]
+    assert told("GPX-1", startupNavDtMs=3) == [faster]
+    assert told("IMX-5.1", startupNavDtMs=40) == []
+    with pytest.raises(EncodeError, match="at most startupNavDtMs, 20 ms, given 30 ms") as raised:
+        driver.setting_frames("DID_FLASH_CONFIG", {"startupImuDtMs": 30}, DeviceContext(), old=old)
+    assert raised.value.path == "startupImuDtMs"
+    assert driver.setting_frames("DID_FLASH_CONFIG", {"startupImuDtMs": 30, "startupNavDtMs": 40}, DeviceContext())

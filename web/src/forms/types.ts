@@ -250,6 +250,8 @@ export interface PreviewResult {
   readonly load: LoadInfo | null;
   /** how this change could cut the line; "" if it cannot */
   readonly line: string;
+  /** further consequences of single values, for a person */
+  readonly risks: readonly string[];
 }
 
 export interface ReadRequest {

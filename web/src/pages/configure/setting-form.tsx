@@ -196,6 +196,11 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
           <span class="tag warn">{TEXT.temporary}</span> {preview.line}
         </p>
       )}
+      {preview?.risks?.map((words) => (
+        <p class="caution inset" key={words}>
+          ▲ <Message text={words} />
+        </p>
+      ))}
       {loose.map(({ path, message, hint }) => (
         <p class="problem inset" role="alert" key={path}>
           <b>
