@@ -108,7 +108,8 @@ _REPLACES = _Harm("stops-output", "These streams replace the current streams of 
 _OVERWRITES = _Harm(
     "loses-settings", "Overwrites data of the device that cannot be read back and restored by this program."
 )
-INPUTS = (71, 88)  # wheel encoder, position measurement: samples sent to the device by a vehicle
+_STORED = ("UCAL", "TCAL", "MCAL", "SCOMP", "TC_BIAS", "MANUFACTURING", "DEV_INFO", "FLASH")
+"""Parts of the names of data sets that a device stores; it rejects writes to those that it measures."""
 
 _SIMPLE_COMMANDS = ("SAVE_PERSISTENT_MESSAGES", "SOFTWARE_RESET", "ZERO_MOTION", "RESET_EKF_STATES", "SAVE_FLASH")
 
@@ -344,7 +345,7 @@ def _sets() -> list[Command]:
             command = replace(_harmed(command, _BY_NUMBER), harmless_values={"command": HARMLESS_COMMANDS})
         elif did == RMC:
             command = _harmed(command, _REPLACES)
-        elif not (stored and stored.write) and did not in INPUTS:
+        elif not (stored and stored.write) and any(part in ROWS[did].name for part in _STORED):
             command = _harmed(command, _OVERWRITES)
         commands.append(command)
     return commands

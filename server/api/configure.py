@@ -21,7 +21,7 @@ from server.configuration.controllers import ControllerRegistry
 from server.configuration.dangers import Risk
 from server.configuration.device_controller import DeviceController
 from server.configuration.products import mismatch
-from server.configuration.risk_check import ChangeRequest, discarded, plan_changes, plan_command
+from server.configuration.risk_check import ChangeRequest, discarded, plan_changes, plan_command, risks_of_bytes
 from server.configuration.sensor_check import doubts, sensor_of
 from server.configuration.value_format import numbers
 from server.errors import DomainError
@@ -172,15 +172,16 @@ async def run(
 async def send_raw(
     body: RawRequest, controller: OneController, wanted: WantedSensor, controllers: AllControllers
 ) -> JobAnswer:
-    """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`."""
+    """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`, unless they are one message
+    that only asks. 409 names what they are and do.
+    """
     try:
         data = bytes.fromhex(body.hex)
     except ValueError:
         raise DomainError("bad-request", "Invalid hex.", "Write two digits for each byte: FA FF 30 00 D1.") from None
     if not 0 < len(data) <= MAX_RAW:
         raise DomainError("bad-request", f"1 to {MAX_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
-    words = "The bytes are sent to the device unchecked; they may change anything in it."
-    confirmed([*doubts(controller, wanted), Risk("", words)], body.confirmed)
+    confirmed([*doubts(controller, wanted), *risks_of_bytes(controller, data)], body.confirmed)
     return controller.add(f"Send {len(data)} bytes", controllers.jobs.raw(controller, data)).job
 
 

@@ -211,3 +211,31 @@ def _written_by(controller: DeviceController, command: str, values: Mapping[str,
         if row.write == command and values and (set(values) <= names if row.partial else set(values) == names):
             return row
     return None
+
+
+UNKNOWN_BYTES = "These bytes are no message that is known here; they may change anything in the device."
+
+
+def risks_of_bytes(controller: DeviceController, data: bytes) -> list[Risk]:
+    """Risks of bytes typed by a person, which name their messages; none of one message that only asks."""
+    rows = {row.name: row for row in controller.driver.commands(controller.context)}
+    names = _messages_of(controller, data)
+    if not names or any(name not in rows for name in names):
+        return [Risk("", UNKNOWN_BYTES)]
+    found = [rows[name] for name in names]
+    if len(found) == 1 and found[0].kind == "ask":
+        return []
+    return [Risk(row.caution, f"{row.name}: {row.doc or row.title} {row.consequence}".strip()) for row in found]
+
+
+def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
+    """Commands that bytes consist of; none if a part of them is no whole message."""
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+    family = PROTOCOLS[controller.session.info.protocol]
+    listing = family.listing(**controller.session.reading.settings(family.name))
+    listing.feed(data)
+    lines = listing.drain(stalled=True)
+    if any("reject" in line for line in lines) or sum(line["size"] for line in lines) != len(data):
+        return []
+    return [controller.driver.name_of(data[line["offset"] : line["offset"] + line["size"]]) for line in lines]

@@ -272,6 +272,20 @@ def test_harmful_changes_need_confirmation_in_words(http: Client) -> None:
     assert "921 600 Bd" in answer.json()["message"]
 
 
+def test_raw_bytes_are_named_before_they_are_sent(http: Client) -> None:
+    """Whatever was typed, the question was the same; two messages in one could hide the second."""
+    ask, restore = "faff000001", "faff0e00f3"
+    assert post(http, "raw", {"hex": ask}).status_code == 202
+    asked = post(http, "raw", {"hex": restore}).json()
+    assert asked["kind"] == "confirm"
+    assert asked["message"].startswith("RestoreFactoryDef: ")
+    both = post(http, "raw", {"hex": ask + restore}).json()["message"]
+    assert "ReqDID: " in both
+    assert "RestoreFactoryDef: " in both
+    for odd in (ask + "00", ask[:-2] + "02", "00"):
+        assert "no message that is known here" in post(http, "raw", {"hex": odd}).json()["message"]
+
+
 def test_a_command_is_answered_and_raw_bytes_are_seen(http: Client) -> None:
     job = done(http, post(http, "run", {"command": "ReqFWRev"}))
     assert (job["state"], job["values"]["major"]) == ("done", 1)

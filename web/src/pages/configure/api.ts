@@ -17,8 +17,8 @@ export const server = {
     request("POST /api/devices/{device}/apply", { path: { device }, body }),
   run: (device: string, command: string, values: Values, confirmed: boolean) =>
     request("POST /api/devices/{device}/run", { path: { device }, body: { command, values, confirmed } }),
-  raw: (device: string, hex: string) =>
-    request("POST /api/devices/{device}/raw", { path: { device }, body: { hex, confirmed: true } }),
+  raw: (device: string, hex: string, confirmed = false) =>
+    request("POST /api/devices/{device}/raw", { path: { device }, body: { hex, confirmed } }),
   confirm: (device: string) => request("POST /api/devices/{device}/confirm", { path: { device } }),
   rollBack: (device: string) => request("POST /api/devices/{device}/roll-back", { path: { device } }),
   restore: (device: string) => request("POST /api/devices/{device}/restore", { path: { device } }),

@@ -4,7 +4,7 @@ import { BytesView } from "../../forms/frame-view";
 import { Fields } from "../../forms/field";
 import type { FormContext } from "../../forms/form-context";
 import type { CommandForm } from "../../forms/types";
-import type { Path } from "../../forms/values";
+import { type Path, words as wordsOf } from "../../forms/values";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { route } from "../route";
@@ -90,17 +90,20 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
 
 /** Sends, after a confirmation that names the loss. Only the server knows what else is discarded: it is asked. */
 async function send(model: Model, form: CommandForm, confirmed = false): Promise<void> {
+  const values = model.argumentsOf(form);
+  const shown = form.arguments
+    .filter((field) => Object.keys(field.choices).length > 0 && values[field.name] !== undefined)
+    .map((field) => `${field.title}: ${wordsOf(field, values[field.name])}`);
   const ask = (words: string): void => {
     model.page.question.value = {
-      title: `${form.title}?`,
+      title: TEXT.confirmCommand(form.title),
       about: model.fullName,
-      words: [words],
+      words: [words, ...shown],
       caution: form.caution || "loses-settings",
-      go: form.title,
+      go: TEXT.send,
       act: () => void send(model, form, true),
     };
   };
-  const values = model.argumentsOf(form);
   const harms =
     form.caution !== "" && !Object.entries(form.harmless).some(([name, those]) => those.includes(Number(values[name])));
   if (!confirmed && harms && unfinishedOf(model).length === 0) return ask(form.consequence || TEXT.cannotBeUndone);

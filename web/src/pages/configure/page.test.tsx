@@ -196,7 +196,8 @@ test("typed input stays while the device is disconnected", async () => {
 });
 
 test("two pages beside each other have their own edits, level of detail, search and questions", async () => {
-  const { store } = await openConfigure("xbus");
+  const asked = new Response(JSON.stringify({ kind: "confirm", message: "Sure.", hint: "" }), { status: 409 });
+  const { store } = await openConfigure("xbus", { answers: { "POST /api/devices/1/raw": asked } });
   render(<ConfigurePage app={newApp(store)} />);
   const row = 'tr[data-id="0x4020"] select';
   const [left, right] = [...document.querySelectorAll<HTMLElement>(".app.configure")];

@@ -186,7 +186,7 @@ function Entry({ entry, model, opened }: EntryProps) {
             type="button"
             class="btn small edge"
             disabled={model.page.viewOnly.value}
-            onClick={() => sendBytes(model, entry.hex, entry.name)}
+            onClick={() => void sendBytes(model, entry.hex, entry.name)}
           >
             {TEXT.sendAgain}
           </button>
@@ -196,15 +196,17 @@ function Entry({ entry, model, opened }: EntryProps) {
   );
 }
 
-/** Send raw bytes after a confirmation: they are not checked. */
-function sendBytes(model: Model, bytes: string, name: string): void {
+/** Send raw bytes; what is more than a request is named by the server, and asked about. */
+async function sendBytes(model: Model, bytes: string, name: string): Promise<void> {
+  const outcome = await server.raw(model.writeName, bytes);
+  if (outcome.ok || outcome.problem.kind !== "confirm") return void model.run(Promise.resolve(outcome));
   model.page.question.value = {
     title: name ? TEXT.confirmSendAgain(name) : TEXT.confirmSendBytes,
     about: model.fullName,
-    words: [TEXT.sendBytesHint, spaced(bytes, 48)],
+    words: [outcome.problem.message, spaced(bytes, 48)],
     caution: "",
     go: TEXT.send,
-    act: () => void model.run(server.raw(model.writeName, bytes)),
+    act: () => void model.run(server.raw(model.writeName, bytes, true)),
   };
 }
 
@@ -225,7 +227,7 @@ function ByHand({ model }: { readonly model: Model }) {
       class="send-bytes"
       onSubmit={(event) => {
         event.preventDefault();
-        if (plain !== "" && why === "") sendBytes(model, plain, "");
+        if (plain !== "" && why === "") void sendBytes(model, plain, "");
       }}
     >
       <label class="field">

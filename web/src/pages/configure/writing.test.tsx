@@ -232,7 +232,13 @@ test("a key leads to the search, Enter to what was found, and Escape away from i
 });
 
 test("bytes by hand are checked, asked about, sent as they are, and found in the log", async () => {
-  const page = await openConfigure("xbus", { answers: { "POST /api/devices/1/raw": job(2, { state: "waiting" }) } });
+  const message = "GoToConfig: Stop measuring.";
+  const asked = new Response(JSON.stringify({ kind: "confirm", message, hint: "" }), { status: 409 });
+  const answers = {
+    'POST /api/devices/1/raw {"confirmed":false,"hex":"faff3000d1"}': asked,
+    'POST /api/devices/1/raw {"confirmed":true,"hex":"faff3000d1"}': job(2, { state: "waiting" }),
+  };
+  const page = await openConfigure("xbus", { answers });
   fireEvent.click(button("Send hex"));
   const field = screen.getByLabelText("Bytes to send (hex)");
   fireEvent.input(field, { target: { value: "FA FF 0" } });
@@ -240,8 +246,12 @@ test("bytes by hand are checked, asked about, sent as they are, and found in the
   fireEvent.input(field, { target: { value: "FA FF 30 00 D1" } });
   await waitFor(() => expect((find(".send-bytes button") as HTMLButtonElement).disabled).toBe(false));
   fireEvent.submit(find(".send-bytes"));
-  fireEvent.click(button("Send", await until("dialog")));
-  await waitFor(() => expect(bodiesOf(page, "/api/devices/1/raw")).toMatchObject([{ hex: "faff3000d1" }]));
+  const question = await until("dialog");
+  expect(question.textContent).toContain(message);
+  fireEvent.click(button("Send", question));
+  await waitFor(() =>
+    expect(bodiesOf(page, "/api/devices/1/raw")).toMatchObject([{ confirmed: false }, { confirmed: true }]),
+  );
   const entry = (seq: number, name: string, direction: "tx" | "rx"): TrafficEntry => ({
     ...{ seq, name, direction, time: 1_790_000_000 + seq, device: "1", hex: "faff3100d0", text: "" },
     ...{ ms: direction === "rx" ? 1.5 : null, level: "info" },
