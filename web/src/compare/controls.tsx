@@ -5,7 +5,7 @@ import { Icon } from "../ui/icons";
 import { figure } from "../charts/axes";
 import { boundsOf, type CompareModel, isLive, momentsOf, namesOf, sourceTitle } from "./model";
 import type { ComparePlace, Side } from "./sides";
-import { fullName } from "../wire/device-name";
+import { listName } from "../wire/device-name";
 import { TEXT } from "../texts/compare";
 
 type Ready = ComparePlace & { readonly b: Side };
@@ -69,7 +69,7 @@ function SidePicker({ model, name, title, side, choose }: PickerProps) {
           <optgroup label={TEXT.live}>
             {app.store.devices.value.map((device) => (
               <option key={device.id} value={device.id}>
-                {fullName(device)}
+                {listName(device)}
               </option>
             ))}
           </optgroup>
@@ -92,7 +92,7 @@ function SidePicker({ model, name, title, side, choose }: PickerProps) {
           >
             {devices.map((device) => (
               <option key={device.id} value={device.id}>
-                {fullName(device)}
+                {listName(device)}
               </option>
             ))}
           </select>

@@ -17,6 +17,7 @@ import { markOf, shortSource } from "../ui/page-state";
 import { fullName, shortName } from "../wire/device-name";
 import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
+import { ResumeButton } from "./empty-states";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
 import { TEXT as CALIBRATION } from "../texts/calibration";
 import { COMMON } from "../texts/common";
@@ -230,7 +231,7 @@ const NAMES: Readonly<Record<Exclude<DeviceInfo["status"], "live">, readonly [st
   connecting: ["", COMMON.connecting],
   lost: ["bad", COMMON.lost],
   denied: ["bad", COMMON.notPermitted],
-  idle: ["", TEXT.idle],
+  idle: ["", COMMON.idle],
   ended: ["", COMMON.ended],
 };
 
@@ -291,7 +292,8 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
   }
   return (
     <div class="actions">
-      {device.status !== "live" && (
+      {device.status === "idle" && device.resume && <ResumeButton app={app} device={device} />}
+      {device.status !== "live" && !(device.status === "idle" && device.resume) && (
         <button type="button" class="btn small edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
           {device.status === "ended" ? TEXT.playAgain : TEXT.tryNow}
         </button>

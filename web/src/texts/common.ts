@@ -9,6 +9,7 @@ export const COMMON = {
   readOnly: "read-only",
   hexDigitsOnly: "Enter hex digits only: 0 to 9, A to F.",
   twoDigitsPerByte: "Enter two hex digits per byte.",
+  idle: "Idle",
   startMeasuring: "Start measuring",
   lost: "Lost",
   stop: "Stop",

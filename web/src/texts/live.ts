@@ -23,7 +23,6 @@ export const TEXT = {
   timeAgo: (value: Value, unit: Value) => `${value} ${unit} ago`,
   nextAttempt: (seconds: Value) => `next attempt in ${seconds} s`,
   restarted: "Restarted",
-  idle: "Idle",
   confirmRemoveLink: (devices: number) => `Remove all ${count(devices, "device")} on this link?`,
   confirmRemove: (name: Value) => `Remove ${name}?`,
   remove: "Remove",

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { DEVICE } from "../plots/synthetic";
-import { deviceInLink, distinctName, fullName, linkName, writeName } from "./device-name";
+import { deviceInLink, distinctName, fullName, linkName, listName, writeName } from "./device-name";
 
 const of = (id: string, serial: string, more = {}) => ({
   ...DEVICE,
@@ -20,6 +20,7 @@ test("two sensors of one product have different names", () => {
   expect(distinctName(right, [right, other])).toBe("MTi-630 · 0080800009");
   expect(distinctName(left, [left, right])).toBe("left wheel");
   expect(fullName(left)).toBe("left wheel · MTi-630 · 0080800006");
+  expect(listName(left)).toBe("left wheel · 0080800006");
   expect(fullName({ name: "IDTP device 102", serial_number: "102" })).toBe("IDTP device 102");
 });
 

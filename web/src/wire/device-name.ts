@@ -11,6 +11,9 @@ export function fullName({ own_name, name, serial_number: serial }: Named): stri
   return [own_name, name, name.includes(serial) ? "" : serial].filter(Boolean).join(" · ");
 }
 
+/** For a list to choose from: "left wheel · 0080800006". */
+export const listName = (device: Named): string => fullName({ ...device, name: shortName(device), own_name: "" });
+
 /** As short as can be without being another's: with the serial number if two have one name. */
 export function distinctName(device: DeviceInfo, all: readonly DeviceInfo[]): string {
   const name = shortName(device);

@@ -111,7 +111,7 @@ export function LostBand({ app, model }: { readonly app: App; readonly model: Mo
     return (
       <div class="band calm" role="status" data-key="quiet">
         <span class="dot off" />
-        <b>{COMMON.status.idle}</b>
+        <b>{COMMON.idle}</b>
         <span class="grow">
           <Message text={device.message} /> <Message text={device.hint} />
         </span>

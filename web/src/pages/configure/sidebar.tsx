@@ -11,7 +11,7 @@ import { go, route } from "../route";
 import type { Model } from "./model";
 import { listed, titleOf } from "./sides";
 import { linkTo, placeOf } from "./view-state";
-import { fullName, linkName } from "../../wire/device-name";
+import { linkName, listName } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -62,7 +62,7 @@ function DevicePicker({ app }: { readonly app: App }) {
         <select value={app.viewState.device.value ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
           {app.store.devices.value.map((device) => (
             <option key={device.id} value={device.id}>
-              {fullName(device)}
+              {listName(device)}
             </option>
           ))}
         </select>
