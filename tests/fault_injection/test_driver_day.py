@@ -1,0 +1,189 @@
+"""A day of a robot's driver on a shared port, at speed: it configures, logs, pauses and reconnects at random, while
+recordings start and stop, pages open and the server is killed. Nothing reaches the device that the driver did not send.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import select
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from protocols.events import Batch, RejectedFrame, Reply, SampleGap
+from protocols.transactions import DeviceContext
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.driver import XbusDriver
+from protocols.xbus.frames import build
+from protocols.xbus.simulator.device import XbusSimulator
+from server.links.simulated_device import SimulatorOptions
+from server.links.simulated_line import LineFaults
+from server.links.simulator import SimulatorThread
+from server.wire import SUBPROTOCOL
+from tests.free_ports import free_port
+from tests.links.shared_port import opened
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S, connect, http_client
+from tests.waiting import block_until
+
+pytestmark = pytest.mark.usefixtures("runtime")
+
+GO_TO_CONFIG, GO_TO_MEASUREMENT, REQ_DID = build(0x30), build(0x10), build(0x00)
+
+
+class ListeningDevice(XbusSimulator):
+    """An MTi that keeps what it is sent."""
+
+    heard = b""
+
+    def receive(self, data: bytes, now_ns: int) -> bytes:
+        self.heard += data
+        return super().receive(data, now_ns)
+
+
+class BusyDriver(threading.Thread):
+    """The robot's driver; it takes one random action after the other until it is stopped.
+
+    Attributes:
+        written: all that it has sent.
+        faults: samples that it lacks while it measures, and damaged frames.
+    """
+
+    def __init__(self, path: Path, seed: int) -> None:
+        super().__init__(daemon=True)
+        self.written = b""
+        self.faults: list[object] = []
+        self.samples = self.configurations = self.connections = 0
+        self._path = path
+        self._random = random.Random(seed)
+        self._stopped = threading.Event()
+        self._fd, self._decoder = -1, XbusDecoder()
+
+    def run(self) -> None:
+        self._connect()
+        while not self._stopped.is_set():
+            action = self._random.choice((self._log, self._log, self._pause, self._configure, self._connect))
+            action()
+        os.close(self._fd)
+
+    def stop(self) -> None:
+        self._stopped.set()
+        self.join(PATIENCE_S)
+        assert not self.is_alive()
+
+    def _connect(self) -> None:
+        if self._fd >= 0:
+            os.close(self._fd)
+        self._fd, self._decoder = opened(self._path), XbusDecoder()
+        self.connections += 1
+
+    def _log(self) -> None:
+        wanted = self.samples + self._random.randrange(5, 30)
+        self._read(lambda events: self.samples >= wanted)
+
+    def _pause(self) -> None:
+        self._stopped.wait(self._random.uniform(0.0, 0.1))  # the terminal keeps half a second
+
+    def _configure(self) -> None:
+        self._ask(GO_TO_CONFIG, "GoToConfigAck")
+        self._pause()
+        rate = self._random.choice((50, 100))
+        outputs = [{"data_identifier": 0x1020, "output_frequency": 0xFFFF}]
+        outputs += [{"data_identifier": one, "output_frequency": rate} for one in (0x2010, 0x4020)]
+        frame = XbusDriver().frame("SetOutputConfiguration", {"outputs": outputs}, DeviceContext())
+        self._ask(frame, "SetOutputConfigurationAck")
+        self._ask(GO_TO_MEASUREMENT, "GoToMeasurementAck")
+        self.configurations += 1
+
+    def _ask(self, frame: bytes, answer: str) -> None:
+        os.write(self._fd, frame)
+        self.written += frame
+        self._read(lambda events: any(isinstance(one, Reply) and one.message.name == answer for one in events))
+
+    def _read(self, is_done: object) -> None:
+        assert callable(is_done)
+        events: list[object] = []
+        while not is_done(events) and not (self._stopped.is_set() and not events):
+            if not select.select((self._fd,), (), (), 0.05)[0]:
+                if self._stopped.is_set():
+                    return
+                continue
+            self._decoder.feed(os.read(self._fd, 4096), 0)
+            events = list(self._decoder.drain())
+            self.samples += sum(len(one) for one in events if isinstance(one, Batch))
+            self.faults += [one for one in events if isinstance(one, RejectedFrame | SampleGap)]
+
+
+@pytest.fixture
+def device() -> Iterator[SimulatorThread]:
+    options = SimulatorOptions("xbus", faults=LineFaults(baud=115_200))
+    thread = SimulatorThread(lambda start_ns: ListeningDevice(start_ns=start_ns, rate=100, measuring=True), options)
+    thread.start()
+    yield thread
+    thread.stop()
+
+
+def heard_by(device: SimulatorThread) -> bytes:
+    assert isinstance(device.device, ListeningDevice)
+    return device.device.heard
+
+
+def open_a_page(server: ServerProcess) -> None:
+    """What a page asks for when it is opened on Configure."""
+    with http_client(base_url=server.url) as http:
+        for place in ("devices", "devices/1/forms", "devices/1/values", "devices/1/shares", "recordings", "ports"):
+            assert http.get(f"/api/{place}").status_code in (200, 404, 409)
+    with connect(f"{server.url.replace('http', 'ws')}/ws", subprotocols=[SUBPROTOCOL]) as page:
+        assert json.loads(page.recv())["op"] == "hello"
+
+
+def record(server: ServerProcess) -> None:
+    with http_client(base_url=server.url) as http:
+        http.post("/api/recordings/stop", json={})
+        assert http.post("/api/recordings/start", json={}).is_success
+        assert http.post("/api/recordings/stop", json={}).is_success
+
+
+@pytest.mark.parametrize(
+    ("recordings", "kills"), [(12, 1), pytest.param(200, 5, marks=pytest.mark.slow)], ids=["an hour", "a day"]
+)
+def test_a_driver_alone_talks_to_its_device(
+    device: SimulatorThread, tmp_path: Path, recordings: int, kills: int
+) -> None:
+    path, logging = tmp_path / "imu0", free_port()
+    shares = ("--share", str(path), "--share", f"tcp://127.0.0.1:{logging}?mode=read")
+    source = f"{device.slave}?baud=115200"
+    driver = BusyDriver(path, seed=recordings)
+    logger: socket.socket | None = None
+    before = 0
+    for run in range(kills + 1):
+        more = ("--record",) if run else ()
+        with ServerProcess(source, data=tmp_path / "data", arguments=(*shares, *more)) as server:
+            if logger is None:
+                block_until(path.exists, "the share")
+                logger = socket.create_connection(("127.0.0.1", logging), PATIENCE_S)  # somebody is always there
+                before = len(heard_by(device))
+                driver.start()
+            since = driver.configurations, driver.connections
+            for number in range(recordings // (kills + 1)):
+                record(server)
+                if number % 5 == 0:
+                    open_a_page(server)
+            block_until(lambda since=since: is_past(driver, since), "the driver is busy")
+            server.process.kill()
+            server.process.wait(PATIENCE_S)
+    assert logger is not None
+    driver.stop()
+    logger.close()
+    assert driver.faults == []
+    assert heard_by(device)[before:] == driver.written
+
+
+def is_past(driver: BusyDriver, since: tuple[int, int]) -> bool:
+    """Whether it has configured the device and connected again since."""
+    return driver.configurations > since[0] and driver.connections > since[1]
