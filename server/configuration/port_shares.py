@@ -77,7 +77,7 @@ class PortShares:
             self._follow(session, session.link)
 
     def _follow(self, session: Session, link: HeldLink) -> None:
-        known: dict[str, Any] = {"clients": {}, "configuring": None, "turned_away": 0}
+        known: dict[str, Any] = {"clients": {}, "configuring": None, "turned_away": 0, "unsent": 0}
         off = [
             link.on_state.add(lambda state: self._on_state(session, link, known, state)),
             link.on_client_data.add(lambda data: self._on_client_data(session, link, data)),
@@ -103,6 +103,13 @@ class PortShares:
                 continue
             for text in _news(link.name_of(number), before[number], one):
                 self._report(session, "warning", text)
+        for one in state.get("unsent", ()):
+            if one["number"] <= known["unsent"]:
+                continue
+            known["unsent"] = one["number"]
+            name = link.name_of(one["number"]) or one["peer"]
+            words = f"{name} left before {one['bytes']} B that it had sent could be passed on: another was talking."
+            self._report(session, "warning", words)
         for number in set(before) - set(now):
             one = before[number]
             name = link.names.get(number) or one["peer"]  # the link does not know it any more

@@ -199,6 +199,7 @@ class Holder:
             "shares": [share.address.to_json() for share in self.sharing.shares],
             "clients": self.sharing.state(now),
             "displaced": list(self.sharing.displaced),
+            "unsent": list(self.sharing.unsent),
             "turned_away": self.sharing.turned_away,
         }
 

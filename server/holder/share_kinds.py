@@ -77,6 +77,9 @@ class Share(ABC):
         """Refuse the client that connects, of a share that may be full."""
         raise NotImplementedError
 
+    def clean(self) -> None:  # noqa: B027 - most kinds have a connection for each client
+        """Discard what a client that has left did not read: the next one must not get it."""
+
     def look(self) -> tuple[Client | None, Client | None]:
         """The client that came and the one that left since the last call, for shares without a listener."""
         return None, None
@@ -156,18 +159,20 @@ class PtyShare(Share):
             return None, None
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
-        is_open = not any(event & select.POLLHUP for _, event in poll.poll(0))
-        if is_open and not self.clients:
+        events = sum(event for _, event in poll.poll(0))
+        is_open = not events & select.POLLHUP
+        if not self.clients and (is_open or events & select.POLLIN):  # or it came, wrote and left since the last look
             return self._add(self.address.path, self._master, terminal=self._slave), None
         if not is_open and self.clients:
-            client = self.clients.pop()
-            with contextlib.suppress(termios.error):
-                termios.tcflush(self._master, termios.TCIOFLUSH)
-            return None, client
+            return None, self.clients.pop()
         for client in self.clients:
             with contextlib.suppress(termios.error):  # it was closed just now
                 client.baud = RATES.get(termios.tcgetattr(self._master)[4])
         return None, None
+
+    def clean(self) -> None:
+        with contextlib.suppress(termios.error):
+            termios.tcflush(self._master, termios.TCIOFLUSH)
 
     def drop(self, client: Client) -> None:
         """Hang up: the programs that have it open see an unplugged port; the path leads to a new one."""

@@ -60,6 +60,7 @@ class Sharing:
         self._held_back: set[int] = set()  # descriptors of clients that are not read now
         self._numbers = 0
         self.displaced: deque[int] = deque(maxlen=DISPLACED)
+        self.unsent: deque[dict[str, Any]] = deque(maxlen=20)  # of programs that left: bytes that were not passed on
         self.turned_away = 0
         self.rules = FrameRules()
         self.changed = True
@@ -130,12 +131,27 @@ class Sharing:
             for client in share.clients:
                 self._follow_rate(client, now)
             if left is not None:
+                self._read_last(left)
                 self._left(left)
+                share.clean()
             if came is not None:
                 self._came(share, came)
         self._take_turn(now)
         for fd in list(self._held_back):
             self._try_again(self.clients[fd], now)
+
+    def _read_last(self, client: Client) -> None:
+        """Pass on what a program wrote right before it closed its terminal; count what the device is not free for."""
+        unsent = 0
+        with contextlib.suppress(OSError):
+            while data := client.read():
+                now = time.monotonic()
+                if client.may_write and self._port.is_open and self._may_speak(client, now):
+                    self._pass_on(client, data, now)
+                else:
+                    unsent += len(data)
+        if unsent:
+            self.unsent.append({"peer": client.peer, "number": client.number, "bytes": unsent})
 
     def _take_turn(self, now: float) -> None:
         """Let others have the voice of a client that never pauses (polling, odometry), at a place between two frames.
@@ -195,6 +211,7 @@ class Sharing:
         return next((share for share in self.shares if client in share.clients), None)
 
     def _hung_up(self, client: Client) -> None:
+        self._read_last(client)
         share = self._share_of(client)
         if share is not None and share.address.kind == "pty":
             share.clients.remove(client)  # its terminal stays; `look` notices who opens it next
@@ -250,7 +267,6 @@ class Sharing:
                 if not client.queue.size:
                     self._expect(client)
             if client.fd in self._held_back and event & GONE:
-                client.refused += len(client.read())
                 raise OSError
             if event & ~WRITE:
                 self._read(client)
@@ -277,6 +293,10 @@ class Sharing:
         if is_refused:
             client.refused += len(data)
             return
+        self._pass_on(client, data, now)
+
+    def _pass_on(self, client: Client, data: bytes, now: float) -> None:
+        """Send bytes of a client to the device."""
         had_voice = self._arbiter.speaker(now) == client.number
         self._arbiter.spoke(client.number, now)
         self._recognise(client, data, now)

@@ -179,9 +179,13 @@ def test_a_driver_alone_talks_to_its_device(
             server.process.wait(PATIENCE_S)
     assert logger is not None
     driver.stop()
+    block_until(lambda: len(heard_by(device)) - before >= len(driver.written), "the last frames are at the device")
     logger.close()
     assert driver.faults == []
-    assert heard_by(device)[before:] == driver.written
+    heard = heard_by(device)[before:]
+    pairs = enumerate(zip(heard, driver.written, strict=False))
+    same = next((at for at, (one, two) in pairs if one != two), len(heard))
+    assert heard == driver.written, f"from byte {same} of {len(heard)}: {heard[same - 5 : same + 20].hex(' ')}"
 
 
 def is_past(driver: BusyDriver, since: tuple[int, int]) -> bool:

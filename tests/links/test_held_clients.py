@@ -102,6 +102,43 @@ def test_the_server_waits_until_a_client_has_configured_the_device(port: DeviceP
     asyncio.run(check())
 
 
+def test_what_a_program_writes_before_it_closes_reaches_the_device_at_once(port: DevicePort, tmp_path: Path) -> None:
+    """A program that opened, wrote and closed between two looks was heard only when the next one came, as that one's."""
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            for number in range(5):
+                os_write_and_close(tmp_path / "imu0", b"hello")
+                assert await asyncio.to_thread(port.receive, 5) == b"hello", number
+                await eventually(lambda: not clients(link), link)
+
+    asyncio.run(check())
+
+
+def test_what_a_program_that_left_could_not_send_is_counted(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with in_process(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{free_port()}") as link:
+            link.use_frames(*XBUS)
+            other = socket.create_connection(("127.0.0.1", int(link.shares[1].text.rpartition(":")[2])), PATIENCE_S)
+            await eventually(lambda: clients(link), link)
+            other.sendall(GO_TO_CONFIG)
+            await eventually(lambda: link.state["configuring"], link)
+            os_write_and_close(tmp_path / "imu0", b"hello")
+            await eventually(lambda: link.state["unsent"], link)
+            assert [one["bytes"] for one in link.state["unsent"]] == [5]
+            other.close()
+            assert await asyncio.to_thread(port.receive, len(GO_TO_CONFIG)) == GO_TO_CONFIG
+            assert port.is_quiet()
+
+    asyncio.run(check())
+
+
+def os_write_and_close(path: Path, data: bytes) -> None:
+    driver = opened(path)
+    os.write(driver, data)
+    os.close(driver)
+
+
 @pytest.mark.usefixtures("short_waits")
 def test_a_person_may_take_over_from_a_client_that_does_not_finish(port: DevicePort, tmp_path: Path) -> None:
     async def check() -> None:
