@@ -8,7 +8,7 @@ import type { ViewState } from "../data/view-state";
 import { figure } from "../charts/axes";
 import { duration } from "../plots/axis";
 import { changeOf, valueAt } from "../plots/legend";
-import type { PlotSpec, Series } from "../plots/plot-selection";
+import { labelOf, type PlotSpec, type Series } from "../plots/plot-selection";
 import { copyText } from "../ui/copy";
 import { el, LiveText, type Panel, throttle, unit } from "../ui/dom";
 import { NONE } from "../ui/format";
@@ -249,7 +249,7 @@ export function byUnit(plot: PlotSpec): readonly PlotSpec[] {
 function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): Line {
   const info = series.channel.info.columns[series.column];
   const own = info?.unit || plot.unit;
-  const tr = el("tr", { class: "pending" }, el("th", { scope: "row", class: series.colour }, series.label));
+  const tr = el("tr", { class: "pending" }, el("th", { scope: "row", class: series.colour }, labelOf(series)));
   const cells = Object.fromEntries(FIGURE_KEYS.map((key) => [key, new LiveText()])) as Record<FigureKey, LiveText>;
   for (const key of FIGURE_KEYS) {
     const text = unitOf(key, own);

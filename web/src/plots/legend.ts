@@ -39,6 +39,17 @@ export function valueAt(series: Series, t: number, base: TimeBase, reads: Reads 
   return row < 0 ? NaN : ring.columns[series.column]![row & ring.mask]!;
 }
 
+/** Whether a line is whole, dashed or dotted: the class of its sample. */
+const lineKind = ({ dash: [stroke = Infinity] }: Series): string =>
+  stroke === Infinity ? "whole" : stroke < DOT_PX ? "dotted" : "dashes";
+/** Shorter strokes are dots, px. */
+const DOT_PX = 3;
+
+/** Rows of the legend beside a plot. Of a device's own plot the norm is not counted: that one goes where there is no room. */
+export const rowsOf = ({ series }: PlotSpec): number =>
+  series.filter(({ norm }) => !norm || series.some(({ mark }) => mark !== undefined)).length +
+  series.filter(({ heading }, k) => heading !== undefined && heading !== series[k - 1]?.heading).length;
+
 /** Frames that are named: a velocity or a position is meaningless without one; and body frames chosen by the user. */
 const NAMED = new Set(["ENU", "NED", "NWU", "ECEF", "FLU", "FRD"]);
 
@@ -87,7 +98,15 @@ export class Legend {
       .filter(Boolean)
       .join(" ");
     this.#rows = spec.series.map((series) => this.#row(series));
-    this.root = el("div", { class: "legend" }, head, ...this.#rows.map(({ button }) => button));
+    const dashed = spec.series.some(({ dash }) => dash.length > 0);
+    this.root = el("div", { class: dashed ? "legend dashed" : "legend" }, head);
+    let above: string | undefined;
+    for (const { series, button } of this.#rows) {
+      if (series.heading !== undefined && series.heading !== above)
+        this.root.append(el("span", { class: "series-heading", title: series.heading }, series.heading));
+      above = series.heading;
+      this.root.append(button);
+    }
     if (remove === undefined) return;
     const label = TEXT.removePlot(spec.title);
     const button = el("button", { type: "button", class: "remove-plot", "aria-label": label, title: label }, "×");
@@ -96,7 +115,8 @@ export class Legend {
   }
 
   #row(series: Series): Row {
-    const letter = el("i", { class: series.colour }, series.label);
+    const letter = el("i", { class: series.colour, title: series.label }, series.label);
+    letter.prepend(el("span", { class: `line-sample ${lineKind(series)}`, "aria-hidden": "true" }));
     const value = new LiveText();
     const text = el("span", { class: "series-value" });
     text.append(value.node);

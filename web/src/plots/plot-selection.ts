@@ -17,7 +17,12 @@ export interface Series {
   readonly column: number;
   /** As `hidden` in view-state.ts: channel and column name. */
   readonly key: string;
+  /** What its row says, and the end of its line. */
   readonly label: string;
+  /** Name of its channel, if the plot's title does not tell it: above the row. */
+  readonly heading?: string;
+  /** Of a signal that a person put there: names its line where the label has no room. */
+  readonly mark?: string;
   readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n";
   /** Dashes distinguish series without axis colours; empty for a solid line. */
   readonly dash: readonly number[];
@@ -313,6 +318,11 @@ function plotsByRule(channels: readonly Channel[]): PlotSpec[] {
   const others = channels.filter((channel) => !taken.has(channel)).flatMap(otherPlots);
   if (shown.length > 0) return toldApart([...shown, ...others]);
   return toldApart(others.map((plot, k) => ({ ...plot, primary: k < FALLBACK })));
+}
+
+/** A series by its channel, if the plot's title does not tell it, and its label. */
+export function labelOf({ heading, label }: Series): string {
+  return [heading ?? "", label].filter((word) => word !== "").join(" ");
 }
 
 /** Keys of a plot's series without its norm. */

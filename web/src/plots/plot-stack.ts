@@ -379,6 +379,7 @@ class Stack {
     this.#look = palette(this.#root);
     this.#root.classList.toggle("narrow", this.#look.narrow);
     const width = this.#root.clientWidth;
+    for (const room of this.#plots.map((plot) => plot.makeRoom(this.#look))) if (room) this.#layoutDue = true;
     for (const plot of this.#plots) {
       plot.top = plot.root.offsetTop;
       plot.sheet.resize(width, plot.root.clientHeight);

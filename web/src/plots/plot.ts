@@ -14,7 +14,7 @@ import type { Ring } from "../data/ring-buffer";
 import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
-import { Legend, type Toggle, valueAt, type LegendActions } from "./legend";
+import { Legend, rowsOf, type Toggle, valueAt, type LegendActions } from "./legend";
 import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
 import type { PlotSpec, RightAxis, Series } from "./plot-selection";
 import { traceDots, traceSeries } from "./trace";
@@ -62,6 +62,7 @@ export class Plot {
   #revision = -1;
   #drawnAt = -Infinity;
   #zoom = NaN;
+  #legendHeight = LEGEND_HEIGHT;
 
   constructor(
     readonly spec: PlotSpec,
@@ -78,7 +79,7 @@ export class Plot {
     const gutters = [this.left.gutter, ...(this.right ? [this.right.gutter] : [])];
     this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas, ...gutters);
     this.root.style.setProperty("--weight", String(spec.weight));
-    const least = Math.max(Math.round(40 + 32 * spec.weight), hasOwn(spec) ? ROOM_PX + ROW_PX * spec.series.length : 0);
+    const least = Math.max(Math.round(40 + 32 * spec.weight), ROOM_PX + ROW_PX * rowsOf(spec));
     this.root.style.setProperty("--least", `${least}px`);
     this.sheet = new CanvasLayer(canvas);
     this.#rings = [...new Set(spec.series.map(({ channel }) => channel.ring))];
@@ -100,7 +101,16 @@ export class Plot {
 
   /** Upper edge of the drawing: below a legend above it, px. */
   inset(look: Palette): number {
-    return look.narrow ? LEGEND_HEIGHT : 0;
+    return look.narrow ? this.#legendHeight : 0;
+  }
+
+  /** Makes room for a legend above the plot, which may have several rows; true if that changed. */
+  makeRoom(look: Palette): boolean {
+    const height = look.narrow ? Math.max(LEGEND_HEIGHT, this.legend.root.offsetHeight) : LEGEND_HEIGHT;
+    if (height === this.#legendHeight) return false;
+    this.#legendHeight = height;
+    this.root.style.setProperty("--legend-h", `${height}px`);
+    return true;
   }
 
   /** Position of a value, CSS px from the plot's top. @param isRight on the right axis */
@@ -285,14 +295,12 @@ export class Plot {
     setFont(x, look, 11, 650);
     for (const { series, y } of letters) {
       x.fillStyle = look.colour[series.colour];
-      const text = look.narrow && series.label.length > 3 ? series.label.charAt(0) : series.label; // whole, or a letter
-      x.fillText(text.length > 3 ? fitting(x, text, look.tail - 5) : text, w.left + w.width + 4, y);
+      const { label, mark = look.narrow ? label.charAt(0) : "" } = series;
+      const isWhole = label !== "" && (look.narrow ? label.length <= 3 : x.measureText(label).width <= look.tail - 5);
+      x.fillText(isWhole ? label : mark || fitting(x, label, look.tail - 5), w.left + w.width + 4, y);
     }
   }
 }
-
-/** Whether a person put signals on it, of which the legend must have room for each. */
-const hasOwn = ({ custom, right }: PlotSpec): boolean => custom !== undefined || right !== undefined;
 
 /** Value at which all of them wrap; 0: not all do. */
 function periodOf(series: readonly Series[]): number {

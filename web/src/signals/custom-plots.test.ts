@@ -2,7 +2,8 @@
 import { expect, test } from "vitest";
 import type { Channel } from "../data/channels";
 import type { CustomPlot } from "../data/view-state";
-import type { PlotSpec } from "../plots/plot-selection";
+import { rowsOf } from "../plots/legend";
+import { labelOf, type PlotSpec } from "../plots/plot-selection";
 import { placeQuery, readPlace } from "../recordings/permalink";
 import { added, heldOf, misfit, removed, withCustomPlots } from "./custom-plots";
 
@@ -26,9 +27,11 @@ test("signals of two devices share a plot, each with a colour of its own and the
   const plot = own(signal("1", "Acc", "x"), signal("2", "Acc", "x"), signal("2", "Acc", "y"));
   const { series, unit, title, custom } = only(withCustomPlots([], [plot], CHANNELS, "1"));
   expect([unit, title, custom]).toEqual(["m/s²", "Acc", "p1"]);
-  expect(series.map(({ label }) => label)).toEqual(["Acc x (1)", "Acc x (2)", "Acc y (2)"]);
+  expect(series.map(({ label }) => label)).toEqual(["#1 x", "#2 x", "#2 y"]);
+  expect(series.map(({ heading }) => heading)).toEqual([undefined, undefined, undefined]); // the title tells it
   expect(new Set(series.map(({ colour, dash }) => `${colour} ${dash}`)).size).toBe(3);
-  expect(series[0]!.colour).toBe("axis-x");
+  expect(series.map(({ colour }) => colour)).toEqual(["axis-x", "axis-x", "axis-y"]);
+  expect(series[2]!.dash).toEqual(series[1]!.dash); // the device's own
 });
 
 test("twelve signals of one axis look different", () => {
@@ -49,11 +52,34 @@ test("what is added to a plot of a device is drawn on that device's plot only", 
   const { custom: _, ...rest } = base;
   const plots = [{ ...rest, key: "Acc" }];
   const custom = added([], { kind: "device", device: "1", plot: "Acc" }, [signal("1", "Free acc", "z")]);
-  expect(only(withCustomPlots(plots, custom, CHANNELS, "1")).series.map(({ label }) => label)).toEqual([
-    "x",
-    "Free acc z",
+  const { series } = only(withCustomPlots(plots, custom, CHANNELS, "1"));
+  expect(series.map(({ heading, label }) => [heading, label])).toEqual([
+    [undefined, "x"],
+    ["Free acc", "z"],
   ]);
   expect(only(withCustomPlots(plots, custom, CHANNELS, "2")).series).toHaveLength(1);
+});
+
+test("rows of two devices tell the device and the axis where names were cut to one beginning", () => {
+  const base = only(withCustomPlots([], [own(signal("1", "Acc", "x"), signal("1", "Acc", "y"))], CHANNELS, "1"));
+  const { custom: _, ...rest } = base;
+  const warm = channel("2", "Temperature", "°C", ["x"]);
+  const custom = added([], { kind: "device", device: "1", plot: "Acc" }, [
+    signal("2", "Acc", "x"),
+    signal("2", "Acc", "y"),
+    signal("2", "Temperature", "x"),
+  ]);
+  const plot = only(withCustomPlots([{ ...rest, key: "Acc" }], custom, [...CHANNELS, warm], "1"));
+  expect(plot.series.map((one) => [one.heading, one.label])).toEqual([
+    [undefined, "x"],
+    [undefined, "y"],
+    [undefined, "#2 x"],
+    [undefined, "#2 y"],
+    ["Temperature", "#2"],
+  ]);
+  expect(labelOf(plot.series[4]!)).toBe("Temperature #2");
+  expect(plot.series.map(({ dash }) => dash.length > 0)).toEqual([false, false, true, true, true]);
+  expect(rowsOf(plot)).toBe(6); // the plot grows with them
 });
 
 test("a signal is added once, and the last one removed takes the plot away", () => {
@@ -85,10 +111,7 @@ test("signals of two units: the first unit is on the left, and takes the left ag
   const mixed = own(signal("1", "Acc", "x"), signal("1", "Rate", "x"), signal("1", "Temp", "x"));
   const plot = only(withCustomPlots([], [mixed], channels, "1"));
   expect([plot.unit, plot.right?.unit, plot.right?.key]).toEqual(["m/s²", "°/s", "custom:p1 right"]);
-  expect(plot.series.map(({ label, isRight }) => `${label} ${isRight === true}`)).toEqual([
-    "Acc x false",
-    "Rate x true",
-  ]);
+  expect(plot.series.map((one) => `${labelOf(one)} ${one.isRight === true}`)).toEqual(["Acc x false", "Rate x true"]);
   const rest = only(withCustomPlots([], [own(signal("1", "Rate", "x"))], channels, "1"));
   expect([rest.unit, rest.right]).toEqual(["°/s", undefined]);
 });

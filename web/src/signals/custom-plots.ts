@@ -66,7 +66,7 @@ export function withCustomPlots(
       plot.unit,
     );
     if (found.length === 0) return plot;
-    const series = [...plot.series, ...seriesOf(found, plot.series, plot.unit)];
+    const series = [...plot.series, ...seriesOf(found, plot.series, plot.unit, plot.title)];
     return { ...plot, series, ...rightOf(plot.key, series) };
   });
   return [...added, ...custom.flatMap((one) => (one.on === undefined ? ownPlot(one, channels) : []))];
@@ -91,7 +91,7 @@ function rightOf(key: string, series: readonly Series[]): Pick<PlotSpec, "right"
 function ownPlot({ id, signals }: CustomPlot, channels: readonly Channel[]): readonly PlotSpec[] {
   const found = foundIn(channels, signals);
   if (found[0] === undefined) return [];
-  const series = seriesOf(found, [], unitOf(found[0]));
+  const series = seriesOf(found, [], unitOf(found[0]), titleOf(found));
   const key = `${PREFIX}${id}`;
   const frames = new Set(found.map(({ channel }) => channel.info.frame.split(" ")[0] ?? ""));
   return [
@@ -118,27 +118,34 @@ function titleOf(found: readonly Found[]): string {
 }
 
 /**
- * Each signal in its axis' colour, or the next one free; the name of its channel is part of its label where several are together. Those
- * of another unit than `unit` are on the right axis.
+ * Each signal in its axis' colour, or the next one free, and each further device in dashes of its own. The device and the axis are the
+ * label where several devices are together; the name of the channel is a heading where the plot's `title` is another. Those of another
+ * unit than `unit` are on the right axis.
  */
-function seriesOf(found: readonly Found[], beside: readonly Series[], unit: string): readonly Series[] {
+function seriesOf(found: readonly Found[], beside: readonly Series[], unit: string, title: string): readonly Series[] {
   const used = new Set(beside.map(({ colour, dash }) => `${colour} ${DASHES.findIndex((one) => same(one, dash))}`));
   const channels = new Set([...beside.map(({ channel }) => channel), ...found.map(({ channel }) => channel)]);
-  const devices = new Set([...channels].map(({ info }) => info.device));
+  const devices = [...new Set([...channels].map(({ info }) => info.device))];
   return found.flatMap(({ channel, column }) => {
     const info = channel.info.columns[column];
     if (!info) return [];
     const wanted = info.axis === "" || info.axis === "w" ? undefined : (`axis-${info.axis}` as const);
-    const look = nextLook(used, wanted);
+    const look = nextLook(used, wanted, devices.indexOf(channel.info.device));
     used.add(`${look.colour} ${look.dash}`);
     const own = info.label || info.name;
-    const channelName = channel.info.columns.length === 1 ? nameOf(channel) : `${nameOf(channel)} ${own}`;
-    const plain = channels.size === 1 ? own : channelName;
+    const heading = nameOf(channel) === title ? undefined : nameOf(channel);
+    const isAlone = channel.info.columns.length === 1; // its name is that of the channel
+    const label = [
+      ...(devices.length === 1 ? [] : [TEXT.ofDevice(channel.info.device)]),
+      ...(isAlone && heading !== undefined ? [] : [own]),
+    ].join(" ");
     const series: Series = {
       channel,
       column,
       key: `${channel.info.device}/${channel.info.name}.${info.name}`,
-      label: devices.size === 1 ? plain : TEXT.ofDevice(plain, channel.info.device),
+      label,
+      ...(heading === undefined ? {} : { heading }),
+      mark: (isAlone ? nameOf(channel) : own).charAt(0),
       colour: look.colour,
       dash: DASHES[look.dash] ?? [],
       norm: false,
@@ -154,13 +161,13 @@ const same = (a: readonly number[], b: readonly number[]): boolean => a.join() =
 function nextLook(
   used: ReadonlySet<string>,
   wanted: Series["colour"] | undefined,
+  device: number,
 ): { readonly colour: Series["colour"]; readonly dash: number } {
-  const order = wanted ? [wanted, ...COLOURS] : COLOURS;
-  for (let dash = 0; dash < DASHES.length; dash++) {
-    const colour = order.find((one) => !used.has(`${one} ${dash}`));
-    if (colour) return { colour, dash };
-  }
-  return { colour: wanted ?? "axis-n", dash: 0 };
+  const dashes = DASHES.map((_, dash) => (device + dash) % DASHES.length);
+  const all = (colours: readonly Series["colour"][]) =>
+    dashes.flatMap((dash) => colours.map((colour) => ({ colour, dash })));
+  const looks = [...(wanted ? all([wanted]) : []), ...all(COLOURS)];
+  return looks.find(({ colour, dash }) => !used.has(`${colour} ${dash}`)) ?? { colour: wanted ?? "axis-n", dash: 0 };
 }
 
 // ── changes ───────────────────────────────────────────────────────────────────────────────────────────────────────────

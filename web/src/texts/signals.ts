@@ -3,7 +3,7 @@ import type { Value } from "./plural";
 
 export const TEXT = {
   // plots
-  ofDevice: (signal: Value, device: Value) => `${signal} (${device})`,
+  ofDevice: (device: Value) => `#${device}`,
   noUnit: "no unit",
   otherUnit: (unit: Value, plot: Value, of: Value) =>
     `A plot has at most two units: ${plot} has ${of}, this signal is in ${unit}. Put it on a new plot.`,

@@ -2,6 +2,7 @@
 import { byUnit, visible } from "../../measure/panel";
 import { type FigureSource, wantedOf } from "../../measure/server-figures";
 import type { ViewState } from "../../data/view-state";
+import { labelOf } from "../../plots/plot-selection";
 import type { EvidencePlot, EvidenceSeries } from "../../wire/routes";
 
 export interface EvidencePlots {
@@ -18,12 +19,12 @@ export function evidencePlots({ actions, hiddenSeries, yAxes }: ViewState, sourc
       const series = plot.series.flatMap((one): EvidenceSeries[] => {
         const wanted = wantedOf(one, source);
         if (wanted === undefined) {
-          without.push(`${plot.title} ${one.label}`);
+          without.push(`${plot.title} ${labelOf(one)}`);
           return [];
         }
         const { word: signal, part, factor, offset, period } = wanted;
-        const { label, colour, dash, decimals } = one;
-        return [{ signal, part, factor, offset, period, label, colour, dash: [...dash], decimals }];
+        const { colour, dash, decimals } = one;
+        return [{ signal, part, factor, offset, period, label: labelOf(one), colour, dash: [...dash], decimals }];
       });
       if (series.length === 0) return [];
       const axis = yAxes.peek().get(plot.key);
