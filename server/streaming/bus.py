@@ -156,7 +156,7 @@ class TelemetryBus:
         event = wire.EventInfo(self._next_event, when, device, kind, level, text, t0, t1, samples, data or {})
         self._next_event += 1
         self._log.append(event)
-        self._log.trim(self.now())
+        self._log.trim(self._store.newest(), self.now())
         self.events.publish(event)
         return event
 

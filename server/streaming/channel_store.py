@@ -3,12 +3,14 @@
     advertise(info) ─> id          append(rows) ─> ring of the channel ─> RingBuffer.frames, .read, …
                                                     oldest blocks dropped
 
-Memory is bounded: a ring holds at most `history_s`, all rings together at most `budget` bytes; above it the oldest
-block of all is dropped first, so that all channels reach about equally far back.
+Memory is bounded: a ring holds at most `history_s` before the newest sample of its device, so that a file that has
+ended or a sensor that was unplugged keeps its samples; all rings together hold at most `budget` bytes. Above it the
+oldest block of all is dropped first, so that all channels reach about equally far back.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -34,7 +36,7 @@ class ChannelStore:
 
     Args:
         now: unix seconds that never step.
-        history_s: how long samples are kept.
+        history_s: how long samples are kept, before the newest one of their device.
         budget: bytes of all rings together.
         reserved: part of the budget that something else uses at present, bytes.
     """
@@ -72,7 +74,7 @@ class ChannelStore:
         now = self._now()
         if now >= self._next_trim:
             self._next_trim = now + TRIM_S
-            self._trim(now)
+            self._trim()
         return touched
 
     def remove_device(self, device: str) -> None:
@@ -100,15 +102,25 @@ class ChannelStore:
         """The channels of a device, by id."""
         return {number: one.info for number, one in self._channels.items() if one.info.device == device}
 
+    def newest(self) -> dict[str, float]:
+        """Arrival of the newest sample of each device that has one, unix s."""
+        newest: dict[str, float] = {}
+        for one in self._channels.values():
+            if len(one.ring):
+                newest[one.info.device] = max(newest.get(one.info.device, -math.inf), one.ring.newest)
+        return newest
+
     @property
     def nbytes(self) -> int:
         """Memory of all rings."""
         return sum(one.ring.nbytes for one in self._channels.values())
 
-    def _trim(self, now: float) -> None:
+    def _trim(self) -> None:
         rings = [channel.ring for channel in self._channels.values()]
-        for ring in rings:
-            ring.drop_before(now - self.history_s)
+        newest = self.newest()
+        for one in self._channels.values():
+            if len(one.ring):
+                one.ring.drop_before(newest[one.info.device] - self.history_s)
         excess = self.nbytes + self._reserved() - self._budget
         while excess > 0:
             droppable = [ring for ring in rings if ring.blocks > 1]

@@ -231,7 +231,7 @@ class ClientFanout:
         else:  # changes without clients are part of the history
             self._devices_changed = self._jobs_changed = False
             self._offered = {channel.info.id: channel.ring.total for channel in self._store.all}
-        self._log.trim(self._bus.now())
+        self._log.trim(self._store.newest(), self._bus.now())
         self._attached += 1
         queue.number = self._attached
         self._browser_count += queue.is_browser
@@ -263,13 +263,14 @@ class ClientFanout:
         Args:
             past: channels with history; None: all requested channels.
         """
-        since = self._bus.now() - min(request.history, self._store.history_s)
+        past_s, newest = min(request.history, self._store.history_s), self._store.newest()
         wanted = None if request.channels is None else set(request.channels)
         spans = {}
         for channel in self._store.all:
             number = channel.info.id
             if (wanted is None or number in wanted) and (past is None or number in past):
                 offered = self._offered.get(number, 0)
+                since = newest.get(channel.info.device, 0.0) - past_s
                 spans[number] = (channel.ring, min(channel.ring.sequence_at(since), offered), offered)
         queue.subscribe(request.channels, HistoryStream(spans), wire_codec.encode_text(wire.HistoryEnd()))
 

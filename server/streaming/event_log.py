@@ -4,14 +4,14 @@ There are two kinds. Events that are drawn in plots (a gap is a hatch, a clock s
 line) are stored for each device as long as its samples, because plots show both. Of all others, the newest are
 stored.
 
-    marks     gap, clock, marker    for history_s, at most MARKS_KEPT of each device
+    marks     gap, clock, marker    for history_s before the device's newest sample, at most MARKS_KEPT of each device
     changes   everything else       the newest CHANGES_KEPT; a new browser gets CHANGES_RESENT of them
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from server.wire import EventInfo, EventKind
 
@@ -47,10 +47,17 @@ class EventLog:
         """Remove the marks of a removed device."""
         self._marks.pop(device, None)
 
-    def trim(self, now: float) -> None:
-        """Remove the marks of samples that are no longer stored."""
-        for marks in self._marks.values():
-            while marks and _end(marks[0]) < now - self._history_s:
+    def trim(self, newest: Mapping[str, float], now: float) -> None:
+        """Remove the marks of samples that are no longer stored.
+
+        Args:
+            newest: arrival of the newest sample of each device that has one, unix s.
+            now: unix s.
+        """
+        earliest = min(newest.values(), default=now)  # marks of no device belong to all of them
+        for device, marks in self._marks.items():
+            since = newest.get(device, earliest) - self._history_s
+            while marks and _end(marks[0]) < since:
                 marks.popleft()
 
     def for_late(self) -> Iterator[list[EventInfo]]:

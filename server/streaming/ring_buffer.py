@@ -85,6 +85,11 @@ class RingBuffer:
         return self._blocks[0].last_arrival if self._blocks else float("inf")
 
     @property
+    def newest(self) -> float:
+        """Arrival of the newest stored sample, unix s; minus infinity without one."""
+        return self._blocks[-1].last_arrival if self._blocks else float("-inf")
+
+    @property
     def blocks(self) -> int:
         return len(self._blocks)
 

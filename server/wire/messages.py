@@ -105,7 +105,7 @@ class Subscribe:
     ending where the previous one began; flags bit 0).
     """
 
-    history: float  # seconds of history wanted
+    history: float  # seconds of history wanted, before the newest sample of each device
     channels: list[int] | None = None  # None: all, also future ones
     op: Literal["subscribe"] = "subscribe"
 

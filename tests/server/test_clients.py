@@ -116,6 +116,25 @@ def test_history_reaches_as_far_as_asked() -> None:
     assert browser.sequences[channel] == list(range(90, 100))
 
 
+def test_a_source_that_ended_keeps_its_samples_for_a_fresh_page_and_an_analysis() -> None:
+    clock = FakeClock()
+    telemetry = Telemetry.create(clock, history_s=600.0)
+    ended, live = telemetry.bus.advertise(info()), telemetry.bus.advertise(info("2"))
+    for _ in range(300):
+        clock.move(1.0)
+        publish(telemetry, ended, 1)
+    for _ in range(2000):  # 33 min after its end
+        clock.move(1.0)
+        publish(telemetry, live, 1)
+    telemetry.clients.flush()
+    browser = Browser(telemetry)
+    browser.subscribe(history=3600.0)
+    browser.take()
+    assert browser.sequences[ended] == list(range(300))
+    assert 600 <= len(browser.sequences[live]) <= 601
+    assert len(telemetry.store.of(ended).ring) == 300  # analyses read the ring
+
+
 def test_all_browsers_get_the_same_bytes_object() -> None:
     telemetry = Telemetry.create(FakeClock())
     channel = telemetry.bus.advertise(info())

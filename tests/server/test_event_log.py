@@ -44,10 +44,18 @@ def test_marks_go_with_their_samples_and_their_device() -> None:
     log = EventLog(history_s=600.0)
     for seq, device in enumerate("1122"):
         log.append(event(seq, "gap", device=device, time=1000.0 * (seq % 2)))
-    log.trim(700.0)
+    log.trim({}, 700.0)
     assert [one.seq for one in told(log)] == [1, 3]
     log.forget("2")
     assert [one.seq for one in log] == [1]
+
+
+def test_marks_of_a_source_that_ended_stay_as_long_as_its_samples() -> None:
+    log = EventLog(history_s=600.0)
+    for seq, device in enumerate("12"):
+        log.append(event(seq, "gap", device=device, time=100.0))
+    log.trim({"1": 110.0, "2": 5000.0}, 5000.0)
+    assert [one.device for one in told(log)] == ["1"]
 
 
 def test_it_is_sent_in_order_in_pieces() -> None:

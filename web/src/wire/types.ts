@@ -450,7 +450,7 @@ export interface Problem {
  * ending where the previous one began; flags bit 0).
  */
 export interface Subscribe {
-  /** seconds of history wanted */
+  /** seconds of history wanted, before the newest sample of each device */
   readonly history: number;
   /** None: all, also future ones */
   readonly channels: readonly number[] | null;
