@@ -184,6 +184,7 @@ class Message:
             other fields stay together), named message.field.
         direction: its sender.
         title, doc, source: display name; one sentence; section of the document.
+        sealed: only its maker can read its bytes, so that no definition of a payload is missing.
     """
 
     id: int
@@ -199,6 +200,7 @@ class Message:
     title: str = ""
     doc: str = ""
     source: str = ""
+    sealed: bool = False
 
 
 Caution = Literal["", "restarts", "stops-output", "cuts-line", "loses-settings", "wears-flash", "moves-frame"]

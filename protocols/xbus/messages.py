@@ -502,7 +502,8 @@ MESSAGES: tuple[Message, ...] = (
     _to_host(0x21, "reserved 33", "8.7", _RESERVED, _DATA),
     # known from devices only
     _to_device(0x90, "ReqEmts", "device", "Requests the device's stored calibration, for the header of a log."),
-    _to_host(0x91, "EmtsData", "device", "The device's stored calibration, encrypted.", _DATA, kind="indication"),
+    _to_host(0x91, "EmtsData", "device", "The device's stored calibration, encrypted.", _DATA, kind="indication",
+             sealed=True),
     _to_device(0x4A, "SetStealthMode", "device", "Not applicable to MTi devices.", _DATA),
     _to_device(0x8A, "StoreFilterState", "device", "Stores the filter state."),
     _to_device(0xAC, "ReqGnssReceiverSettings", "device", "Requests the settings of the GNSS receiver."),

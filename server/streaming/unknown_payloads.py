@@ -119,7 +119,10 @@ class UnknownPayloadTracker:
                     self._collect(batch.message, one, batch.verified, clocks, rows)
 
     def reply(self, reply: Reply) -> bool:
-        """Store a reply that contains only bytes; returns False for any other, which goes to the event log."""
+        """Store a reply that contains only bytes; returns False for any other, which goes to the event log.
+
+        A sealed one, for which imuscope asks itself at the begin of a recording, is archived but not displayed.
+        """
         fields = reply.message.fields
         if len(fields) != 1 or not is_opaque(fields[0]):
             return False
@@ -127,7 +130,8 @@ class UnknownPayloadTracker:
         if not isinstance(data, bytes | bytearray):
             return False
         arrival = reply.arrival_ns / 1e9
-        self._add(reply.message, fields[0], bytes(data), 1, arrival, True)
+        if not reply.message.sealed:
+            self._add(reply.message, fields[0], bytes(data), 1, arrival, True)
         if self._store is not None:
             rows = np.frombuffer(data, np.uint8)[None]
             clocks = (np.array([reply.offset]), np.array([arrival]), np.array([np.nan]))
