@@ -72,6 +72,21 @@ it("is as it was when its page is made anew, with the caret after what was typed
   expect([field.selectionStart, field.selectionEnd]).toEqual([5, 5]);
 });
 
+it("goes to the newest place where nothing can come after now", async () => {
+  const figures = { begin: [START + 90], end: [START + 90], total: 66 };
+  const asked = open({ [ROUTE]: [{ signal: "a > 1", device: "2", units: {}, figures }] });
+  state.actions.live();
+  await type("a > 1");
+  await vi.waitFor(() => expect(said()).toMatch(/true at one sample/));
+  expect(asked[0]?.body).toMatchObject({ options: { before: START + 100, order: "descending" } });
+  expect(at()).toBe(90);
+  state.actions.unpin();
+  state.actions.live();
+  state.goTo.value = { ...state.goTo.peek(), kind: "event" };
+  state.actions.stepPlace(true);
+  expect(at()).toBe(50);
+});
+
 it("goes to the next and previous place of a kind", async () => {
   open();
   state.actions.pin(START + 6);

@@ -35,13 +35,14 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
   };
   const asked = useRef(0);
   const input = useRef<HTMLInputElement>(null);
-  const step = (forward: boolean): void => {
+  const step = (ahead: boolean): void => {
+    const forward = ahead && !isNow(deps); // nothing comes after now: the newest place is gone to
     const { kind } = goTo.peek();
     if (!goTo.peek().isOpen) goTo.value = { ...goTo.peek(), isOpen: true };
     asked.current += 1;
     deps.halt?.();
     if (kind === "sample") {
-      actions.stepSample(forward ? 1 : -1);
+      actions.stepSample(ahead ? 1 : -1);
       say(undefined);
     } else if (kind === "condition") void search(forward, asked.current);
     else {
@@ -170,6 +171,11 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
 /** Where the next and the previous place are counted from. */
 function reference({ viewState: { actions } }: GoToDeps): number {
   return actions.cursorTime() ?? actions.rightEdge();
+}
+
+/** Whether the live edge is where places are counted from. */
+function isNow({ viewState: { actions, view } }: GoToDeps): boolean {
+  return view.peek().live && actions.cursorTime() === undefined;
 }
 
 function wordsOf({ first, last }: { readonly first: number; readonly last: number }): readonly [string, string] {
