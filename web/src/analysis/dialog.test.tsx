@@ -61,10 +61,11 @@ function open(
   isLive = false,
   prefix = "",
   viewState = createViewState(),
+  edge = 2000,
 ): readonly Asked[] {
   const asked = answering(answers);
   viewState.view.value = { device: "1", live: isLive, end: 1000, span: 20, timeBase: "arrival" };
-  const store = { channels: signal(CHANNELS), serverNow: () => 2000 };
+  const store = { channels: signal(CHANNELS), serverNow: () => 2000, edgeOf: () => edge };
   const deps = { store, viewState } as unknown as Deps;
   const close = (): void => undefined;
   render(<AnalysisDialog deps={deps} source="7" title="MTi-630" prefix={prefix} isLive={isLive} onClose={close} />);
@@ -98,6 +99,12 @@ test("the spectrum of the window is shown first, with its peaks and notes", asyn
   expect(peaks.textContent).toContain("2 × 15.85 Hz");
   expect(screen.getByText(/nothing is computed across a gap/)).toBeTruthy();
   expect(screen.getByText(/8 segments of 256 samples at 100 Hz/)).toBeTruthy();
+});
+
+test("the live window of a device that ended is the one on screen, not the last seconds by the clock", async () => {
+  const asked = open({ [`${ROUTE}/psd`]: [figures("x")] }, true, "", createViewState(), 1500);
+  await screen.findByRole("region", { name: "Peaks" });
+  expect(bodies(asked)[0]).toMatchObject({ t0: 1480, t1: 1500 });
 });
 
 test("the Allan deviation is asked of everything; a parameter that is not seen has its limit", async () => {

@@ -73,7 +73,7 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
     const cancel = new AbortController();
     let timer: ReturnType<typeof setTimeout> | undefined;
     const rangeNow = () => ({
-      ...timesOf(range, viewState, store.serverNow()),
+      ...timesOf(range, viewState, store.edgeOf(viewState.device.peek())),
       base: viewState.view.peek().timeBase,
     });
     let asked = "";

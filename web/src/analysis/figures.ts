@@ -8,11 +8,15 @@ import type { Curve, Numbers } from "./chart";
 export type Name = "statistics" | "psd" | "spectrogram" | "allan";
 export type Range = "window" | "cursors" | "everything";
 
-/** The times of a range, unix s; null is the beginning or the end. */
+/**
+ * The times of a range, unix s; null is the beginning or the end.
+ *
+ * @param edge right edge of a window that is live: now, or the end of a source that ended
+ */
 export function timesOf(
   range: Range,
   { view, cursor, measure }: Pick<ViewState, "view" | "cursor" | "measure">,
-  now: number,
+  edge: number,
 ): Pick<AnalysisRequest, "t0" | "t1"> {
   if (range === "everything") return { t0: null, t1: null };
   const [pinned, second] = [cursor.peek(), measure.peek()];
@@ -21,7 +25,7 @@ export function timesOf(
     return { t0: Math.min(...ends), t1: Math.max(...ends) };
   }
   const { live, end, span } = view.peek();
-  const last = live ? now : end;
+  const last = live ? edge : end;
   return { t0: last - span, t1: last };
 }
 

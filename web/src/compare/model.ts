@@ -122,7 +122,7 @@ export function sourceTitle(app: App, recordings: readonly RecordingInfo[] | und
 /** Begin and end of what a side can show, unix s. */
 export function boundsOf(model: CompareModel, { source, last }: Side): readonly [number, number] {
   const detail = model.details.value.get(source);
-  const now = model.app.store.serverNow();
+  const now = model.app.store.edgeOf(source);
   return detail ? [detail.t0, detail.t1] : [now - (last ?? 0), now];
 }
 
@@ -183,8 +183,9 @@ export function requestOf(
   model: CompareModel,
   { a, b, signal: name, signalB, offset }: ComparePlace & { readonly b: Side },
 ): ComparisonRequest {
-  const now = model.app.store.serverNow();
-  const [first, second] = [requestedSide(a, now), requestedSide(b, now)];
+  const { store } = model.app;
+  const asked = (side: Side): ComparedSide => requestedSide(side, store.edgeOf(side.source));
+  const [first, second] = [asked(a), asked(b)];
   const [own, other] = [boundsOf(model, a), boundsOf(model, b)];
   const ends = [
     [first.t0 ?? own[0], first.t1 ?? own[1]],

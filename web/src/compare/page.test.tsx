@@ -60,6 +60,7 @@ function open(query: string, answers: Record<string, unknown> = {}, otherName = 
       { time: 1005.5, text: "kerb", device: "2" },
     ]),
     serverNow: () => 2000,
+    edgeOf: () => 2000,
   };
   const app = { store, problem: signal(undefined), overlay: signal(undefined) } as unknown as App;
   location.hash = `#/recordings?${query}`;

@@ -46,7 +46,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
     const cancel = new AbortController();
     const ask = async (): Promise<void> => {
       // a plain name is a signal of its own; in brackets it is an expression, whose mistakes have a place
-      const now = deps.store.serverNow();
+      const now = deps.store.edgeOf(device);
       const range = { t0: now - PREVIEW_S, t1: now, base: "device" as const };
       const body = { source: device, signals: [`(${expression})`], options: {}, ...range };
       const outcome = await request("POST /api/analysis/{name}", {
