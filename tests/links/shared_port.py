@@ -69,6 +69,13 @@ def opened(path: Path) -> int:
     return os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
 
 
+def write_and_close(path: Path, data: bytes) -> None:
+    """A program that opens a shared terminal for one message."""
+    program = opened(path)
+    os.write(program, data)
+    os.close(program)
+
+
 def link_to(port: DevicePort, *shares: str) -> HeldLink:
     """A link to a port that is shared; closed."""
     settings = LinkSettings(now_ns=steady_clock())

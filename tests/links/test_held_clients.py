@@ -42,6 +42,7 @@ from tests.links.shared_port import (
     read_exactly,
     received,
     shared,
+    write_and_close,
 )
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
@@ -103,12 +104,12 @@ def test_the_server_waits_until_a_client_has_configured_the_device(port: DeviceP
 
 
 def test_what_a_program_writes_before_it_closes_reaches_the_device_at_once(port: DevicePort, tmp_path: Path) -> None:
-    """A program that opened, wrote and closed between two looks was heard only when the next one came, as that one's."""
+    """A program that opened, wrote and closed between two looks was heard when the next one came, as that one's."""
 
     async def check() -> None:
         async with shared(port, str(tmp_path / "imu0")) as link:
             for number in range(5):
-                os_write_and_close(tmp_path / "imu0", b"hello")
+                write_and_close(tmp_path / "imu0", b"hello")
                 assert await asyncio.to_thread(port.receive, 5) == b"hello", number
                 await eventually(lambda: not clients(link), link)
 
@@ -123,7 +124,7 @@ def test_what_a_program_that_left_could_not_send_is_counted(port: DevicePort, tm
             await eventually(lambda: clients(link), link)
             other.sendall(GO_TO_CONFIG)
             await eventually(lambda: link.state["configuring"], link)
-            os_write_and_close(tmp_path / "imu0", b"hello")
+            write_and_close(tmp_path / "imu0", b"hello")
             await eventually(lambda: link.state["unsent"], link)
             assert [one["bytes"] for one in link.state["unsent"]] == [5]
             other.close()
@@ -131,12 +132,6 @@ def test_what_a_program_that_left_could_not_send_is_counted(port: DevicePort, tm
             assert port.is_quiet()
 
     asyncio.run(check())
-
-
-def os_write_and_close(path: Path, data: bytes) -> None:
-    driver = opened(path)
-    os.write(driver, data)
-    os.close(driver)
 
 
 @pytest.mark.usefixtures("short_waits")
