@@ -160,7 +160,11 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
   const figure = (one: MessageHealth): Figure => ({ value: number(one.rate, 1), unit: "/s", tone: "" });
   return {
     update(health) {
-      const streaming = health?.messages.filter((one) => one.count >= STREAMS) ?? [];
+      const channels = channelsOf(deps);
+      // answers to a reading are no streams: they would stand here with 0.0 /s from then on
+      const isStream = ({ name, count, rate }: MessageHealth): boolean =>
+        count >= STREAMS && (rate > 0 || channels.some(({ info }) => info.message === name));
+      const streaming = health?.messages.filter(isStream) ?? [];
       const several = streaming.length > 1 ? streaming : [];
       if (several.length !== lines.length || several.some((one, i) => one.name !== lines[i]?.name)) {
         for (const line of lines) line.row.remove();

@@ -108,6 +108,7 @@ export const TEXT = {
     `The link was lost until ${time}. Whether this is still ${serial} is known once its settings are read.`,
   dismissResults: "Dismiss results",
   rolloutOf: (name: Value, total: number) => `${name}: ${count(total, "value")}.`,
+  unreadSettings: (total: number) => `${count(total, "setting")} could not be read`,
   changedElsewhere: "Changed elsewhere",
   editedHereToo: "You edited this as well; the form retains your value.",
   editsRebased: "Your edits are retained and now apply to the device's current values.",

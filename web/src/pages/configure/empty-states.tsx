@@ -142,6 +142,24 @@ export function LostBand({ app, model }: { readonly app: App; readonly model: Mo
   );
 }
 
+/** Settings that the last reading did not get, each with the device's reason. */
+export function UnreadSettings({ model }: { readonly model: Model }) {
+  const missing = Object.entries(model.body.value?.missing ?? {});
+  if (missing.length === 0 || !model.isRead.value) return null;
+  return (
+    <details class="hint inset unread-settings">
+      <summary>{TEXT.unreadSettings(missing.length)}</summary>
+      <ul>
+        {missing.map(([name, why]) => (
+          <li key={name}>
+            {model.setting(name)?.title ?? name}: <span class="dim">{why}</span>
+          </li>
+        ))}
+      </ul>
+    </details>
+  );
+}
+
 /** Which sensor this is, where that is in doubt: another one has come, or may have. */
 export function SensorBand({ model }: { readonly model: Model }) {
   const device = model.device.value;

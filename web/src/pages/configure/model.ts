@@ -362,6 +362,7 @@ export class Model {
 
   edit(form: SettingForm, path: Path, value: unknown): void {
     this.#remember();
+    this.problem.value = undefined; // it was about what is changed now
     const draft = put(this.valuesOf(form), path, value);
     const { [form.name]: begun, ...others } = this.drafts.peek();
     const before = this.present.peek()[form.name];
@@ -378,6 +379,7 @@ export class Model {
   /** Discard edits: of one setting, or all. */
   discard(name?: string): void {
     this.#remember();
+    this.problem.value = undefined;
     const left = Object.entries(this.drafts.peek()).filter(([key]) => name !== undefined && key !== name);
     this.drafts.value = Object.fromEntries(left);
     this.wrong.value = new Map(

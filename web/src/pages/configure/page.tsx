@@ -26,6 +26,7 @@ import {
   ProblemLine,
   Reading,
   SensorBand,
+  UnreadSettings,
   UnfinishedBand,
   ViewOnlyBand,
 } from "./empty-states";
@@ -107,6 +108,7 @@ export function Centre({ model, app }: { readonly model: Model; readonly app: Ap
       <UnfinishedBand model={model} />
       <ElsewhereBand model={model} />
       <ProblemLine model={model} />
+      <UnreadSettings model={model} />
       {forms.note && model.isRead.value && <p class="hint inset">{forms.note}</p>}
       <div class="places" key={`${model.id} ${place.kind} ${place.name}`}>
         <Shown model={model} app={app} place={place} />

@@ -30,7 +30,14 @@ export function Decks({ app }: { readonly app: App }) {
   useEffect(() => {
     dismissed.value = new Set([...dismissed.peek()].filter((device) => !underWay.split(",").includes(device)));
   }, [underWay]);
-  const rollbacks = all.filter(({ device, state }) => UNDER_WAY.has(state) || !dismissed.value.has(device));
+  /** Seen under way by this page: only these are told when they are over; others are in the list of jobs. */
+  const seen = useSignal<ReadonlySet<string>>(new Set());
+  useEffect(() => {
+    if (underWay !== "") seen.value = new Set([...seen.peek(), ...underWay.split(",")]);
+  }, [underWay]);
+  const isNews = ({ device, state }: PendingRollback): boolean =>
+    UNDER_WAY.has(state) || ((state === "unreachable" || seen.value.has(device)) && !dismissed.value.has(device));
+  const rollbacks = all.filter(isNews);
   const dismiss = (rollback: PendingRollback): void => {
     dismissed.value = new Set([...dismissed.value, rollback.device]);
   };

@@ -85,6 +85,11 @@ test("a change that was confirmed says so, and one that was rolled back says wha
   const page = await openConfigure("xbus");
   const words = "The device answers at 921 600 Bd.";
   const pending = { device: "1", changes: [], words, deadline: 0, seconds: 20 };
+  page.tell({ pending_rollback: { ...pending, state: "rolled-back" } }); // before this page was opened: no news
+  await waitFor(() => expect(page.store.jobs.value.get("1")?.pending_rollback?.state).toBe("rolled-back"));
+  expect(document.querySelector(".pending-rollback")).toBeNull();
+  page.tell({ pending_rollback: { ...pending, state: "applying" } });
+  await waitFor(() => expect(document.querySelector(".pending-rollback")).not.toBeNull());
   page.tell({ pending_rollback: { ...pending, state: "confirmed" } });
   await waitFor(() => expect(find(".pending-rollback h3").textContent).toMatch(/Confirmed$/));
   page.tell({ pending_rollback: { ...pending, state: "rolled-back" } });
