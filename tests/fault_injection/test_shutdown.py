@@ -30,6 +30,7 @@ from fastapi import FastAPI
 from server import http_server
 from tests.each_row import each_row
 from tests.fault_injection.ending import children, end, is_there
+from tests.server.fleet.store_fixtures import ENDLESS
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -150,9 +151,6 @@ def test_a_part_that_will_not_be_cancelled_is_abandoned() -> None:
     assert "not cancelled" in said
     assert "a viewer did not close within 1 s and was abandoned." in said
     assert "Exited while a viewer did not end." in said
-
-
-ENDLESS = "SELECT sum(a.range * b.range) FROM range(1000000000) a, range(1000000000) b"
 
 
 def _sent(

@@ -14,6 +14,10 @@ from deltalake import DeltaTable
 
 from server.cli import main
 
+ENDLESS = "SELECT sum(range) FROM range(1000000000000000)"
+"""A question that only ends by a limit of time: its rows pass by. Two ranges that are crossed would be kept in memory,
+whose limit a quick machine reaches first."""
+
 
 class Commands:
     """`imuscope upload` and `imuscope query`, run in this process.

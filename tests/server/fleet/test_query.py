@@ -17,7 +17,7 @@ import pytest
 
 from server.fleet.tables import TABLES
 from tests.each_row import each_row
-from tests.server.fleet.store_fixtures import Commands
+from tests.server.fleet.store_fixtures import ENDLESS, Commands
 from tests.server_process import ROOT
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
@@ -89,7 +89,7 @@ def test_columns_of_one_name_are_told_apart(commands: Commands, store: Path) -> 
         ("SELECT * FROM '/etc/hostname'", ""),
         ("SELECT * FROM read_text('/etc/hostname')", "disabled"),
         ("SELECT * FROM glob('/etc/*')", "disabled"),
-        ("SELECT sum(a.range * b.range) FROM range(1000000000) a, range(1000000000) b", "longer than 0.5 s"),
+        (ENDLESS, "longer than 0.5 s"),
         ("SELECT list(range) FROM range(100000000)", "memory"),
     ],
 )
@@ -120,8 +120,7 @@ def busiest_thread_s(pid: int) -> float:
 
 
 def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) -> None:
-    sql = "SELECT sum(a.range * b.range) FROM range(1000000000) a, range(1000000000) b"
-    words = [sys.executable, "-m", "server.cli", "query", "--store", str(store), sql]
+    words = [sys.executable, "-m", "server.cli", "query", "--store", str(store), ENDLESS]
     process = subprocess.Popen(
         words,
         cwd=ROOT,

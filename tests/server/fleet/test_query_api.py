@@ -29,10 +29,9 @@ from tests.each_row import each_row
 from tests.forked_workers import started_afresh
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks
+from tests.server.fleet.store_fixtures import ENDLESS
 from tests.server.in_process_server import InProcessServer
 from tests.waiting import block_until
-
-ENDLESS = "SELECT sum(a.range * b.range) FROM range(1000000000) a, range(1000000000) b"
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +154,7 @@ def test_what_an_editor_completes(server: InProcessServer, folder: Path) -> None
         ({"sql": "DROP VIEW recordings"}, 422, "bad-query", "read-only"),
         ({"sql": "SELECT * FROM read_text('/etc/hostname')"}, 422, "bad-query", "disabled"),
         ({"sql": "SELECT list(range) FROM range(100000000)", "memory_mb": 64}, 422, "bad-query", "memory"),
-        ({"sql": ENDLESS, "timeout_s": 0.5}, 422, "bad-query", "longer than 0.5 s"),
+        ({"sql": ENDLESS, "timeout_s": 0.5, "memory_mb": 64}, 422, "bad-query", "longer than 0.5 s"),
         ({"sql": "SELECT repeat('x', 1000000) FROM range(100)"}, 422, "bad-query", "64 MB"),
         ({"sql": " "}, 422, "bad-request", "one of the two"),
         ({"sql": "SELECT 1", "question": "shocks"}, 422, "bad-request", "one of the two"),
