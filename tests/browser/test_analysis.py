@@ -11,13 +11,21 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, fits, serious, small_targets
+from tests.browser.page_checks import DESKTOP, PHONE, fits, serious, show, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until
 
 PLACE = "document.querySelector('dialog[open]')"
 CURVES = "document.querySelectorAll('dialog[open] path.trace').length"
 NUMBERS = [1, 2, 3, 4, 5]
+EDGES = """(() => {
+  const stack = document.querySelector('.stack');
+  const style = getComputedStyle(stack);
+  const [gutter, tail] = ['--gutter-w', '--tail-w'].map(name => parseFloat(style.getPropertyValue(name)));
+  const plots = stack.getBoundingClientRect();
+  const picture = document.querySelector('.spectrogram canvas')?.getBoundingClientRect();
+  return picture && [picture.left - plots.left - gutter, plots.right - picture.right - tail].map(Math.round).join(' ');
+})()"""
 STATES = ("met", "above", "open")
 
 
@@ -64,3 +72,15 @@ def test_figures_on_a_desktop_and_a_phone(open_page: Callable[..., Page]) -> Non
         assert fits(page)
         assert fits(page, place=PLACE)
         assert small_targets(page, PLACE) == []
+
+
+def test_a_spectrogram_stands_under_the_plots_to_the_pixel(open_page: Callable[..., Page]) -> None:
+    """And the plots beside panels keep room for more than a strip of themselves."""
+    found = figures("x")
+    found["figures"] |= {"time": NUMBERS, "psd": [NUMBERS] * 5, "step": 100}
+    with Story("xbus", answers={"POST /api/analysis/spectrogram": [found]}) as story:
+        page = story.open(open_page, width=DESKTOP[0], height=DESKTOP[1])
+        show(page, "Spectrogram")
+        until(page, f"{EDGES} === '0 0'")
+        show(page, "XY plot", "Histogram")
+        until(page, "document.querySelector('.stack').clientHeight >= 340")

@@ -1,6 +1,6 @@
 /** The analysis dialog: spectrum, Allan deviation or statistics of a signal or an expression, over a range of the view. */
 import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/signals";
-import { useId } from "preact/hooks";
+import { useId, useMemo } from "preact/hooks";
 import type { AnalysisPanel } from "../data/view-state";
 import type { Deps } from "../panels/panel-context";
 import { Dialog } from "../ui/dialog";
@@ -57,6 +57,10 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
   const { viewState, store } = deps;
   const names = useComputed(() => signalNames(store.channels.value, viewState.device.value));
   const canRange = useComputed(() => hasCursors(viewState));
+  const plots = useMemo(() => {
+    const drawn = deps.samples?.drawn ?? store; // of a recording, what is on screen
+    return { view: viewState.view, edge: () => drawn.edgeOf(viewState.device.peek()) };
+  }, [deps, store, viewState]);
   const shown = useSignal<Name>(only ?? "psd");
   const state = useChoice(viewState, only);
   // of the dialog: cursors that are set when it is opened are what is looked at
@@ -119,7 +123,11 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
       />
       {problem.value && <ProblemNote problem={problem.value} />}
       {answered.value ? (
-        <Result xKind={choice.value.frequencyAxis} {...answered.value} />
+        <Result
+          xKind={choice.value.frequencyAxis}
+          plots={only !== undefined && choice.value.range === "window" ? plots : undefined}
+          {...answered.value}
+        />
       ) : (
         busy.value && <p>{TEXT.computing}</p>
       )}

@@ -21,7 +21,7 @@ import {
   shortName,
   verdictsOf,
 } from "./figures";
-import { Spectrogram } from "./spectrogram";
+import { type PlotAxis, Spectrogram } from "./spectrogram";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/analysis";
 
@@ -39,9 +39,11 @@ export interface Answered {
 interface ResultProps extends Answered {
   /** Of the frequency axis. */
   readonly xKind: "linear" | "log";
+  /** Over time, the axis is that of the plots. */
+  readonly plots?: PlotAxis | undefined;
 }
 
-export function Result({ name, figures, body, xKind }: ResultProps) {
+export function Result({ name, figures, body, xKind, plots }: ResultProps) {
   if (figures.length === 0) return null;
   const [notes, obstacles] = [notesOf(figures), obstaclesOf(figures)];
   return (
@@ -59,7 +61,7 @@ export function Result({ name, figures, body, xKind }: ResultProps) {
         byUnit(figures, "psd").map((some) => <Spectrum key={some[0]?.signal} figures={some} xKind={xKind} />)}
       {name === "allan" &&
         byUnit(figures, "adev").map((some) => <AllanDeviation key={some[0]?.signal} figures={some} />)}
-      {name === "spectrogram" && figures.map((one) => <Spectrogram key={one.signal} figures={one} />)}
+      {name === "spectrogram" && figures.map((one) => <Spectrogram key={one.signal} figures={one} plots={plots} />)}
       {name === "statistics" && <Statistics figures={figures} />}
       {notes.length > 0 && (
         <ul class="analysis-notes">

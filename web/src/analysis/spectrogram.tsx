@@ -1,6 +1,11 @@
 /** A picture of a density over time and frequency. Where there is no segment, as in a gap, there is no colour. */
-import { useSignal } from "@preact/signals";
-import { useLayoutEffect, useRef } from "preact/hooks";
+import { type ReadonlySignal, useSignal } from "@preact/signals";
+import type { RefObject } from "preact";
+import { useLayoutEffect, useMemo, useRef } from "preact/hooks";
+import type { View } from "../data/view-state";
+import { tickLabel, timeGrid, timeStep } from "../plots/axis";
+import { palette } from "../plots/canvas-style";
+import { timeWindow, type TimeWindow } from "../plots/time-window";
 import { clock } from "../ui/format";
 import type { SignalFigures } from "../wire/routes";
 import { type Axis, axisOf, figure, nearest, share, ticks, valueAtShare } from "../charts/axes";
@@ -13,6 +18,8 @@ const RIGHT = 12;
 const TOP = 22;
 const BOTTOM = 40;
 const HEIGHT = 250;
+/** Wider images are more than a canvas may be. */
+const MAX_IMAGE_PX = 4096;
 const BAR = { width: 96, height: 8, steps: 32 };
 /** Width of a label of the time axis, px. */
 const LABEL_PX = 90;
@@ -40,45 +47,106 @@ function pictureOf({ figures, units }: SignalFigures): Picture | undefined {
   return { time, frequency, rows, step, scale, x: { kind: "linear", low: first - step / 2, high: last + step / 2 }, y };
 }
 
-/** Draws a picture of `width` × `height` device pixels. */
-function draw(context: CanvasRenderingContext2D, picture: Picture, width: number, height: number): void {
-  context.clearRect(0, 0, width, height);
-  const { time, rows, frequency, step, scale, x } = picture;
-  if (frequency.length === 0 || time.length === 0) return;
-  const column = context.createImageData(1, frequency.length);
-  const buffer = document.createElement("canvas");
-  [buffer.width, buffer.height] = [1, frequency.length];
-  const paint = buffer.getContext("2d");
-  if (!paint) return;
-  context.imageSmoothingEnabled = false;
+/** The columns of a picture beside each other, over all of its times. */
+function imageOf({ time, rows, frequency, step, scale, x }: Picture): HTMLCanvasElement | undefined {
+  const image = document.createElement("canvas");
+  const column = document.createElement("canvas");
+  image.width = Math.min(MAX_IMAGE_PX, Math.max(1, 2 * Math.round((x.high - x.low) / step)));
+  [image.height, column.width, column.height] = [frequency.length, 1, frequency.length];
+  const [context, paint] = [image.getContext("2d"), column.getContext("2d")];
+  if (!context || !paint || frequency.length === 0) return undefined;
+  const pixels = paint.createImageData(1, frequency.length);
   time.forEach((t, i) => {
     rows[i]?.forEach((value, k) => {
-      const at = (frequency.length - 1 - k) * 4;
-      column.data.set([...colourAt(shareOf(scale, value)), 255], at);
+      pixels.data.set([...colourAt(shareOf(scale, value)), 255], (frequency.length - 1 - k) * 4);
     });
-    paint.putImageData(column, 0, 0);
-    const from = Math.floor(share(x, t - step / 2) * width);
-    const to = Math.ceil(share(x, t + step / 2) * width);
-    context.drawImage(buffer, 0, 0, 1, frequency.length, from, 0, Math.max(1, to - from), height);
+    paint.putImageData(pixels, 0, 0);
+    const from = Math.floor(share(x, t - step / 2) * image.width);
+    const to = Math.ceil(share(x, t + step / 2) * image.width);
+    context.drawImage(column, 0, 0, 1, frequency.length, from, 0, Math.max(1, to - from), frequency.length);
   });
+  return image;
 }
 
-export function Spectrogram({ figures }: { readonly figures: SignalFigures }) {
+/** Draws the image of a picture where its times are on another axis, over all of a canvas. */
+function draw(context: CanvasRenderingContext2D, image: HTMLCanvasElement, own: Axis, shown: Axis): void {
+  const { width, height } = context.canvas;
+  context.clearRect(0, 0, width, height);
+  context.imageSmoothingEnabled = false;
+  const [from, to] = [share(shown, own.low) * width, share(shown, own.high) * width];
+  context.drawImage(image, from, 0, to - from, height);
+}
+
+/** What the plots over a picture show, for the same times at the same pixels. */
+export interface PlotAxis {
+  readonly view: ReadonlySignal<View>;
+  /** Right edge of a live window, unix s. */
+  readonly edge: () => number;
+}
+
+interface Frame {
+  readonly left: number;
+  readonly right: number;
+  readonly window: TimeWindow | undefined;
+}
+const ALONE: Frame = { left: LEFT, right: RIGHT, window: undefined };
+
+/** The room beside a picture; under the plots theirs, with their window, which moves. */
+function useFrame(
+  host: RefObject<HTMLElement | null>,
+  width: ReadonlySignal<number>,
+  plots: PlotAxis | undefined,
+): Frame {
+  const frame = useSignal(ALONE);
+  const wide = width.value;
+  useLayoutEffect(() => {
+    if (!plots || !host.current?.closest(".main-panel")) {
+      frame.value = ALONE;
+      return undefined;
+    }
+    const { gutter, tail } = palette(host.current);
+    const ratio = globalThis.devicePixelRatio || 1;
+    let next = 0;
+    const follow = (): void => {
+      const { window: was } = frame.peek();
+      const window = timeWindow(plots.view.peek(), plots.edge(), gutter, wide - gutter - tail, ratio);
+      if (was?.g1 !== window.g1 || was.dt !== window.dt || was.width !== window.width)
+        frame.value = { left: gutter, right: tail, window };
+      next = requestAnimationFrame(follow);
+    };
+    follow();
+    return () => cancelAnimationFrame(next);
+  }, [host, frame, wide, plots]);
+  return frame.value;
+}
+
+interface SpectrogramProps {
+  readonly figures: SignalFigures;
+  /** Its time axis is that of the plots. */
+  readonly plots?: PlotAxis | undefined;
+}
+
+export function Spectrogram({ figures, plots }: SpectrogramProps) {
   const host = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
   const width = useWidth(host);
   const pointer = useSignal<{ readonly t: number; readonly f: number } | undefined>(undefined);
-  const picture = pictureOf(figures);
-  const inner = { width: width.value - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
+  const picture = useMemo(() => pictureOf(figures), [figures]);
+  const image = useMemo(() => picture && imageOf(picture), [picture]);
+  const { left, right, window } = useFrame(host, width, plots);
+  const inner = { width: Math.max(1, width.value - left - right), height: HEIGHT - TOP - BOTTOM };
+  const x: Axis | undefined = window ? { kind: "linear", low: window.t0, high: window.t1 } : picture?.x;
   useLayoutEffect(() => {
     const context = canvas.current?.getContext("2d");
-    if (!canvas.current || !context || !picture) return;
+    if (!canvas.current || !context || !picture || !image || !x) return;
     const ratio = globalThis.devicePixelRatio || 1;
-    [canvas.current.width, canvas.current.height] = [Math.round(inner.width * ratio), Math.round(inner.height * ratio)];
-    draw(context, picture, canvas.current.width, canvas.current.height);
+    const size = [Math.round(inner.width * ratio), Math.round(inner.height * ratio)] as const;
+    if (canvas.current.width !== size[0]) canvas.current.width = size[0];
+    if (canvas.current.height !== size[1]) canvas.current.height = size[1];
+    draw(context, image, picture.x, x);
   });
-  if (!picture) return <div class="chart analysis-chart" ref={host} />;
-  const { x, y, scale } = picture;
+  if (!picture || !x) return <div class="chart analysis-chart" ref={host} />;
+  const { y, scale } = picture;
   const unit = figures.units["psd"] ?? "";
   const move = (event: PointerEvent): void => {
     const box = canvas.current?.getBoundingClientRect();
@@ -90,7 +158,7 @@ export function Spectrogram({ figures }: { readonly figures: SignalFigures }) {
   const at = pointer.value;
   return (
     <div
-      class="chart analysis-chart spectrogram"
+      class={`chart analysis-chart spectrogram ${plots ? "under-plots" : ""}`}
       ref={host}
       onPointerMove={move}
       onPointerLeave={() => (pointer.value = undefined)}
@@ -99,29 +167,43 @@ export function Spectrogram({ figures }: { readonly figures: SignalFigures }) {
         ref={canvas}
         role="img"
         aria-label={TEXT.chart(TEXT.spectrogram, figures.signal)}
-        style={{ left: `${LEFT}px`, top: `${TOP}px`, width: `${inner.width}px`, height: `${inner.height}px` }}
+        style={{ left: `${left}px`, top: `${TOP}px`, width: `${inner.width}px`, height: `${inner.height}px` }}
       />
       <svg width={width.value} height={HEIGHT} aria-hidden="true">
-        <text class="title" x={LEFT} y={14}>
+        <text class="title" x={left} y={14}>
           {figures.signal} · {TEXT.overTime}
         </text>
-        <g transform={`translate(${LEFT} ${TOP})`}>
+        <g transform={`translate(${left} ${TOP})`}>
           {ticks(y, Math.max(2, Math.floor(inner.height / 34))).map((tick) => (
             <text key={tick.text} x={-8} y={(1 - tick.at) * inner.height} dy="0.32em" text-anchor="end">
               {tick.text}
             </text>
           ))}
-          {timeTicks(x, inner.width).map(({ t, text }) => (
-            <text key={t} x={share(x, t) * inner.width} y={inner.height + 16} text-anchor="middle">
+          {(window ? plotTicks(window) : timeTicks(x, inner.width)).map(({ t, text }) => (
+            <text
+              key={t}
+              x={labelAt(share(x, t) * inner.width, width.value - left)}
+              y={inner.height + 16}
+              text-anchor="middle"
+            >
               {text}
             </text>
           ))}
         </g>
-        <ColourBar scale={scale} unit={unit} right={width.value - RIGHT} />
+        <ColourBar scale={scale} unit={unit} right={width.value - right} />
       </svg>
       <Reading picture={picture} unit={unit} at={at} />
     </div>
   );
+}
+
+/** Where a label is centred: over its moment, but wholly on the page. */
+const labelAt = (x: number, end: number): number => Math.min(x, end - LABEL_PX / 3);
+
+/** The labels of the plots' axis. */
+function plotTicks(window: TimeWindow): readonly { readonly t: number; readonly text: string }[] {
+  const step = timeStep(window.span, window.width);
+  return timeGrid(window).map((t) => ({ t, text: tickLabel(t, step) }));
 }
 
 /** Labels of a time axis, at round seconds or their parts. */

@@ -1,7 +1,9 @@
+// @vitest-environment happy-dom
 import { expect, it } from "vitest";
 import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
-import { staleness } from "./values";
+import { el, LiveText } from "../ui/dom";
+import { showAge, staleness } from "./values";
 
 /** A channel with a sample every `step` seconds up to 100 s. */
 function upTo(step: number): { readonly channel: Channel } {
@@ -28,4 +30,15 @@ it("the value of a stopped stream is not shown as current", () => {
   expect(staleness(upTo(10), now, 130)).toBeUndefined(); // rare, and on time
   expect(staleness(upTo(10), now, 160)).toBe("60 s");
   expect(staleness(upTo(0.01), { word: "cursor" }, 280)).toBeUndefined(); // of another moment, which is shown
+});
+
+it("the age of an old value does not stand in the column of σ", () => {
+  const [mean, sd] = [new LiveText(), new LiveText()];
+  const row = el("tr", {}, ...[mean, sd].map(({ node }) => el("td", {}, node)));
+  sd.set("0.02");
+  showAge({ mean, sd }, "5.6 s");
+  const [first, second] = [...row.children] as HTMLTableCellElement[];
+  expect([first?.textContent, first?.colSpan, second?.hidden]).toEqual(["5.6 s ago", 2, true]);
+  showAge({ mean, sd }, undefined);
+  expect([first?.colSpan, second?.hidden]).toEqual([1, false]);
 });

@@ -23,7 +23,7 @@ interface Line {
   readonly now: LiveText;
   readonly mean: LiveText | undefined;
   readonly sd: LiveText | undefined;
-  /** Age of the value if overdue: beside a plain number, in place of σ for others. */
+  /** Age of a plain number if overdue. */
   readonly old: LiveText | undefined;
   readonly tr: HTMLElement;
 }
@@ -72,10 +72,7 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
         const stale = deps.held() ? undefined : staleness(line, at, deps.store.edgeOf(line.channel.info.device));
         line.tr.classList.toggle("old", stale !== undefined);
         line.old?.set(stale === undefined ? "" : ` ${stale}`);
-        if (stale !== undefined) {
-          line.mean?.set(NONE);
-          line.sd?.set(stale);
-        }
+        showAge(line, stale);
       }
     },
     dispose() {
@@ -100,6 +97,16 @@ export function staleness(
   if (!(seconds > Math.max(OLD_S, OLD_STEPS * (ring.step || 0)))) return undefined;
   const { value, unit: words } = age(seconds);
   return `${value} ${words}`;
+}
+
+/** Shows how old the value is in place of its statistics: an age is neither a mean nor a σ, and has both cells. */
+export function showAge({ mean, sd }: Pick<Line, "mean" | "sd">, stale: string | undefined): void {
+  const [cell, other] = [mean?.node.parentElement, sd?.node.parentElement];
+  if (!cell || !other) return;
+  if (stale !== undefined) mean?.set(TEXT.ageOf(stale));
+  if (other.hidden === (stale !== undefined)) return;
+  cell.setAttribute("colspan", stale === undefined ? "1" : "2");
+  other.hidden = stale !== undefined;
 }
 
 function whenOf(deps: Deps, at: Reading): string {

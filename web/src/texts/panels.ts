@@ -125,6 +125,7 @@ export const TEXT = {
   valuesLabel: "Values of the selected device",
   heldFor: (value: Value, unit: Value) => `held, ${value} ${unit} old`,
   atTime: (time: Value, offScreen: Value) => `at ${time}${offScreen}`,
+  ageOf: (age: Value) => `${age} ago`,
   windowLength: (value: Value, unit: Value) => `${value} ${unit} window`,
   showRowsOf: (label: Value) => `Show the rows of ${label}`,
   show: "Show",
