@@ -21,7 +21,13 @@ from server.analysis.registry import load_analyses
 from server.errors import DomainError
 from server.fork_server import JobAnswer, serve
 
-USED = ("scipy.fft", "scipy.ndimage", "scipy.signal", "server.alarms.preview")  # imported late by others, or unpickled
+USED = (
+    "scipy.fft",
+    "scipy.ndimage",
+    "scipy.signal",
+    "server.alarms.preview",
+    "server.calibration.stretch",
+)  # imported late by others, or unpickled
 OWN_MB = 128  # of memory besides the limit, for stacks of threads, and for the text of the answer
 
 

@@ -53,7 +53,7 @@ from protocols.isb.encoder import (
     touched,
 )
 from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
-from protocols.isb.harm import check_periods, harm
+from protocols.isb.harm import harm
 from protocols.isb.messages import COMMANDS, SET_PREFIX
 from protocols.isb.settings_diff import SAVED, differences
 from protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
@@ -207,8 +207,6 @@ class IsbDriver(DeviceDriver):
     ) -> list[bytes]:
         if setting == STREAMS_SETTING:
             return streams_frames(values, old)
-        if setting == "DID_FLASH_CONFIG" and not held:
-            check_periods(values, old)
         return set_frames(did_of(setting), values, version_of(known), held=held)
 
     def annotate(self, frame: bytes) -> list[ByteRange]:

@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.isb.stored_settings import settings_of
-from protocols.layouts import EncodeError
 from protocols.transactions import Harm
 
 Values = Mapping[str, Any]
@@ -26,24 +25,13 @@ _TURNED = "The reference frame of attitude, position or velocity changes; every 
 _ENDED = "With a period of 0 the device stops measuring."
 LEAST_NAV_MS = 7  # of an IMX-5 with a GNSS receiver
 _TOO_SHORT = "An IMX-5 with a GNSS receiver needs a navigation period of at least {least} ms, given {given} ms."
+_SHORTENED = (
+    "The sampling period of {given} ms is longer than the navigation period: the device shortens it to {least} ms."
+)
 _FASTER = "Every stream that follows the navigation period rises from {old:.4g} to {new:.4g} Hz."
 _RECALIBRATED = "The existing magnetometer calibration is replaced."
 _OWN = "The device maintains these fields itself. Writing them can make it discard its configuration."
 _CALIBRATES = (1, 2)  # states of DID_MAG_CAL that start one
-
-
-def check_periods(new: Values, old: Values | None) -> None:
-    """Check periods of DID_FLASH_CONFIG that depend on each other.
-
-    Raises:
-        EncodeError: the sampling period would be longer than the navigation period.
-    """
-    if "startupImuDtMs" not in new:
-        return
-    sampling, navigation = new["startupImuDtMs"], new.get("startupNavDtMs", (old or {}).get("startupNavDtMs"))
-    if navigation and sampling > navigation:
-        words = f"startupImuDtMs is at most startupNavDtMs, {navigation} ms, given {sampling} ms"
-        raise EncodeError(words, "startupImuDtMs")
 
 
 def _of_navigation(before: Values, changed: Values, product: str) -> list[Harm]:
@@ -52,6 +40,9 @@ def _of_navigation(before: Values, changed: Values, product: str) -> list[Harm]:
     found = []
     if 0 < period < LEAST_NAV_MS and (not product or product.startswith("IMX-5")):
         found.append(Harm("stops-output", _TOO_SHORT.format(least=LEAST_NAV_MS, given=period)))
+    navigation, sampling = period or old, changed.get("startupImuDtMs", 0)
+    if 0 < navigation < sampling:
+        found.append(Harm("", _SHORTENED.format(given=sampling, least=navigation)))
     if 0 < period < old:
         found.append(Harm("", _FASTER.format(old=1000 / old, new=1000 / period)))
     return found

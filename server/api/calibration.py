@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.registry import PROTOCOLS
 from protocols.sensor_properties import SensorProperties
 from recordings.column_store import Base
-from server.analysis.signals import ReadSamples, SignalColumn, live_samples, recorded_samples
-from server.analysis.triads import Samples, Triad, finite
+from server.analysis.jobs import RecordedSource, SampleSource, copied
+from server.analysis.signals import SignalColumn, live_samples
+from server.analysis.triads import Triad
 from server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
-from server.api.dependencies import TheServices
+from server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from server.api.errors import responses
 from server.calibration.export import FORMATS, exported
 from server.calibration.kinds import (
@@ -26,12 +27,12 @@ from server.calibration.kinds import (
     CalibrationInputs,
     CalibrationMethod,
     CalibrationOptions,
-    evaluated,
     method_for,
 )
 from server.calibration.mounting import VerticalAxis
 from server.calibration.report import CalibrationKind, CalibrationReport
 from server.calibration.session import SessionState
+from server.calibration.stretch import CalibrationJob
 from server.devices.protocol_set import sensors_of
 from server.errors import DomainError
 from server.library.recording_detail import channels_of
@@ -176,44 +177,55 @@ async def export_calibration(
     responses={200: {"model": CalibrationReport, "content": TEXTS}, **responses(404, 409, 422)},
 )
 async def calibrate_stretch(
-    kind: CalibrationKind, body: CalibrationRequest, services: TheServices
+    kind: CalibrationKind, body: CalibrationRequest, request: Request, services: TheServices
 ) -> Response | CalibrationReport:
-    """Calibrate with a stretch of a recording, or of a live device as far as memory holds it."""
-    method, triads, name, read = await _stretch(kind, body, services)
+    """Calibrate with a stretch of a recording, or of a live device as far as memory holds it.
+
+    It ends with the connection: whoever closes it cancels the calibration.
+    """
+    triads, name, source = await _stretch(kind, body, services)
     info = services.telemetry.bus.devices.latest.get(body.source)
     usual = vertical_of(sensors_of(info.protocol, info.product)) if info else "up"
+    options = body.options(usual)
 
-    def work() -> CalibrationReport:
-        samples: dict[str, Samples] = {}
-        for key, triad in triads.items():
-            columns = [read(SignalColumn(triad.info, at)) for at in triad.at]
-            samples[key] = finite(columns[0][0], np.stack([values for _, values in columns], axis=1) * triad.factor)
-        return evaluated(method, triads, samples, body.options(usual))
+    async def job() -> CalibrationJob:
+        return CalibrationJob(kind, triads, options, await source())
 
-    report = await asyncio.to_thread(work)
+    found = await while_connected(request, services.analyses.content(user_of(request), job))
+    if found is None:
+        return Response(status_code=CLIENT_GONE)
+    report = CalibrationReport.model_validate_json(found.body)
     return report if body.format == "report" else _file(report, name, body.format)
 
 
 async def _stretch(
     kind: str, body: CalibrationRequest, services: Services
-) -> tuple[CalibrationMethod, Mapping[str, Triad], str, ReadSamples]:
-    """Method and sensors of a request, the name of the source, and what reads the samples in a thread."""
+) -> tuple[Mapping[str, Triad], str, Callable[[], Awaitable[SampleSource]]]:
+    """Sensors of a request, the name of the source, and a function that gives the samples when its turn has come."""
     telemetry = services.telemetry
     own = telemetry.store.of_device(body.source)
     if own:
         info = telemetry.bus.devices.latest.get(body.source)
         name = info.name if info else "The device"
         inputs = CalibrationInputs.of(own.values())
-        method = method_for(kind, inputs, name)
-        triads = method.triads(inputs)
+        triads = method_for(kind, inputs, name).triads(inputs)
         t0, t1 = time_range(body.t0, body.t1, telemetry.bus.now() + AHEAD_S)
         columns = [SignalColumn(triad.info, at) for triad in triads.values() for at in triad.at]
-        return method, triads, name, live_samples(telemetry.store, columns, t0, t1, body.base)
+
+        async def copy() -> SampleSource:
+            there = [one for one in columns if telemetry.store.get(one.info.id) is not None]
+            read = live_samples(telemetry.store, there, t0, t1, body.base)
+            return await asyncio.to_thread(copied, read, there)
+
+        return triads, name, copy
     store = await recording_of(body.source, services)
     t0, t1 = time_range(body.t0, body.t1, MAX_TIME)
     inputs = CalibrationInputs.of(_of_one_device(channels_of(store).values(), body.device))
-    method = method_for(kind, inputs, "The recording")
-    return method, method.triads(inputs), body.source, lambda one: recorded_samples(store, one, t0, t1, body.base)
+
+    async def place() -> SampleSource:
+        return RecordedSource(store.folder, t0, t1, body.base)
+
+    return method_for(kind, inputs, "The recording").triads(inputs), body.source, place
 
 
 def _of_one_device(infos: Iterable[ChannelInfo], device: str) -> list[ChannelInfo]:

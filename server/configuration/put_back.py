@@ -62,7 +62,7 @@ class PutBackStore:
             log.warning("%s: %s", path, error.strerror or error)
 
     def all(self) -> list[Interrupted]:
-        """What the previous run left; a file that cannot be read is logged and removed."""
+        """Transactions that the previous run left; a file that cannot be read is logged and removed."""
         found = []
         for path in sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []:
             try:

@@ -11,9 +11,11 @@ import select
 import socket
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
+from websockets.typing import Subprotocol
 
 from protocols.events import Batch, RejectedFrame, Reply, SampleGap
 from protocols.transactions import DeviceContext
@@ -138,7 +140,7 @@ def open_a_page(server: ServerProcess) -> None:
     with http_client(base_url=server.url) as http:
         for place in ("devices", "devices/1/forms", "devices/1/values", "devices/1/shares", "recordings", "ports"):
             assert http.get(f"/api/{place}").status_code in (200, 404, 409)
-    with connect(f"{server.url.replace('http', 'ws')}/ws", subprotocols=[SUBPROTOCOL]) as page:
+    with connect(f"{server.url.replace('http', 'ws')}/ws", subprotocols=[Subprotocol(SUBPROTOCOL)]) as page:
         assert json.loads(page.recv())["op"] == "hello"
 
 
@@ -174,7 +176,7 @@ def test_a_driver_alone_talks_to_its_device(
                 record(server)
                 if number % 5 == 0:
                     open_a_page(server)
-            block_until(lambda since=since: is_past(driver, since), "the driver is busy")
+            block_until(partial(is_past, driver, since), "the driver is busy")
             server.process.kill()
             server.process.wait(PATIENCE_S)
     assert logger is not None

@@ -16,6 +16,7 @@ import asyncio
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -59,8 +60,8 @@ def killed(there: SimulatorThread, data: Path) -> None:
                     lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 2, "both stream"
                 )
                 block_until(lambda: http.get("/api/recorder").json()["bytes"] > 50_000, "it records")
-                idle = lambda: not http.get("/api/devices/2/jobs").json()["running"]  # noqa: E731
-                block_until(idle, "the recording has asked for what it wants")
+                is_idle = lambda: not http.get("/api/devices/2/jobs").json()["running"]  # noqa: E731
+                block_until(is_idle, "the recording has asked for what it wants")
                 assert (data / LOCK).exists()
                 asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
                 assert asked.status_code == 202, asked.text
@@ -82,10 +83,14 @@ def killed(there: SimulatorThread, data: Path) -> None:
     (data / "cache" / "columns" / ".abc.4711.making").mkdir(parents=True, exist_ok=True)
 
     with ServerProcess(device, data=data) as second, http_client(base_url=second.url) as http:
-        jobs = lambda: http.get("/api/devices/2/jobs").json()  # noqa: E731
-        idle = lambda: jobs()["done"] and not jobs()["running"] and not jobs()["queue"]  # noqa: E731
-        block_until(idle, "the settings went back")
-        job = jobs()["done"][0]  # after one that put the device back into its state, if the kill had interrupted that
+
+        def idle() -> Any:
+            jobs = http.get("/api/devices/2/jobs").json()
+            return jobs["done"] if not jobs["running"] and not jobs["queue"] else None
+
+        job = block_until(idle, "the settings went back")[
+            0
+        ]  # after one that put the device back into its state, if the kill had interrupted that
         assert (job["state"], job["message"]) == ("done", "The device has its old settings again.")
         block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "the device measures")
         assert not list((data / "rollbacks").glob("*.json"))

@@ -70,7 +70,7 @@ def test_a_value_rounded_by_the_device_is_reported() -> None:
         "startupNavDtMs": 4,
         "startupImuDtMs": 8,
     }  # slower than navigation: sent unchecked only as values once held
-    written = play(DRIVER.write("DID_FLASH_CONFIG", asked, KNOWN, held=True), there)
+    written = play(DRIVER.write("DID_FLASH_CONFIG", asked, KNOWN), there)
 
     assert written.actual is not None
     assert written.actual["startupImuDtMs"] == 4

@@ -14,7 +14,6 @@ from protocols.isb.dataset_loader import VERSIONS
 from protocols.isb.driver import IsbDriver
 from protocols.isb.field_docs import BAUD_RATES, CAN_RATES
 from protocols.isb.stored_settings import fields_of, settings_of
-from protocols.layouts import EncodeError
 from protocols.schema import Field
 from protocols.transactions import DeviceContext
 from server.configuration.form_builder import field_form
@@ -118,7 +117,6 @@ def test_a_navigation_period_that_the_product_cannot_keep_is_told() -> None:
     assert told("IMX-5.1", startupNavDtMs=3) == [short, faster]
     assert told("GPX-1", startupNavDtMs=3) == [faster]
     assert told("IMX-5.1", startupNavDtMs=40) == []
-    with pytest.raises(EncodeError, match="at most startupNavDtMs, 20 ms, given 30 ms") as raised:
-        driver.setting_frames("DID_FLASH_CONFIG", {"startupImuDtMs": 30}, DeviceContext(), old=old)
-    assert raised.value.path == "startupImuDtMs"
-    assert driver.setting_frames("DID_FLASH_CONFIG", {"startupImuDtMs": 30, "startupNavDtMs": 40}, DeviceContext())
+    slower = "The sampling period of 30 ms is longer than the navigation period: the device shortens it to 20 ms."
+    assert told("IMX-5.1", startupImuDtMs=30) == [slower]
+    assert told("IMX-5.1", startupImuDtMs=30, startupNavDtMs=40) == []

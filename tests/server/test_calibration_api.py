@@ -16,10 +16,13 @@ import yaml
 
 from protocols.simulator.setups import HARD_IRON, SOFT_IRON, SensorSetup
 from server import wire
+from server.analysis.service import AnalysisService
 from server.calibration.kinds import CalibrationInputs
 from server.calibration.session import MAX_SAMPLES, SampleCollector
+from server.calibration.stretch import CalibrationJob
 from server.config import Config
 from server.devices.protocol_set import all_protocols
+from server.errors import DomainError
 from server.links import open_link
 from server.streaming.channel_store import ChannelStore
 from server.streaming.channels import ChannelRows
@@ -180,6 +183,20 @@ def test_what_cannot_be_calibrated_says_why(device: Rows) -> None:
     assert "magnetometer" in problem["message"]
 
 
+def test_a_calibration_of_a_stretch_has_the_limits_of_an_analysis(
+    device: Rows, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ran in a thread of the server, without limits and turns, and went on when its client had left."""
+
+    async def content(self: AnalysisService, user: str, job: Any) -> Any:
+        assert isinstance(await job(), CalibrationJob)
+        raise DomainError("full", f"{user} has enough.", "Wait.")
+
+    monkeypatch.setattr(AnalysisService, "content", content)
+    answer = device.running.client.post("/api/calibration/magnetometer", json={"source": "turned"})
+    assert "has enough" in assert_problem(answer, 409, "full")["message"]
+
+
 def test_a_stretch_of_a_recording_and_of_memory(device: Rows) -> None:
     client = device.running.client
     path = "/api/calibration/magnetometer"
@@ -270,7 +287,7 @@ def test_a_mounting_rotation_is_written_once_the_settings_were_read(tmp_path: Pa
 
         block_until(lambda: client.get("/api/devices").json()[0]["status"] == "live", "a live device")
         carried_out("run", {"command": "GoToConfig"})
-        block_until(lambda: client.get("/api/devices").json()[0]["status"] == "lost", "its silence")
+        block_until(lambda: client.get("/api/devices").json()[0]["status"] == "idle", "its silence")
         device = Rows(running, "1")
         device.ids = {one.name: one.id for one in running.services.telemetry.store.of_device("1").values()}
         assert client.post(url(device), json={"kind": "mounting"}).status_code == 200

@@ -59,7 +59,7 @@ def test_a_setting_is_read_and_written_by_its_name() -> None:
 
 
 def test_the_devices_resulting_value_is_reported() -> None:
-    done = imuscope("send", "sim:isb", "DID_FLASH_CONFIG", "startupNavDtMs=4", "startupImuDtMs=9")
+    done = imuscope("send", "sim:isb", "DID_FLASH_CONFIG", "startupNavDtMs=4", "startupImuDtMs=9", "--yes")
     assert done.returncode == 0
     assert "startupImuDtMs was changed by the device: 4 instead of 9" in done.stderr
 

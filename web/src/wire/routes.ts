@@ -1472,7 +1472,7 @@ export interface Routes {
     readonly body: Defaulted<RunRequest, "values" | "confirmed">;
     readonly answer: Job;
   };
-  /** Send bytes unchanged. They are not checked, so they are sent only when `confirmed`. */
+  /** Send bytes unchanged. They are not checked, so they are sent only when `confirmed`, unless they are one message that only asks. 409 names what they are and do. */
   "POST /api/devices/{device}/raw": {
     readonly path: { readonly device: string };
     readonly body: Defaulted<RawRequest, "confirmed">;

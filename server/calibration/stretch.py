@@ -1,0 +1,42 @@
+"""Calibration of a stretch of samples as a job of another process (server/analysis/jobs.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from server.analysis.jobs import JSON, Content, SampleSource
+from server.analysis.signals import SignalColumn
+from server.analysis.triads import Samples, Triad, finite
+from server.calibration.kinds import METHODS, CalibrationOptions, evaluated
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationJob:
+    """A calibration with all samples of a source.
+
+    Args:
+        kind: a key of METHODS.
+        triads: its sensors.
+    """
+
+    kind: str
+    triads: Mapping[str, Triad]
+    options: CalibrationOptions
+    source: SampleSource
+
+    def content(self) -> Content:
+        """The report, as `CalibrationReport`.
+
+        Raises:
+            DomainError: the samples do not determine it.
+        """
+        read = self.source.opened()
+        samples: dict[str, Samples] = {}
+        for key, triad in self.triads.items():
+            columns = [read(SignalColumn(triad.info, at)) for at in triad.at]
+            samples[key] = finite(columns[0][0], np.stack([values for _, values in columns], axis=1) * triad.factor)
+        report = evaluated(METHODS[self.kind], self.triads, samples, self.options)
+        return Content(JSON, report.model_dump_json().encode())
