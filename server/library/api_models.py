@@ -83,6 +83,7 @@ class RecordingDetail:
     snapshots: dict[str, dict[str, Any]] = field(default_factory=dict)  # device → configuration
     longest_s: dict[str, float] = field(default_factory=dict)  # channel id → usual time between samples
     progress: float = 1.0  # below 1 while it is decoded for the first time: the decoded share
+    begins: dict[str, float] = field(default_factory=dict)  # device → time of its first sample
 
 
 @dataclass(slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -89,7 +90,17 @@ def detail(info: RecordingInfo, store: ColumnStore, markers: list[MarkerInfo] | 
         snapshots=manifest["snapshots"],
         longest_s={str(number): usual_interval(store, number) for number in store.shapes},
         progress=progress,
+        begins=begins(store),
     )
+
+
+def begins(store: ColumnStore) -> dict[str, float]:
+    """Time of the first sample of each device that has one, unix s."""
+    found: dict[str, float] = {}
+    for number, info in channels_of(store).items():
+        if info.kind != "table" and (span := store.span(number)) is not None:
+            found[info.device] = min(found.get(info.device, math.inf), span[0])
+    return found
 
 
 def as_json(found: RecordingDetail) -> Any:

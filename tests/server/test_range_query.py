@@ -125,6 +125,10 @@ def test_a_detail_holds_what_the_page_needs(store: ColumnStore) -> None:
     assert told["markers"][0]["text"] == "bump"
     acceleration = next(channel["id"] for channel in told["channels"] if channel["name"] == "Acceleration")
     assert 0 < told["longest_s"][str(acceleration)] < 0.05
+    device = next(channel["device"] for channel in told["channels"] if channel["id"] == acceleration)
+    span = store.span(acceleration)
+    assert span is not None
+    assert told["t0"] <= told["begins"][device] <= span[0]
 
 
 # -- the shelf ---------------------------------------------------------------------------------------------------------

@@ -37,6 +37,7 @@ const detail = {
   snapshots: {},
   longest_s: { "1": 0.01 },
   progress: 1,
+  begins: {},
 };
 
 describe("a recording that is about to be opened", () => {

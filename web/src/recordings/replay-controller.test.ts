@@ -15,6 +15,7 @@ const detail = (id: string, t0: number): RecordingDetail =>
     snapshots: {},
     longest_s: {},
     progress: 1,
+    begins: {},
   }) as unknown as RecordingDetail;
 const NOWHERE = { hide: [], show: [], panels: [] };
 
@@ -22,6 +23,15 @@ beforeEach(() => {
   vi.stubGlobal("fetch", () => Promise.resolve(new Response(new ArrayBuffer(0), { headers: { "x-exact": "1" } })));
 });
 afterEach(() => vi.unstubAllGlobals());
+
+it("opens at the first sample of its device, not before it, where every value is missing", () => {
+  const later = { ...detail("late", 1000), begins: { "1": 1001.4 } };
+  const opened = new ReplayController(later, NOWHERE, createViewState());
+  expect([opened.head, opened.viewState.view.value.end]).toEqual([1001.4, 1060]);
+  opened.go({ ...NOWHERE, cursor: 1000.5 }); // a link says where
+  expect(opened.head).toBe(1000.5);
+  opened.dispose();
+});
 
 it("two recordings side by side are read, played and shown independently of each other and of Live", () => {
   const live = createViewState();

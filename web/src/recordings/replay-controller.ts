@@ -161,7 +161,9 @@ export class ReplayController {
       span: Math.max(t1 - t0, 0.005),
       timeBase: place.base ?? "device",
     };
-    this.#put(Math.min(Math.max(place.cursor ?? t0, first), last));
+    // the file may begin before the device was measuring: its first sample is read, not nothing
+    const begin = Math.min(Math.max(t0, this.detail.begins[device ?? ""] ?? t0), t1);
+    this.#put(Math.min(Math.max(place.cursor ?? begin, first), last));
   }
 
   /** More of it is decoded. False if more than samples changed (a channel, a device, the end): then it must be reopened. */

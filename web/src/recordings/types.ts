@@ -79,6 +79,8 @@ export interface RecordingDetail {
   readonly longest_s: Readonly<Record<string, number>>;
   /** below 1 while it is decoded for the first time: the decoded share */
   readonly progress: number;
+  /** device → time of its first sample */
+  readonly begins: Readonly<Record<string, number>>;
 }
 
 export interface SettingRow {

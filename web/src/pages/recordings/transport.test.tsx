@@ -26,6 +26,7 @@ function open(answers: Answers = {}): { readonly replay: ReplayController; reado
     snapshots: {},
     longest_s: {},
     progress: 1,
+    begins: {},
   } as unknown as RecordingDetail;
   const asked = answering(answers);
   const replay = new ReplayController(detail, { hide: [], show: [], panels: [] }, createViewState());
