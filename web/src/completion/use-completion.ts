@@ -22,7 +22,7 @@ export interface Offer {
   readonly close: () => void;
   /** Put a completion into the text; the caret stands after it, within the parentheses of a function. */
   readonly take: (one: Completion) => void;
-  /** True if the key was for the offer: an arrow, Escape, or Enter with one chosen. */
+  /** True if the key was for the offer: an arrow, Escape, Enter with one chosen, or Tab, which takes the first. */
   readonly onKey: (event: KeyboardEvent) => boolean;
 }
 
@@ -54,12 +54,14 @@ export function useCompletion(
     };
     const onKey = (event: KeyboardEvent): boolean => {
       const { length } = all.peek();
+      const [first] = all.peek();
       const chosen = all.peek()[at.peek()];
       if (length === 0 || event.ctrlKey || event.metaKey) return false;
       if (event.key === "ArrowDown") at.value = (at.peek() + 1) % length;
       else if (event.key === "ArrowUp") at.value = (Math.max(0, at.peek()) - 1 + length) % length;
       else if (event.key === "Escape") close();
       else if (event.key === "Enter" && chosen) take(chosen);
+      else if (event.key === "Tab" && !event.shiftKey && first) take(chosen ?? first);
       else return false;
       event.preventDefault();
       event.stopPropagation();

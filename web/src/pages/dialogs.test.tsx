@@ -56,6 +56,7 @@ test("a vendor payload is defined; errors of the server are shown", async () => 
   await eventually(() => expect(document.querySelector(".hex")?.textContent).toMatch(/06 FF/)); // the high byte of −250
   fireEvent.click(panel.getByRole("button", { name: /^Define payload/ }));
   const form = await dialog(/^Define payload/);
+  await eventually(() => expect(form.querySelector(".inside")?.contains(document.activeElement)).toBe(true)); // not ×
   const text = within(form).getByLabelText<HTMLTextAreaElement>("Fields, in byte order");
   await eventually(() => expect(text.value).toContain("count = 2"));
   const meant = text.value.replace('unit = ""', 'unit = "m/s"');

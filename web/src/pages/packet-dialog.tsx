@@ -80,7 +80,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
   const moved = useRef(select);
   moved.current = select;
   useEffect(() => {
-    // of the whole page: the focus begins on the button that closes the dialog
+    // of the whole page: the focus begins on the heading of the dialog
     const onKey = (event: KeyboardEvent): void => {
       const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
       if (step === undefined) return;

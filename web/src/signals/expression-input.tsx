@@ -22,7 +22,7 @@ export function ExpressionInput({ text, names, words, mistake, onEnter }: Props)
   const find = useCallback((typed: string, caret: number) => completionsAt(typed, caret, names, words), [names, words]);
   const offer = useCompletion(input, text, find);
   useEffect(() => {
-    // the dialog around it focuses its first button when it opens
+    // also on a phone, where the dialog around it keeps the focus on its heading
     const frame = requestAnimationFrame(() => input.current?.focus());
     return () => cancelAnimationFrame(frame);
   }, []);

@@ -132,6 +132,17 @@ test("an expression has a preview with its unit and first values, is saved under
   expect(put?.body).toEqual({ expression: "norm(Acceleration)" });
 });
 
+test("Tab takes what is offered, and stays in the field", async () => {
+  const { input } = await openForm({ "POST /api/analysis/expression": FIGURES });
+  const field = input as HTMLInputElement;
+  fireEvent.input(field, { target: { value: "Accel" } });
+  await waitFor(() => expect(field.getAttribute("aria-expanded")).toBe("true"));
+  expect(fireEvent.keyDown(field, { key: "Tab" })).toBe(false); // the browser does not leave it
+  await waitFor(() => expect(field.value).toMatch(/^Acceleration/));
+  expect(field.getAttribute("aria-expanded")).toBe("false");
+  expect(fireEvent.keyDown(field, { key: "Tab" })).toBe(true); // nothing is offered: on to the next field
+});
+
 test("a mistake is marked where it is, with the server's sentence", async () => {
   const message = "Signal Foo not found. (character 7)"; // of "(norm(Foo))"
   const { input } = await openForm({

@@ -14,11 +14,15 @@ interface Props {
 
 export function Dialog({ title, onClose, wide = false, children }: Props) {
   const ref = useRef<HTMLDialogElement>(null);
+  const heading = useRef<HTMLHeadingElement>(null);
   /** A page that is drawn anew takes its dialog with it: nobody closed that one. */
   const isGone = useRef(false);
   useEffect(() => {
     const dialog = ref.current;
     dialog?.showModal();
+    // the browser would begin on the button that closes it
+    if (document.activeElement === null || !dialog?.querySelector(".inside")?.contains(document.activeElement))
+      (fieldIn(dialog) ?? heading.current)?.focus();
     return () => {
       isGone.current = true;
       dialog?.close();
@@ -45,11 +49,19 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
       onMouseDown={onPress}
     >
       <div class="top">
-        <h2 id="dialog-title">{title}</h2>
+        <h2 id="dialog-title" ref={heading} tabIndex={-1}>
+          {title}
+        </h2>
         <span class="grow" />
         <IconButton icon="close" label={COMMON.close} title={COMMON.closeEsc} onClick={onClose} />
       </div>
       <div class="inside">{children}</div>
     </dialog>
   );
+}
+
+/** The first field of a form, where a keyboard is at hand; on a phone it would call one up. */
+function fieldIn(dialog: HTMLElement | null): HTMLElement | null {
+  if (matchMedia("(pointer: coarse)").matches) return null;
+  return dialog?.querySelector<HTMLElement>(".inside :is(input:not([type=hidden], :disabled), textarea)") ?? null;
 }

@@ -197,6 +197,7 @@ function More({ session, deps, list, run, said }: MoreProps) {
     const input = event.currentTarget;
     if (!(input instanceof HTMLInputElement)) return;
     const file = input.files?.[0];
+    said.value = ""; // what was done before
     if (file) void importFile(session, file);
     input.value = ""; // the same file can be chosen again
   };
