@@ -150,9 +150,22 @@ async function main() {
     render_backend: query.get("renderer") ?? undefined,
   });
   await handle.start(document.getElementById("canvas"));
+  if (url) sayLoading(url);
   watch(handle);
   if (what.live !== undefined) follow(handle, what.live);
   if (window !== window.parent) window.parent.postMessage({ kind: "rerun-ready" }, location.origin);
+}
+
+/** The viewer shows empty plots while samples are on their way: that is said until the last one is here. */
+function sayLoading(url) {
+  const { pathname } = new URL(url, location.href);
+  say("Loading the samples…");
+  const seen = new PerformanceObserver((list) => {
+    if (!list.getEntries().some(({ name }) => new URL(name).pathname === pathname)) return;
+    seen.disconnect();
+    if (words.textContent === "Loading the samples…") say("");
+  });
+  seen.observe({ type: "resource", buffered: true });
 }
 
 /** A viewer that fell over says so. */

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 /** What is in memory is saved as a recording, or exported, for the range in view. */
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { RecordingInfo } from "../recordings/types";
 import { newApp } from "../testing/live-page";
@@ -51,8 +51,12 @@ test("what is in view is saved, and shown with its link", async () => {
   fireEvent.click(screen.getByRole("button", { name: "Save as recording" }));
   await waitFor(() => expect(closed()).toBe(1));
   expect(body(asked)).toMatchObject({ t0: NOW - 21, t1: NOW + 1, devices: null });
+  vi.useFakeTimers();
   render(<SavedBand app={app} />);
   expect(screen.getByRole("link", { name: "Open" }).getAttribute("href")).toContain("yard");
+  await act(() => vi.advanceTimersByTimeAsync(60_000)); // it stood over the plots until somebody closed it
+  expect(screen.queryByRole("link", { name: "Open" })).toBeNull();
+  vi.useRealTimers();
 });
 
 test("an export begins with what is in view", async () => {

@@ -56,12 +56,7 @@ export function MemoryDialog({ app, onClose }: Props) {
   const keep = async (): Promise<void> => {
     const saved = await save();
     if (!saved) return;
-    showSaved(app, {
-      id: saved.id,
-      title: TEXT.partOfLive,
-      duration: saved.t1 - saved.t0,
-      bytes: saved.bytes,
-    });
+    showSaved(app, { id: saved.id, title: TEXT.partOfLive });
     onClose();
   };
   const exportIt = async (): Promise<void> => {

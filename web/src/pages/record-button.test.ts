@@ -19,17 +19,15 @@ const state = (running: boolean, more: Partial<RecorderState> = {}): RecorderSta
 });
 
 it("an ended recording is reported with a link, whoever ended it", () => {
-  expect(endedOf(state(true, { bytes: 900 }), state(false, { id: "" }), 131)).toEqual({
+  expect(endedOf(state(true, { bytes: 900 }), state(false, { id: "" }))).toEqual({
     id: "yard",
     title: "yard",
-    duration: 31,
-    bytes: 900,
   });
-  expect(endedOf(state(true), state(false), 131, ["MTi-630", "IMX-5", "IMX-5"])?.title).toBe("MTi-630 + IMX-5");
+  expect(endedOf(state(true), state(false), ["MTi-630", "IMX-5", "IMX-5"])?.title).toBe("MTi-630 + IMX-5");
 });
 
 it("a running, failed or missing recording is not reported", () => {
-  expect(endedOf(state(true), state(true), 131)).toBeUndefined();
-  expect(endedOf(state(true), state(false, { message: "The disk is full." }), 131)).toBeUndefined();
-  expect(endedOf(undefined, state(false), 131)).toBeUndefined();
+  expect(endedOf(state(true), state(true))).toBeUndefined();
+  expect(endedOf(state(true), state(false, { message: "The disk is full." }))).toBeUndefined();
+  expect(endedOf(undefined, state(false))).toBeUndefined();
 });

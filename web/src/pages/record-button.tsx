@@ -3,7 +3,7 @@
  * during recording are shown beside it.
  */
 import { effect, signal } from "@preact/signals";
-import { useLayoutEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { server } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
 import { age, clock } from "../ui/format";
@@ -20,14 +20,13 @@ const BEHIND_S = 0.5;
 const LEFT_S = 900;
 /** How long the button confirms a marker, ms. */
 const SAID_MS = 2500;
+/** How long a recording that has ended is offered, ms; the list has it from then on. */
+const SAVED_MS = 60_000;
 
 /** A recording that has ended, until it is dismissed. */
 export interface Saved {
   readonly id: string;
   readonly title: string;
-  /** s */
-  readonly duration: number | null;
-  readonly bytes: number;
 }
 
 class RecordState {
@@ -61,15 +60,12 @@ const recordOf = perApp(() => new RecordState());
 export function endedOf(
   before: RecorderState | undefined,
   now: RecorderState | undefined,
-  at: number,
   names: readonly string[] = [],
 ): Saved | undefined {
   if (!before?.running || !now || now.running || now.message !== "") return undefined;
   return {
     id: before.id,
     title: before.title || [...new Set(names)].join(" + ") || before.id,
-    duration: before.started === null ? null : at - before.started,
-    bytes: Math.max(before.bytes, now.bytes),
   };
 }
 
@@ -116,7 +112,6 @@ export function watchRecorder(app: App): void {
     const ended = endedOf(
       before,
       now,
-      app.store.serverNow(),
       recorded.map(({ name }) => name),
     );
     if (ended) saved.value = ended;
@@ -227,21 +222,24 @@ function Said({ words }: { readonly words: string }) {
   );
 }
 
-/** A recording that has ended, with its link; a band on every page, until dismissed. */
+/** A recording that has ended, with its link; a band on every page but that of the recordings, for a minute. */
 export function SavedBand({ app }: { readonly app: App }) {
   const { saved } = recordOf(app);
   const one = saved.value;
-  if (!one) return null;
-  const size = bytes(one.bytes);
+  const isListed = route.value.page === "recordings"; // the list has it, with its length and size
+  useEffect(() => {
+    if (one === undefined) return undefined;
+    if (isListed) saved.value = undefined;
+    const timer = setTimeout(() => (saved.value = undefined), SAVED_MS);
+    return () => clearTimeout(timer);
+  }, [one, isListed, saved]);
+  if (!one || isListed) return null;
   const close = (): void => {
     saved.value = undefined;
   };
   return (
     <div class="band calm saved" role="status">
       <b class="ellipsis">{TEXT.recordingSaved(one.title)}</b>
-      <span class="mid">
-        {length(one.duration)} · {size.value} {size.unit}
-      </span>
       <span class="grow" />
       <a class="btn edge" href={href("recordings", one.id)} onClick={close}>
         {COMMON.open}

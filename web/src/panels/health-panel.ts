@@ -5,10 +5,10 @@
 import { type Surface, surface } from "../ui/canvas";
 import { el, throttle, LiveText, LiveMessage, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
-import { countsLosses, MESSAGES } from "../wire/capabilities";
+import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./panel-context";
-import { type Figure, type Figures, figuresOf, timeWords, totals, verdict } from "./health-text";
+import { type Figure, figuresOf, isLeftOut, type Key, timeWords, totals, verdict } from "./health-text";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./health-history";
 import { rejections, trustOf } from "./authenticity";
@@ -20,11 +20,6 @@ import { TEXT } from "../texts/panels";
 
 /** Bars in a small sparkline: one for two seconds. */
 const SLOTS = 31;
-
-type Key = Exclude<keyof Figures, "share">;
-
-/** Rows about the link and the clock of a device, which messages of its driver do not tell. */
-const OF_DEVICES: readonly Key[] = ["shareText", "jitter", "drift", "uncertainty"];
 
 const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
   { key: "samples", name: TEXT.samples, help: TEXT.samplesHelp, spark: true },
@@ -131,7 +126,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const figures = figuresOf(health, recent, ageOf(deps, id), dropped, expected, countsLosses(device));
       cells.get("age")?.set(figures.age);
       if (!all) return;
-      for (const [key, row] of rows) row.hidden = device?.protocol === MESSAGES && OF_DEVICES.includes(key);
+      for (const [key, row] of rows) row.hidden = isLeftOut(key, device, deps.recording !== undefined);
       for (const [key, cell] of cells) cell.set(figures[key]);
       fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
       messages.update(health);
@@ -284,7 +279,7 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
       const counted = countsLosses(device);
       const figures = figuresOf(health, recent, ageOf(deps, id), deps.store.dropped(), expected, counted);
       for (const { key, value, unit, box } of items) {
-        if (box.parentElement) box.parentElement.hidden = device?.protocol === MESSAGES && OF_DEVICES.includes(key);
+        if (box.parentElement) box.parentElement.hidden = isLeftOut(key, device, deps.recording !== undefined);
         const figure = figures[key];
         value.set(key === "age" ? `${figure.value} ${figure.unit.replace(TEXT.agoSuffix, "")}` : figure.value);
         unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));

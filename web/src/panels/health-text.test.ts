@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { capabilities, countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
-import { figuresOf, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
+import { figuresOf, isLeftOut, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
 
 const health: DeviceHealth = {
   device: "1",
@@ -147,4 +147,14 @@ describe("verdict", () => {
     const lost = { ...device, status: "lost", message: "ttyUSB0 is gone.", hint: "Plug it in again." } as DeviceInfo;
     expect(verdict(lost, events, health, 3)).toBe("ttyUSB0 is gone. Plug it in again.");
   });
+});
+
+it("a recording has no rows about the link and this browser now", () => {
+  const device = { protocol: "xbus" };
+  expect(["samples", "age", "shareText", "dropped"].filter((key) => isLeftOut(key as "age", device, true))).toEqual([
+    "age",
+    "shareText",
+    "dropped",
+  ]);
+  expect(isLeftOut("age", device, false)).toBe(false);
 });

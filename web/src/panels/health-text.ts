@@ -1,6 +1,6 @@
 /** Words and numbers of the health figures. Pure; shared by the health panel and the phone's strip. */
 import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format";
-import { countsLosses } from "../wire/capabilities";
+import { countsLosses, MESSAGES } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { TEXT } from "../texts/panels";
 
@@ -25,6 +25,19 @@ export interface Figures {
   readonly dropped: Figure;
   readonly drift: Figure;
   readonly uncertainty: Figure;
+}
+
+export type Key = Exclude<keyof Figures, "share">;
+
+/** Rows about the link and the clock of a device, which messages of its driver do not tell. */
+const OF_DEVICES: readonly Key[] = ["shareText", "jitter", "drift", "uncertainty"];
+
+/** Rows about the link and this browser now, which a recording does not tell. */
+const OF_NOW: readonly Key[] = ["shareText", "age", "dropped"];
+
+/** Whether a row has no meaning for that source. */
+export function isLeftOut(key: Key, device: Pick<DeviceInfo, "protocol"> | undefined, isRecording: boolean): boolean {
+  return (device?.protocol === MESSAGES && OF_DEVICES.includes(key)) || (isRecording && OF_NOW.includes(key));
 }
 
 /** Beyond this a live device is late: a streaming message slower than once a second is called idle. */

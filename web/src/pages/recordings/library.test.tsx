@@ -41,6 +41,13 @@ test("a recording is found by matching words only", async () => {
   await eventually(() => expect(rows().length).toBe(1));
 });
 
+test("a recording is opened by a double click on its row", async () => {
+  await openLibrary();
+  const [row] = rows();
+  if (row) fireEvent.dblClick(row);
+  await eventually(() => expect(location.hash).toMatch(/^#\/recordings\/yard/));
+});
+
 test("a deleted recording leaves the list and is restored", async () => {
   const { asked } = await openLibrary();
   fireEvent.click(screen.getByRole("button", { name: "Delete" }));

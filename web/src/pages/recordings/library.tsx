@@ -17,7 +17,7 @@ import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { App } from "../app-state";
 import { Bar } from "../top-bar";
-import { href } from "../route";
+import { go, href } from "../route";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
 import { Details } from "./details";
@@ -322,7 +322,11 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
   const about = info.damaged || info.notes || info.file;
   const open = !info.recording && info.deleted === null;
   return (
-    <tr class={selected.value === info.id ? "on" : ""} onClick={pick}>
+    <tr
+      class={selected.value === info.id ? "on" : ""}
+      onClick={pick}
+      onDblClick={() => open && go("recordings", info.id)}
+    >
       <td>
         <Thumb info={info} />
       </td>
