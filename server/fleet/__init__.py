@@ -7,7 +7,7 @@ The store needs `imuscope[fleet]`.
     upload.py      a recording into the store: its file, then its rows
     uploads.py     finished recordings of this robot into the store; upload_rules.py, upload_worker.py, upload_log.py
     content.py     what makes two files the same recording
-    metadata.py, samples.py, minutes.py    the rows of an opened recording
+    metadata.py, samples.py, minutes.py    the rows of an opened recording; packet_rows.py: those of one packet
     delta_tables.py    appending exactly once
     query.py       SQL over the tables, read-only and limited
     question_service.py, query_worker.py    questions over HTTP: in turns (fair_queue.py), each in a process of its own

@@ -1,7 +1,7 @@
 """Samples of an opened recording as rows of the table `samples`.
 
-A row is a time at which a message arrived, with a column for each of its signals. Quantities of one message share their
-times, so they share rows; those that do not have rows of their own, in which the columns of the others are empty.
+A row is a packet (packet_rows.py), with a column for each signal of its message; those that it does not have are empty.
+What a packet has several of, satellites say, cannot share its row: each of those has one of its own, with its number.
 
 A column is found by the name, unit and type of its signal, which are in its metadata. Its own name is made from the
 signal's; if another signal has it already (another unit in other firmware, say), a number is added. So the columns of a
@@ -11,6 +11,7 @@ store never change their meaning, and old files stay readable.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,11 +20,11 @@ import pyarrow as pa
 
 from recordings.column_store import ColumnStore
 from server.fleet.metadata import RecordingKey
+from server.fleet.packet_rows import PacketWindow, packet_windows
 from server.fleet.tables import SAMPLES, SIGNAL, UNIT
 from server.library.recording_detail import channels_of
 from server.wire import ChannelInfo
 
-ROWS = 1 << 17  # at once
 MAX_SIGNALS = 2000  # of a recording; noise that passes a weak checksum must not create unlimited columns
 _TYPES = {
     **{dtype: pa.int32() for dtype in ("i1", "u1", "i2", "u2", "i4")},
@@ -51,48 +52,53 @@ class StoredSignal:
 
 @dataclass(frozen=True, slots=True)
 class SampleRows:
-    """Channels of one message that share their times."""
+    """Channels of one message that share rows.
+
+    Args:
+        tracks: channels of one quantity, whose unit or the like changed meanwhile, are one track.
+        is_list: whether a packet has several samples of them: entries of a list.
+    """
 
     device: str
     message: str
-    channel: int
+    is_list: bool
+    tracks: Sequence[Sequence[int]]
     signals: Sequence[StoredSignal]
 
 
 def sample_rows(store: ColumnStore) -> list[SampleRows]:
-    """The channels that have samples, grouped by their times."""
-    groups: list[list[ChannelInfo]] = []
+    """The channels that have samples, grouped by device and message; each list of a message is a group of its own."""
+    groups: dict[tuple[str, str, str], dict[tuple[str, str], list[ChannelInfo]]] = {}
     left = MAX_SIGNALS
     for info in channels_of(store).values():
         if not store.rows(info.id) or len(info.columns) > left:
             continue
         left -= len(info.columns)
-        own = next((group for group in groups if _alike(store, group[0], info)), None)
-        if own is None:
-            groups.append([info])
-        else:
-            own.append(info)
+        key = info.device, info.message, info.name if info.kind == "table" else ""
+        groups.setdefault(key, {}).setdefault((info.name, info.doc), []).append(info)
     return [
-        SampleRows(group[0].device, group[0].message, group[0].id, [one for info in group for one in _signals(info)])
-        for group in groups
+        SampleRows(
+            device,
+            message,
+            bool(name),
+            [[info.id for info in track] for track in tracks.values()],
+            [signal for title, track in _titled(tracks) for info in track for signal in _signals(title, info)],
+        )
+        for (device, message, name), tracks in groups.items()
     ]
 
 
-def _signals(info: ChannelInfo) -> Iterator[StoredSignal]:
+def _titled(tracks: Mapping[tuple[str, str], list[ChannelInfo]]) -> Iterator[tuple[str, list[ChannelInfo]]]:
+    """Tracks with names that differ: angles that are computed from two attitudes of a packet have one name."""
+    count: Counter[str] = Counter()
+    for (name, _), track in tracks.items():
+        count[name] += 1
+        yield name if count[name] == 1 else f"{name} ({count[name]})", track
+
+
+def _signals(name: str, info: ChannelInfo) -> Iterator[StoredSignal]:
     for at, column in enumerate(info.columns):
-        yield StoredSignal(info.id, at, f"{info.name}.{column.name}", column.unit, _TYPES[column.dtype])
-
-
-def _alike(store: ColumnStore, first: ChannelInfo, other: ChannelInfo) -> bool:
-    """Whether two channels have the same message, names of their own, and the same times."""
-    same = (first.device, first.message) == (other.device, other.message) and first.name != other.name
-    rows = store.rows(first.id)
-    if not same or rows != store.rows(other.id):
-        return False
-    for lo in range(0, rows, ROWS):
-        if not np.array_equal(store.clock(first.id, lo, lo + ROWS), store.clock(other.id, lo, lo + ROWS)):
-            return False
-    return True
+        yield StoredSignal(info.id, at, f"{name}.{column.name}", column.unit, _TYPES[column.dtype])
 
 
 def fields_for(groups: Sequence[SampleRows], known: pa.Schema) -> dict[tuple[str, str, str], pa.Field]:
@@ -152,30 +158,36 @@ def _batches(
 ) -> Iterator[pa.RecordBatch]:
     fields = fields_for(groups, schema)
     for group in groups:
-        columns = {fields[_key(signal)].name: signal for signal in group.signals}
+        columns: dict[str, list[StoredSignal]] = {}
+        for signal in group.signals:
+            columns.setdefault(fields[_key(signal)].name, []).append(signal)
         words = {**key.values, "device": group.device, "message": group.message}
-        for lo in range(0, store.rows(group.channel), ROWS):
-            hi = min(lo + ROWS, store.rows(group.channel))
-            yield pa.RecordBatch.from_arrays(
-                [_column(store, group, field, columns, words, lo, hi) for field in schema], schema=schema
-            )
+        for window in packet_windows(store, group.tracks):
+            arrays = [_column(store, window, field, columns.get(field.name, ()), words, group) for field in schema]
+            yield pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
 def _column(
     store: ColumnStore,
-    group: SampleRows,
+    window: PacketWindow,
     field: pa.Field,
-    columns: Mapping[str, StoredSignal],
+    signals: Sequence[StoredSignal],
     words: Mapping[str, object],
-    lo: int,
-    hi: int,
+    group: SampleRows,
 ) -> pa.Array:
-    if field.name in columns:
-        signal = columns[field.name]
-        values = np.concatenate(list(store.values(signal.channel, signal.at, lo, hi)))
-        return pa.array(values.astype(field.type.to_pandas_dtype()))
+    count = len(window.time)
+    if signals:
+        values, is_missing = np.zeros(count, field.type.to_pandas_dtype()), np.ones(count, bool)
+        for signal in signals:
+            lo, hi, rows = window.samples.get(signal.channel, (0, 0, None))
+            if lo < hi:
+                values[rows] = np.concatenate(list(store.values(signal.channel, signal.at, lo, hi)))
+                is_missing[rows] = False
+        return pa.array(values, field.type, mask=is_missing)
     if field.name == "time":
-        return pa.array((store.clock(group.channel, lo, hi) * 1e6).round().astype(np.int64)).cast(field.type)
+        return pa.array((window.time * 1e6).round().astype(np.int64)).cast(field.type)
+    if field.name == "entry" and group.is_list:
+        return pa.array(window.order + 1, field.type)
     if field.name in words:
-        return pa.repeat(pa.scalar(words[field.name], field.type), hi - lo)
-    return pa.nulls(hi - lo, field.type)
+        return pa.repeat(pa.scalar(words[field.name], field.type), count)
+    return pa.nulls(count, field.type)

@@ -184,8 +184,14 @@ MINUTES = StoreTable(
 )
 SAMPLES = StoreTable(
     "samples",
-    "samples of all signals: a row for each time at which a message was sent, a column for each signal and unit",
-    _KEYS + _DEVICE + _columns(("message", TEXT, "message of the protocol"), ("time", TIME, "time of the sample")),
+    "samples of all signals: a row for each packet, a column for each signal and unit, NULL in packets without it",
+    _KEYS
+    + _DEVICE
+    + _columns(
+        ("message", TEXT, "message of the protocol"),
+        ("time", TIME, "time of the sample"),
+        ("entry", WHOLE, "number of an entry of a list in the packet, such as a satellite, from 1; NULL: the packet"),
+    ),
     partitions=("date", "robot"),
 )
 TABLES: Mapping[str, StoreTable] = {

@@ -50,6 +50,12 @@ def test_samples_are_those_of_the_recording(commands: Commands, recording: Path,
             assert {one["unit"] for one in found} == {column["unit"]}
             compared += len(found)
     assert compared > 5000
+    packets = opened.manifest["figures"]["1"]["messages"]["MTData2"]
+    (counted,) = commands.query(
+        store, "SELECT count(*) AS n, count(DISTINCT time) AS times, count(BaroPressure_value) AS p FROM samples_wide"
+    )
+    assert (counted["n"], counted["times"]) == (packets, packets)
+    assert 0 < counted["p"] < packets
     (bounds,) = commands.query(store, "SELECT min(time) >= min(started) AS a FROM samples, recordings")
     assert bounds == {"a": True}
 

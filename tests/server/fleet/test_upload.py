@@ -25,7 +25,7 @@ from tests.server.fleet.store_fixtures import Commands, delta
 from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S
 
-COUNTS = {"recordings": 1, "devices": 1, "events": 5, "losses": 1, "minutes": 22, "samples": 521}
+COUNTS = {"recordings": 1, "devices": 1, "events": 5, "losses": 1, "minutes": 22, "samples": 345}
 
 
 def counts(store: Path) -> dict[str, int]:
