@@ -94,6 +94,17 @@ def append_once(
     raise StoreError(f"{store.url}: too many uploads write to {table.name} at once", "Start the same command again.")
 
 
+def create_table(store: StoreLocation, table: StoreTable) -> None:
+    """Make a table without rows, unless it is there: other engines cannot read what does not exist.
+
+    Raises:
+        StoreError: the store cannot be written.
+    """
+    with told(store):
+        if open_table(store, table.name) is None:
+            _create(store, table, table.schema)
+
+
 def names_of(table: DeltaTable) -> set[str]:
     """Names of the columns of a table."""
     return {field.name for field in table.schema().fields}

@@ -1,7 +1,7 @@
 """A recording into a store, exactly once.
 
     1  the recording, as an object                     robots/ROBOT/DATE/RECORDING.mcap
-    2  rows of devices, settings, events, losses, …    a commit each
+    2  rows of devices, settings, events, losses, …    a commit each; a table without rows is made, too
     3  the row of `recordings`                         with it the recording counts
 
 An upload that is cut off at any moment is finished by the next one of the same file: what is there already is found by
@@ -34,7 +34,7 @@ from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.fleet.content import as_recording, checksum_of, is_mcap, recording_id
 from server.fleet.delta_dataset import dataset_of
-from server.fleet.delta_tables import append_once, as_schema, has_rows, open_table
+from server.fleet.delta_tables import append_once, as_schema, create_table, has_rows, open_table
 from server.fleet.limited_line import Pace
 from server.fleet.metadata import RecordingKey, StoredFile, arrow_rows, small_tables, start_of
 from server.fleet.minutes import minute_rows
@@ -126,7 +126,9 @@ def _append_rows(
     store: StoreLocation, columns: ColumnStore, about: RecordingProbe, key: RecordingKey, file: StoredFile
 ) -> None:
     groups = sample_rows(columns)
-    if groups:
+    if not groups:
+        create_table(store, SAMPLES)
+    else:
         append_once(
             store,
             SAMPLES,
@@ -136,7 +138,9 @@ def _append_rows(
         )
     minutes = arrow_rows(MINUTES, key, list(minute_rows(columns)))
     for name, rows in {MINUTES.name: minutes, **small_tables(columns, about, key, file)}.items():
-        if rows.num_rows:
+        if not rows.num_rows:
+            create_table(store, TABLES[name])
+        else:
             append_once(store, TABLES[name], key.recording, partial(_columns_of, name), partial(as_schema, rows))
 
 

@@ -16,10 +16,14 @@ import pytest
 from server.cli import main as imuscope
 from server.fleet import delta_tables
 from server.fleet import upload as uploading
+from server.fleet.tables import SETTINGS, TABLES
 
 HALTED = "halted"
-PLACES = ("object", "table", "rows", "events")
-"""The object is written, not checked; a table is made, and empty; half of the rows are written; samples are there."""
+PLACES = ("object", "table", "rows", *TABLES)
+"""The object is written, not checked; a table is made, and empty; half of the rows are written. In the order of an
+upload: right before the rows of a table, of `samples` when only the object is there; settings, of which there are none,
+when their table is made.
+"""
 
 
 def halt(*_: object) -> None:
@@ -45,7 +49,7 @@ def main() -> int:
 
     def halting_create(*given: Any) -> Any:
         made = create(*given)
-        if place == "table":
+        if place == "table" or (place == given[1].name == SETTINGS.name):
             halt()
         return made
 

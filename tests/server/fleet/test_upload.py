@@ -48,6 +48,15 @@ def test_a_recording_is_stored_as_it_is(commands: Commands, recording: Path, sto
     assert counts(store) == COUNTS
 
 
+def test_the_first_upload_makes_all_tables_also_those_without_rows(
+    commands: Commands, recording: Path, store: Path
+) -> None:
+    """Other engines failed on `settings` where `imuscope query` answered."""
+    commands.uploaded(recording, store)
+    assert {name: delta(store, name).num_rows for name in TABLES} == {**COUNTS, "settings": 0}
+    assert delta(store, "settings").schema.names == TABLES["settings"].schema.names
+
+
 def test_again_is_the_same_as_once(commands: Commands, recording: Path, store: Path) -> None:
     commands.uploaded(recording, store)
     before = {path: path.read_bytes() for path in store.rglob("*") if path.is_file()}
