@@ -430,7 +430,18 @@ class Session(LinkAccess):
 
     def health_of_all(self, now: float) -> list[wire.DeviceHealth]:
         """The figures for the page of every device on the link."""
-        return self.devices.health_of_all(now, self._link.capacity)
+        found = self.devices.health_of_all(now, self._link.capacity)
+        behind = self._behind()
+        for one in found:
+            one.behind = behind
+        return found
+
+    def _behind(self) -> float:
+        """Time from the last decoded sample to the newest bytes, s, while bytes wait to be decoded."""
+        newest, decoded = self._stats.last_arrival, self._stats.last_sample
+        if not self._link.backlog or newest is None or decoded is None:
+            return 0.0
+        return max(0.0, newest - decoded)
 
     def unknown_payloads(self, now: float) -> list[wire.UnknownPayload]:
         """Unknown payloads of every device on the link."""

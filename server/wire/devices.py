@@ -94,6 +94,7 @@ class DeviceHealth:
     verified: int | None = None  # samples whose frames passed all checks; null if the protocol has no such check
     unverified: int | None = None  # samples shown although their frames could not be checked
     dropped: int = 0  # samples dropped for this browser
+    behind: float = 0.0  # s by which decoding is behind the bytes that have arrived; 0 while it keeps up
     jitter_cause: JitterCause | None = None  # cause of uneven arrival times; null while they are even
 
 

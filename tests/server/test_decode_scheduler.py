@@ -131,6 +131,34 @@ def test_while_bytes_arrive_a_session_looks_for_them_by_itself() -> None:
     virtual_time.run(run())
 
 
+class BusyLink(ReadyLink):
+    """A link of which bytes wait."""
+
+    waiting = 0
+
+    @property
+    def backlog(self) -> int:
+        return self.waiting
+
+
+def test_how_far_decoding_is_behind_is_told() -> None:
+    """A server that was two minutes behind was "live", with empty plots and not a word."""
+
+    async def run() -> None:
+        clock = FakeClock()
+        link = BusyLink("/dev/ttyFAKE", LinkSettings(now_ns=clock.now_ns))
+        session = Session("1", link, Telemetry.create(clock).bus, SPEECH, DecodeOptions("fake"))
+        stats = session._stats
+        assert session.health(clock()).behind == 0.0
+        stats.last_arrival, stats.last_sample = 112.0, 100.0
+        assert session.health(clock()).behind == 0.0, "nothing waits: the bytes were no samples"
+        link.waiting = 5000
+        assert session.health(clock()).behind == 12.0
+        await session.close()
+
+    virtual_time.run(run())
+
+
 def test_an_answer_is_decoded_at_once() -> None:
     async def run() -> None:
         clock = FakeClock()

@@ -13,7 +13,7 @@ import { age, clock, rate } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
 import { Message } from "../ui/message";
 import { PanelHost } from "../ui/panel-host";
-import { markOf, shortSource } from "../ui/page-state";
+import { behindOf, markOf, shortSource } from "../ui/page-state";
 import { fullName, shortName } from "../wire/device-name";
 import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
@@ -196,6 +196,15 @@ interface WhyProps {
 /** The line that says why a device needs attention; absent while all is well. */
 function Why({ app, device, health, gaps }: WhyProps) {
   if (device.status === "live") {
+    const behind = behindOf(health);
+    if (behind > 0) {
+      return (
+        <span class="why" title={TEXT.behindHint}>
+          <span class="tag warn">{TEXT.behindBy(age(behind).value, age(behind).unit)}</span>
+          {TEXT.busyComputer}
+        </span>
+      );
+    }
     if (gaps === 0) return null;
     return (
       <span class="why">

@@ -54,7 +54,7 @@ test("what is in view is saved, and shown with its link", async () => {
   vi.useFakeTimers();
   render(<SavedBand app={app} />);
   expect(screen.getByRole("link", { name: "Open" }).getAttribute("href")).toContain("yard");
-  await act(() => vi.advanceTimersByTimeAsync(60_000)); // it stood over the plots until somebody closed it
+  await act(async () => void (await vi.advanceTimersByTimeAsync(60_000))); // it stood over the plots until somebody closed it
   expect(screen.queryByRole("link", { name: "Open" })).toBeNull();
   vi.useRealTimers();
 });

@@ -3,11 +3,11 @@ import { useRef } from "preact/hooks";
 import { compareView } from "../compare/sides";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
-import { number, rate, span } from "../ui/format";
+import { age, number, rate, span } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
-import { markOf, showsPlots } from "../ui/page-state";
+import { behindOf, markOf, showsPlots } from "../ui/page-state";
 import { theme, toggleTheme } from "../ui/theme";
 import { useFit } from "../ui/use-fit";
 import { SceneButton } from "../views/viser";
@@ -144,13 +144,14 @@ function StateTags({ app }: Props) {
 function TimeControls({ app }: Props) {
   const { isLive, actions } = app.viewState;
   // highlighted if live: not without a server connection, nor with a lost device
-  const lit = isLive.value && !app.store.isCut && app.device.value?.status === "live";
+  const behind = behindOf(app.store.health.value.get(app.device.value?.id ?? ""));
+  const lit = isLive.value && !app.store.isCut && app.device.value?.status === "live" && behind === 0;
   return (
     <>
       <div class="segmented desk" role="group" aria-label={TEXT.playState}>
         <button type="button" aria-pressed={isLive.value} title={TEXT.followNewest} onClick={() => actions.live()}>
           <span class={lit ? "dot live" : "dot off"} />
-          {TEXT.live}
+          {behind === 0 ? TEXT.live : TEXT.liveBehind(age(behind).value, age(behind).unit)}
         </button>
         <button type="button" aria-pressed={!isLive.value} title={TEXT.pauseView} onClick={() => actions.pause()}>
           <Icon name="pause" />

@@ -22,6 +22,7 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   verified: null,
   unverified: null,
   dropped: 0,
+  behind: 0,
   jitter_cause: null,
   ...more,
 });

@@ -57,6 +57,7 @@ export function healthAt(
     verified: null,
     unverified: null,
     dropped: 0,
+    behind: 0,
     jitter_cause: null,
     ...(history ? figuresAt(history, t) : {}),
   };

@@ -210,6 +210,8 @@ export interface DeviceHealth {
   readonly unverified: number | null;
   /** samples dropped for this browser */
   readonly dropped: number;
+  /** s by which decoding is behind the bytes that have arrived; 0 while it keeps up */
+  readonly behind: number;
   /** cause of uneven arrival times; null while they are even */
   readonly jitter_cause: JitterCause | null;
 }
