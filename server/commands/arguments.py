@@ -251,6 +251,11 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
         "--fleet", metavar="ADDRESS", help="join the fleet at tcp/HOST:PORT or tls/HOST:PORT (`imuscope fleet`)"
     )
     command.add_argument(
+        "--fleet-name",
+        metavar="NAME",
+        help="name of this robot in its fleet and in the store, which no other robot may have (default: host name)",
+    )
+    command.add_argument(
         "--log-format", choices=logging_setup.STYLES, help="format of the log on standard error (default text)"
     )
     command.add_argument("--log-level", choices=logging_setup.LEVELS, help="lowest level logged (default info)")

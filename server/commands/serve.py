@@ -112,11 +112,17 @@ def _config(options: argparse.Namespace) -> Config:
         ros2=options.ros2,
         ros2_domain=options.ros2_domain,
         ros2_router=options.ros2_router,
-        fleet=None if options.fleet is None else {"router": options.fleet},
+        fleet=_fleet(options),
         log_format=options.log_format,
         log_level=options.log_level,
         **given,
     )
+
+
+def _fleet(options: argparse.Namespace) -> dict[str, str] | None:
+    """Settings of the fleet that options give; those of the file stay beside them."""
+    given = {"router": options.fleet, "name": options.fleet_name}
+    return {name: text for name, text in given.items() if text is not None} or None
 
 
 def _check_store(url: str) -> None:

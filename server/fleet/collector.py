@@ -47,7 +47,10 @@ _status = msgspec.msgpack.Decoder(RobotStatus)
 class _Robot:
     stored: StoredRobot  # boot and number: the last report that was taken
     status: RobotStatus | None = None
-    boots: list[str] = field(default_factory=list)  # announced runs; more than one: several robots of one name
+    boots: list[str] = field(default_factory=list)  # announced runs; the last one is shown by the name alone
+    statuses: dict[str, RobotStatus] = field(default_factory=dict)  # of the others, as far as they are known
+    others: list[str] = field(default_factory=list)  # those that report: robots of the same name
+    numbered: int = 0  # rows that they have
     latest: int = 0  # number that the robot has of that run
     heard: int = 0  # number of the newest report of the live run, also while those of an earlier run are taken
     left: str | None = None  # run whose reports were being taken when a second robot of the name came
@@ -153,6 +156,7 @@ class Collector:
         if not alive:
             robot.boots.remove(boot)
             robot.heard = 0
+            self._leave(robot, boot)
             if not robot.boots:
                 robot.stored.is_live, robot.stored.since = False, now
                 robot.ask_at = float("inf")
@@ -162,9 +166,8 @@ class Collector:
         if len(robot.boots) >= MAX_BOOTS:
             self.counts.refused += 1
             return
-        if robot.boots:
-            words = f"Several robots call themselves {name}; the one that came last is shown. Give each its own name."
-            self._note(name, "error", words)
+        if robot.boots and robot.status is not None:
+            robot.statuses[robot.live_boot] = robot.status
         robot.boots.append(boot)
         robot.heard = 0
         if robot.stored.boot != boot:
@@ -190,6 +193,8 @@ class Collector:
         robot = self._robots.get(name)
         if robot is None or not robot.boots or report.boot != robot.live_boot:
             self.counts.unannounced += 1  # it is asked for when the token arrives
+            if robot is not None and report.boot in robot.boots:
+                self._take_other(robot, report)
             return
         self.counts.reports += 1
         robot.heard = max(robot.heard, report.number)
@@ -338,6 +343,26 @@ class Collector:
             left, robot.left = robot.left, None
             self._turn_to(robot, left)
 
+    def _take_other(self, robot: _Robot, report: RobotReport) -> None:
+        """Show the robot of a run that reports while another one has its name: it has not just been restarted."""
+        if report.boot not in robot.others:
+            robot.others.append(report.boot)
+            name = robot.stored.name
+            words = (
+                f"Several robots call themselves {name}. Give each its own name: imuscope serve … --fleet-name NAME."
+            )
+            self._note(name, "error", words)
+        if report.status is not None:
+            robot.statuses[report.boot] = report.status
+        self._show(robot)
+
+    def _leave(self, robot: _Robot, boot: str) -> None:
+        """Forget a run that has ended; if it was the shown one, another one takes its place, with its own status."""
+        robot.statuses.pop(boot, None)
+        if robot.boots and robot.live_boot in robot.others:
+            robot.status = robot.statuses.pop(robot.live_boot, None)
+        robot.others = [one for one in robot.others if one in robot.boots[:-1]]
+
     def _take(self, robot: _Robot, report: RobotReport) -> bool:
         """Take a report; returns whether there was room."""
         if len(self.batch.events) >= MAX_UNWRITTEN:
@@ -368,8 +393,21 @@ class Collector:
         stored = robot.stored
         status = robot.status or RobotStatus()
         since = self._started if stored.is_live and not robot.boots else stored.since
+        summary = summary_of(stored.name, status, since, is_live=bool(robot.boots))
+        summary.same_name = len(robot.others)
+        self._update(self._judged(summary))
+        for place, boot in enumerate(robot.others):
+            name = keys.numbered(stored.name, place + 2)
+            other = summary_of(name, robot.statuses.get(boot, RobotStatus()), since)
+            other.same_name, other.pages = len(robot.others), "off"  # its name leads to the first row only
+            self._update(other)
+        for place in range(len(robot.others), robot.numbered):
+            self._summaries.remove(keys.numbered(stored.name, place + 2))
+        robot.numbered = len(robot.others)
+
+    def _update(self, summary: RobotSummary) -> None:
         try:
-            self._summaries.update(self._judged(summary_of(stored.name, status, since, is_live=bool(robot.boots))))
+            self._summaries.update(summary)
         except TooManyRobotsError:  # fewer are allowed than were stored
             self.counts.refused += 1
 

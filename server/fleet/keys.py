@@ -33,6 +33,11 @@ def is_robot_name(text: str) -> bool:
     return bool(_NAME.fullmatch(text)) and text == usual and text.isprintable() and text == text.strip()
 
 
+def numbered(name: str, number: int) -> str:
+    """Name under which another robot of this name is shown; no robot can have it as its own."""
+    return f"{name} ({number})"
+
+
 def is_boot(text: str) -> bool:
     """Whether a text is the id of a run of a robot's server."""
     return bool(_BOOT.fullmatch(text))

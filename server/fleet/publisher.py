@@ -93,7 +93,10 @@ def robot_name(settings: FleetSettings) -> str:
     """
     name = settings.name or platform.node().partition(".")[0]
     if not keys.is_robot_name(name):
-        raise FleetSettingsError(f"fleet.name {name!r:.120} is not valid: use {keys.NAME_RULE}.")
+        raise FleetSettingsError(
+            f"{name!r:.120} is not a valid name of a robot. "
+            f"Give --fleet-name, or name in [fleet], with {keys.NAME_RULE}."
+        )
     return name
 
 

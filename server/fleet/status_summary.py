@@ -25,6 +25,7 @@ def summary_of(name: str, status: RobotStatus, since: float, *, is_live: bool = 
         disk_free_bytes=status.disk_free_bytes,
         settings="unknown",
         drifted=0,
+        same_name=0,
         alarms=[RobotAlarm.model_validate(msgspec.structs.asdict(one)) for one in status.alarms],
         devices=[
             RobotDevice.model_construct(**{name: getattr(one, name) for name in _FIELDS}) for one in status.devices

@@ -72,6 +72,7 @@ class RobotSummary(BaseModel):
     drifted: int = Field(description="number of settings that differ from the profile")
     alarms: list[RobotAlarm] = Field(description="those that are raised")
     devices: list[RobotDevice]
+    same_name: int = Field(0, description="other live robots that have this name, shown as `NAME (2)` and so on")
     more: dict[str, str] = Field(default_factory=dict, description="what a later version reports, by name")
 
 

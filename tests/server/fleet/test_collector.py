@@ -13,7 +13,7 @@ from server.fleet import keys
 from server.fleet.collector import Collector
 from server.fleet.database import FleetBatch, FleetDatabase, FleetDatabaseError, StoredEvent, StoredRobot
 from server.fleet.journal import Journal
-from server.fleet.reports import RobotEvent, RobotStatus
+from server.fleet.reports import ReportedDevice, RobotEvent, RobotReport, RobotStatus, encode
 from server.fleet.robots import Robots
 
 NAME = "otter-7"
@@ -195,12 +195,64 @@ def test_a_robot_that_left_during_a_restart_is_lost(bus: Bus) -> None:
     assert (robot.state, robot.since) == ("lost", bus.time)
 
 
-def test_two_robots_of_one_name_are_reported(bus: Bus) -> None:
-    bus.collector.on_token(keys.token_key(NAME, "f" * 16), alive=True)
+def status_of(serial_number: str) -> RobotStatus:
+    return RobotStatus(devices=(ReportedDevice("1", "MTi", "live", serial_number=serial_number),), pages="view")
+
+
+def rows(bus: Bus) -> dict[str, tuple[str, int, str]]:
+    """Serial number, number of other robots of the name, and rights at its pages, by row."""
+    return {
+        name: (one.devices[0].serial_number if one.devices else "", one.same_name, one.pages)
+        for name, one in bus.robots.summaries.items()
+    }
+
+
+def test_two_robots_of_one_disk_image_were_one_row(bus: Bus, tmp_path: Path) -> None:
+    bus.collector.on_report(KEY, bus.journal.report(bus.time, status_of("A")))
+    second = Journal(10**6, tmp_path / "second")
+    bus.collector.on_token(keys.token_key(NAME, second.boot), alive=True)
+    bus.collector.on_report(KEY, second.report(bus.time, status_of("B")))
+    assert rows(bus) == {NAME: ("B", 0, "view")}  # so far, the first one may have been restarted
+    bus.collector.on_report(KEY, bus.journal.report(bus.time, None))
+    assert rows(bus) == {NAME: ("B", 1, "view"), f"{NAME} (2)": ("A", 1, "off")}
+    bus.collector.on_report(KEY, bus.journal.report(bus.time, status_of("A2")))
+    assert rows(bus)[f"{NAME} (2)"] == ("A2", 1, "off")
     bus.write()
-    assert "Several robots" in bus.database.events()[0][1].text
-    bus.report()  # of the one that came first
-    assert bus.collector.counts.unannounced == 1
+    (event,) = [event for _, event in bus.database.events() if event.level == "error"]
+    assert event.text == (
+        "Several robots call themselves otter-7. Give each its own name: imuscope serve … --fleet-name NAME."
+    )
+    bus.collector.on_token(keys.token_key(NAME, second.boot), alive=False)
+    assert rows(bus) == {NAME: ("A2", 0, "view")}
+
+
+def test_robots_of_one_name_leave_in_any_order(bus: Bus) -> None:
+    boots = [bus.journal.boot, "b" * 16, "c" * 16]
+    for boot in boots[1:]:
+        bus.collector.on_token(keys.token_key(NAME, boot), alive=True)
+    for boot in (*boots, *boots):
+        bus.collector.on_report(KEY, encode(RobotReport(boot, 1, bus.time, status=status_of(boot[0]))))
+    assert {name: (serial, n) for name, (serial, n, _) in rows(bus).items()} == {
+        NAME: ("c", 2),
+        f"{NAME} (2)": (boots[0][0], 2),
+        f"{NAME} (3)": ("b", 2),
+    }
+    bus.collector.on_token(keys.token_key(NAME, boots[0]), alive=False)
+    assert {name: (serial, n) for name, (serial, n, _) in rows(bus).items()} == {
+        NAME: ("c", 1),
+        f"{NAME} (2)": ("b", 1),
+    }
+    bus.collector.all_lost()
+    assert list(rows(bus)) == [NAME]
+
+
+def test_a_robot_whose_restart_was_not_noticed_is_one_row(bus: Bus) -> None:
+    bus.report()
+    bus.restart_robot(is_noticed=False)
+    bus.catch_up()
+    assert list(rows(bus)) == [NAME]
+    bus.write()
+    assert not [event for _, event in bus.database.events() if event.level == "error"]
 
 
 steps = st.lists(

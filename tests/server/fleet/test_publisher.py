@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from server.cli import main
+from server.config import Config
 from server.fleet.publisher import ByteBudget, FleetSettingsError, credentials_of, robot_name
 from server.fleet_settings import FleetSettings
 from tests.each_row import each_row
@@ -30,8 +32,23 @@ def test_a_robot_is_called_as_its_host_unless_it_has_a_name(monkeypatch: pytest.
     monkeypatch.setattr("platform.node", lambda: "otter-7.example.com")
     assert robot_name(FleetSettings()) == "otter-7"
     assert robot_name(FleetSettings(name="Otter 7")) == "Otter 7"
-    with pytest.raises(FleetSettingsError, match=r"fleet\.name"):
+    with pytest.raises(FleetSettingsError, match="--fleet-name"):
         robot_name(FleetSettings(name="a/*"))
+
+
+def test_a_name_on_the_command_line_leaves_the_settings_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Robots of one disk image have one file, and one host name."""
+    monkeypatch.setenv("IMUSCOPE_DATA", str(tmp_path / "data"))
+    file = tmp_path / "robot.toml"
+    file.write_text('[fleet]\nrouter = "tcp/fleet:7447"\nname = "image"\ngroup = "otters"\n')
+    configs: list[Config] = []
+    monkeypatch.setattr("server.commands.serve.run", lambda config, *_, **__: configs.append(config))
+    assert main(["serve", "sim:xbus", "--config", str(file), "--fleet-name", "otter-7"]) in (0, None)
+    assert main(["serve", "sim:xbus", "--fleet", "tcp/other:7447", "--fleet-name", "otter-8"]) in (0, None)
+    assert configs[0].fleet == FleetSettings(router="tcp/fleet:7447", name="otter-7", group="otters")
+    assert configs[1].fleet == FleetSettings(router="tcp/other:7447", name="otter-8")
 
 
 def test_the_password_may_be_in_a_file(tmp_path: Path) -> None:

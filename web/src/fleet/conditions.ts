@@ -8,6 +8,7 @@ export type Tone = "warn" | "bad";
 
 export type ConditionName =
   | "lost"
+  | "name"
   | "device"
   | "alarm"
   | "warning"
@@ -54,6 +55,7 @@ const countOf =
 /** The most urgent first. Of lost robots the one that was lost last is first: the others are known. */
 export const CONDITIONS: readonly Condition[] = [
   { name: "lost", tone: "bad", measure: ({ state, since }) => (state === "lost" ? Math.max(since, 1) : 0) },
+  { name: "name", tone: "bad", measure: ({ same_name: others }) => others },
   { name: "alarm", tone: "bad", measure: (robot) => raised(robot, "error") },
   { name: "device", tone: "bad", measure: countOf(isDown) },
   { name: "warning", tone: "warn", measure: (robot) => raised(robot, "warning") },

@@ -78,6 +78,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
           </span>
         ))}
       </p>
+      {summary.same_name > 0 && <p>{TEXT.sameName(summary.same_name)}</p>}
       {isLost && <p class="dim">{TEXT.figuresFrom}</p>}
       <dl class="facts">
         <Fact title={isLost ? TEXT.whenLost : TEXT.whenLive} cell={{ text: ageText(fleet.now(), summary.since) }} />

@@ -47,6 +47,15 @@ test("of a thousand robots only those in view are in the document", async () => 
   expect(find(".fleet-list").getAttribute("aria-rowcount")).toBe("1001");
 });
 
+test("two robots of one name are two rows that say what to do", async () => {
+  const same = { same_name: 1, devices: [] };
+  await openFleet([numbered(1), numbered(2, same), robotWith({ ...same, name: "amr-002 (2)", pages: "off" })]);
+  await eventually(() => expect(names()).toEqual(["amr-002", "amr-002 (2)", "amr-001"]));
+  expect(rows()[0]?.textContent).toContain("same name");
+  fireEvent.click(rows()[1] as HTMLElement);
+  await eventually(() => expect(find(".fleet-details").textContent).toContain("--fleet-name NAME"));
+});
+
 test("a count is a filter, and the address holds it with the search", async () => {
   await openFleet([numbered(1), numbered(2, { state: "lost" }), numbered(3, { settings: "drifted", drifted: 2 })]);
   await eventually(() => expect(names()).toEqual(["amr-002", "amr-003", "amr-001"]));

@@ -39,6 +39,7 @@ export function robotWith(part: Partial<RobotSummary> = {}): RobotSummary {
     disk_free_bytes: 2e11,
     settings: "as-profile",
     drifted: 0,
+    same_name: 0,
     alarms: [],
     devices: [deviceWith()],
     more: {},

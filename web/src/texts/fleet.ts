@@ -24,6 +24,7 @@ export const TEXT = {
   left: "removed",
   conditions: {
     lost: "lost",
+    name: "same name",
     alarm: "alarm",
     device: "sensor lost",
     warning: "warning",
@@ -111,6 +112,8 @@ export const TEXT = {
   noDetails: "This robot is not in the fleet.",
   whenLive: "Live for",
   whenLost: "Lost for",
+  sameName: (others: number) =>
+    `${plural(others, "Another robot has", "Other robots have")} this name. Start each with its own: imuscope serve … --fleet-name NAME.`,
   figuresFrom: "Figures are from before the loss.",
   needs: "Needs attention",
   healthy: "No problem found",

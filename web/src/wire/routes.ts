@@ -999,6 +999,8 @@ export interface RobotSummary {
   /** those that are raised */
   readonly alarms: readonly RobotAlarm[];
   readonly devices: readonly RobotDevice[];
+  /** other live robots that have this name, shown as `NAME (2)` and so on */
+  readonly same_name: number;
   /** what a later version reports, by name */
   readonly more: Readonly<Record<string, string>>;
 }
