@@ -87,7 +87,7 @@ class FleetServer:
             judged=lambda robot: alarms.with_alarms(profiles.judged(robot)),
             last_number=database.last_number,
         )
-        self.pages = RobotPages(self.collector.boot_of)
+        self.pages = RobotPages(self.collector.boot_of, robots.get)
         self.rollouts = Rollouts(rollouts, robots, profiles, self.pages, self._note_command, timing)
         self.problem = ""
         self.overflows = 0

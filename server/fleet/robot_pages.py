@@ -40,6 +40,7 @@ from server.fleet.page_messages import (
     encode,
 )
 from server.fleet.page_window import LARGEST
+from server.fleet.summaries import RobotSummary
 from server.printable import printable
 from server.prometheus_text import PrometheusText
 
@@ -58,14 +59,15 @@ class RobotPages:
 
     Args:
         boot_of: run of the server of a robot; empty if it is not live.
+        summary_of: a robot as it is listed; None if it is unknown.
     """
 
-    def __init__(self, boot_of: Callable[[str], str]) -> None:
+    def __init__(self, boot_of: Callable[[str], str], summary_of: Callable[[str], RobotSummary | None]) -> None:
         self.id = secrets.token_hex(8)
         self.requests = 0
         self.bytes = 0
         self.invalid = 0
-        self._boot_of = boot_of
+        self._boot_of, self._summary_of = boot_of, summary_of
         self._inbox = Inbox(self.take)
         self._session: zenoh.Session | None = None
         self._streams: dict[tuple[str, int], PageStream] = {}
@@ -93,12 +95,11 @@ class RobotPages:
             make: the request, with this number of a stream and this run of the robot's server.
 
         Raises:
-            DomainError: the robot is not live, too many requests are open, or this one has a part that is too long.
+            DomainError: the robot is unknown or not live, too many requests are open, or this one is too long.
         """
         boot = self._boot_of(robot)
         if not boot or self._session is None:
-            hint = "Its page opens when it is back; its devices and recordings are not affected."
-            raise DomainError("gone", f"The line of robot {printable(robot[:80])} is lost.", hint)
+            raise self._absence(robot)
         if len(self._streams) >= MAX_IN_ALL or sum(name == robot for name, _ in self._streams) >= MAX_STREAMS:
             words = f"At most {MAX_STREAMS} requests to a robot are open at once."
             raise DomainError("full", words, "Close an unused page, or try again later.")
@@ -115,6 +116,18 @@ class RobotPages:
         self._heard[robot] = time.monotonic()
         self.put(robot, asked)
         return stream
+
+    def _absence(self, robot: str) -> DomainError:
+        """Why a robot cannot be asked."""
+        name, summary = printable(robot[:80]), self._summary_of(robot)
+        if summary is None:
+            hint = "Check the name in the list of robots; one that was removed has to join again."
+            return DomainError("not-found", f"There is no robot {name} in this fleet.", hint)
+        if summary.same_name:
+            hint = "Start each with its own name: imuscope serve … --fleet-name NAME."
+            return DomainError("gone", f"The page of {name} does not open while another robot has its name.", hint)
+        hint = "Its page opens when it is back; its devices and recordings are not affected."
+        return DomainError("gone", f"The line of robot {name} is lost.", hint)
 
     def put(self, robot: str, ask: Ask) -> None:
         """Send a message. Never waits: what does not fit is lost, and its number missed."""

@@ -57,7 +57,7 @@ class RecordingUpload:
     Args:
         id: of the recording in the library.
         reason: why it waits or is refused, one sentence; "" if it is simply next.
-        progress: 0..1, while it is uploaded.
+        progress: 0..1; 1 when it is stored.
         recording, object, checksum: in the store: identifier, key, SHA-256.
         stored_at: unix s; null before.
     """
@@ -205,13 +205,24 @@ class UploadService:
         if end is not None:
             stored_at = end.time if end.state == "stored" else None
             return RecordingUpload(
-                entry.id, end.state, end.reason, 0.0, end.recording, end.object, end.checksum, stored_at
+                *(entry.id, end.state, end.reason, float(end.state == "stored")),
+                *(end.recording, end.object, end.checksum, stored_at),
             )
         if why := refusal(entry, self.settings):
             return RecordingUpload(entry.id, "refused", why)
         if until := pause_until(self.settings, datetime.now()):
             return RecordingUpload(entry.id, "waiting", f"Uploads begin at {until}.")
-        return RecordingUpload(entry.id, "waiting", self.problem)
+        return RecordingUpload(entry.id, "waiting", self.problem or self._delay_of(entry))
+
+    def _delay_of(self, entry: LibraryEntry) -> str:
+        """What a recording waits for, as one sentence; "" if it is next."""
+        if self._current:
+            return "Another recording is being uploaded."
+        if self._compactor.is_busy:
+            return "Uploads begin when finished recordings are compacted."
+        if time.time() - entry.modified < SETTLED_S:
+            return f"Its upload begins when the file has not changed for {SETTLED_S:g} s."
+        return ""
 
     async def _upload(self, entry: LibraryEntry) -> float:
         name = entry.path.name

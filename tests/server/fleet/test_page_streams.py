@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -19,7 +20,10 @@ from server.fleet.bus import BusCredentials, client_settings, open_bus
 from server.fleet.page_messages import MAX_PART, Beat, End, Head, Open, Part, Stop, encode
 from server.fleet.page_server import PageServer
 from server.fleet.page_window import LARGEST, SMALLEST, Window
+from server.fleet.reports import RobotStatus
 from server.fleet.robot_pages import PageStream, RobotPages
+from server.fleet.status_summary import summary_of
+from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.waiting import until
 
@@ -85,8 +89,9 @@ async def line(delay_of: Callable[[int], float] = lambda size: 0.0) -> AsyncIter
     router = await asyncio.to_thread(open_bus, RouterSettings(bus).settings())
     session = await asyncio.to_thread(open_bus, client_settings(bus, BusCredentials()))
     app, alive, told = Application(), [True], list[str]()
+    known = {"a": summary_of("a", RobotStatus(), 0.0)}
     robot = PageServer("a", BOOT, "control", lambda level, text: told.append(text), delay_of)
-    fleet = RobotPages(lambda name: BOOT if alive[0] else "")
+    fleet = RobotPages(lambda name: BOOT if alive[0] else "", known.get)
     held = [fleet.declare(router), robot.declare(session)]
     fleet.start()
     robot.serve(app)
@@ -362,3 +367,20 @@ def test_a_window_shrinks_on_a_slow_line_and_grows_on_a_fast_one() -> None:
         await waiting
 
     run(check)
+
+
+@each_row(
+    ("robot", "kind", "words"),
+    [
+        ("lost", "gone", "The line of robot lost is lost"),
+        ("nobody", "not-found", "There is no robot nobody in this fleet"),
+        ("vm (2)", "gone", "does not open while another robot has its name"),
+    ],
+)
+def test_a_robot_that_never_existed_was_called_lost(robot: str, kind: str, words: str) -> None:
+    known = {name: summary_of(name, RobotStatus(), 0.0, is_live=name != "lost") for name in ("lost", "vm (2)")}
+    known["vm (2)"].same_name = 1
+    pages = RobotPages(lambda name: "", known.get)
+    with pytest.raises(DomainError, match=re.escape(words)) as refused:
+        pages.open(robot, lambda number, boot: Open(number, boot, "GET", "/api/devices", role="view", who="a viewer"))
+    assert refused.value.kind == kind

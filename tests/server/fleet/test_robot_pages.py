@@ -127,7 +127,7 @@ def test_a_robot_may_keep_its_pages_to_itself(tmp_path: Path) -> None:
         assert (refused.status_code, refused.json()["kind"]) == (409, "not-now")
         assert "does not show its pages" in refused.json()["message"]
         unknown = get(f"{base(server, 'nobody')}/api/devices")
-        assert (unknown.status_code, unknown.json()["kind"]) == (502, "gone")
+        assert (unknown.status_code, unknown.json()["kind"]) == (404, "not-found")
 
 
 def test_live_samples_pass_through_the_line(tmp_path: Path) -> None:

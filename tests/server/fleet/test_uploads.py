@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
 import os
@@ -17,7 +18,9 @@ from recordings import sidecar
 from server.config import Config
 from server.fleet import uploads
 from server.fleet_settings import FleetSettings
+from server.library.compaction_worker import CompactionWorker
 from server.store_settings import StoreSettings
+from server.workers import Worker
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks
@@ -107,18 +110,45 @@ def test_finished_recordings_are_stored_and_a_restart_knows_it(tmp_path: Path) -
     assert stored(store) == ["a.mcap", "b.mcap"]
 
 
+def test_what_waits_gave_no_reason_and_what_was_stored_no_progress(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive(folder_of(tmp_path / "data") / "a.mcap")
+    drive(folder_of(tmp_path / "data") / "b.mcap", seconds=2.0)
+    monkeypatch.setattr(CompactionWorker, "is_busy", True)
+    monkeypatch.setattr(Worker, "start", _never)
+    with serving(tmp_path / "data", tmp_path / "store") as server:
+        compacting = "Uploads begin when finished recordings are compacted."
+        assert {one["reason"] for one in states(server).values()} == {compacting}
+        monkeypatch.setattr(uploads, "SETTLED_S", 1e9)
+        monkeypatch.setattr(CompactionWorker, "is_busy", False)
+        settling = "Its upload begins when the file has not changed for 1e+09 s."
+        assert {one["reason"] for one in states(server).values()} == {settling}
+        monkeypatch.setattr(uploads, "SETTLED_S", 0.0)
+        block_until(lambda: any(one["state"] == "uploading" for one in states(server).values()), lambda: states(server))
+        found = sorted((one["state"], one["reason"]) for one in states(server).values())
+        assert found == [("uploading", ""), ("waiting", "Another recording is being uploaded.")]
+
+
+async def _never(*_: object) -> Worker:
+    """A process that does not start."""
+    await asyncio.Event().wait()
+    raise AssertionError
+
+
 def test_a_store_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
     """A full disk likewise: the words are those of the store."""
     data, store = tmp_path / "data", tmp_path / "store"
     store.write_text("in the way")
     drive(folder_of(data) / "a.mcap")
     with serving(data, store) as server:
-        block_until(lambda: states(server)["a"]["reason"], "a reason")
+        block_until(lambda: "is a file" in states(server)["a"]["reason"], "the reason of the store")
         assert states(server)["a"]["state"] in ("waiting", "uploading")
         assert "is a file" in server.client.get("/api/uploads").json()["problem"]
         store.unlink()
         until(server, "a", "stored")
         assert server.client.get("/api/uploads").json()["problem"] == ""
+        assert states(server)["a"]["progress"] == 1.0
         said = events(server)
         assert sum("cannot be uploaded at present" in text for text in said) == 1
         assert "Recordings are uploaded again." in said
