@@ -116,3 +116,13 @@ test("a recording is asked for its own frames", async () => {
   await screen.findByText("PacketCounter: 258");
   expect(asked[0]?.path).toContain("/api/recordings/yard/frames");
 });
+
+test("the field of the point is marked, with its value in the unit of the plot", async () => {
+  const sample = { name: "Packet counter", value: "258", message: "MTData2", at: 0, column: "value" };
+  open({ sample: { ...sample, channel: "PacketCounter" } });
+  const row = (await screen.findByText("PacketCounter: 258")).closest("tr");
+  expect(row?.getAttribute("aria-current")).toBe("true");
+  expect(document.querySelector(".packet-sample")?.textContent).toBe("In the plot: Packet counter 258");
+  fireEvent.keyDown(document.body, { key: "ArrowLeft" });
+  await waitFor(() => expect(document.querySelector(".packet-sample")).toBeNull()); // another frame has another one
+});

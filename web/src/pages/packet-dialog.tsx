@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { spaced } from "../forms/frame-chips";
-import type { PacketAt } from "../panels/panel-context";
+import type { PacketAt, ShownSample } from "../panels/panel-context";
 import { copyText } from "../ui/copy";
 import { Dialog } from "../ui/dialog";
 import { clock, number } from "../ui/format";
@@ -112,6 +112,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
             <Frame
               packet={packet}
               time={asked.channel !== undefined && place.value === view.value?.at ? (view.value?.time ?? null) : null}
+              sample={asked.channel !== undefined && place.value === view.value?.at ? at.sample : undefined}
               step={(by) => select(place.value + by)}
               show={() => {
                 at.pin(packet.arrival + ahead.value);
@@ -129,12 +130,16 @@ interface FrameProps {
   readonly packet: PacketInfo;
   /** Of the sample that was asked for, unix s. */
   readonly time: number | null;
+  /** That sample as its plot shows it. */
+  readonly sample: ShownSample | undefined;
   readonly step: (by: number) => void;
   readonly show: () => void;
 }
 
-function Frame({ packet, time, step, show }: FrameProps) {
+function Frame({ packet, time, sample, step, show }: FrameProps) {
   const said = useSignal(TEXT.copyHex);
+  /** The sample whose part was brought into sight. */
+  const marked = useRef<ShownSample | undefined>(undefined);
   const copyHex = async (): Promise<void> => {
     said.value = (await copyText(spaced(packet.hex))) ? COMMON.copied : COMMON.notCopied;
     setTimeout(() => (said.value = TEXT.copyHex), 2000);
@@ -162,6 +167,11 @@ function Frame({ packet, time, step, show }: FrameProps) {
         </button>
       </div>
       <p class="dim">{facts.filter(Boolean).join(" · ")}</p>
+      {sample && (
+        <p class="packet-sample">
+          {TEXT.shownAs} <b>{sample.name}</b> <span class="num">{sample.value}</span>
+        </p>
+      )}
       <p>
         {packet.kind === "reject" && <span class="dot bad" />} {packet.verdict}{" "}
         <span class="dim">
@@ -179,8 +189,16 @@ function Frame({ packet, time, step, show }: FrameProps) {
             </tr>
           </thead>
           <tbody>
-            {rowsOf(packet).map((row) => (
-              <tr key={row.offset} class={row.isField ? "" : "envelope"}>
+            {rowsOf(packet, sample).map((row) => (
+              <tr
+                key={row.offset}
+                ref={(tr) => {
+                  if (tr && row.isSample && marked.current !== sample) tr.scrollIntoView?.({ block: "nearest" });
+                  if (tr && row.isSample) marked.current = sample;
+                }}
+                class={row.isSample ? "asked" : row.isField ? "" : "envelope"}
+                aria-current={row.isSample}
+              >
                 <td class="num dim">{row.offset}</td>
                 <td class="mono">{row.bytes}</td>
                 <td>{row.words}</td>

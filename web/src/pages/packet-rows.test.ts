@@ -18,6 +18,25 @@ test("a part has its bytes, what they mean, and the value on the wire", () => {
   expect(rows[3]).toMatchObject({ raw: "", isField: false });
 });
 
+test("the part of the sample that was asked for is marked, of a computed one all that it is computed from", () => {
+  const paths = ["time", "I.pqr.0", "I.pqr.1", "I.acc.0"];
+  const frame = {
+    hex: "00".repeat(4),
+    spans: paths.map((path, offset) => ({ offset, size: 1, label: path, path })),
+    fields: {},
+  };
+  const of = (channel: string, column: string, at: number) =>
+    rowsOf(frame, { name: "", value: "", message: "DID_IMU", channel, column, at })
+      .filter(({ isSample }) => isSample)
+      .map(({ words }) => words);
+  expect(of("DID_IMU.I.pqr", "y", 1)).toEqual(["I.pqr.1"]);
+  expect(of("DID_IMU.I.pqr", "norm", -1)).toEqual(["I.pqr.0", "I.pqr.1"]);
+  expect(of("DID_IMU", "time", 0)).toEqual(["time"]); // a record: its columns are fields
+  const whole = { ...frame, spans: [{ offset: 0, size: 4, label: "RateOfTurn", path: "RateOfTurn" }] };
+  const sample = { name: "", value: "", message: "MTData2", channel: "RateOfTurn", column: "z", at: 2 };
+  expect(rowsOf(whole, sample)[0]?.isSample).toBe(true);
+});
+
 test("bytes of no frame are one part", () => {
   const [row, ...others] = rowsOf({ hex: "00".repeat(40), spans: [], fields: {} });
   expect(others).toEqual([]);

@@ -1,5 +1,6 @@
 /** The parts of a frame as rows: where they are, their bytes, what they mean, and the value on the wire. Pure. */
 import { spaced } from "../forms/frame-chips";
+import type { ShownSample } from "../panels/panel-context";
 import type { PacketInfo } from "../wire/routes";
 
 export interface PacketRow {
@@ -9,12 +10,18 @@ export interface PacketRow {
   /** Value on the wire; "" for the envelope, and where it is what the words say. */
   readonly raw: string;
   readonly isField: boolean;
+  /** The sample that was asked for is here. */
+  readonly isSample: boolean;
 }
 
 /** A longer run of bytes is cut here; the copy has them all. */
 const MAX_BYTES = 32;
 
-export function rowsOf({ hex, spans, fields }: Pick<PacketInfo, "hex" | "spans" | "fields">): readonly PacketRow[] {
+/** @param sample whose part is marked */
+export function rowsOf(
+  { hex, spans, fields }: Pick<PacketInfo, "hex" | "spans" | "fields">,
+  sample?: ShownSample,
+): readonly PacketRow[] {
   const parts = spans.length > 0 ? spans : [{ offset: 0, size: hex.length / 2, label: "", path: "" }];
   return parts.map(({ offset, size, label, path }) => ({
     offset,
@@ -22,7 +29,16 @@ export function rowsOf({ hex, spans, fields }: Pick<PacketInfo, "hex" | "spans" 
     words: label,
     raw: path === "" ? "" : rawText(valueOf(fields, path)),
     isField: path !== "",
+    isSample: sample !== undefined && isPartOf(path, sample),
   }));
+}
+
+/** Whether the part at a path has a sample: its column, or all of its channel where the frame has that in one part or it was computed. */
+function isPartOf(path: string, { message, channel, column, at }: ShownSample): boolean {
+  const name =
+    channel === message ? column : channel.startsWith(`${message}.`) ? channel.slice(message.length + 1) : channel;
+  if (path === name || path === `${name}.${at}`) return true;
+  return at < 0 && path.startsWith(`${name}.`);
 }
 
 /** The value at a path: "acc.0", "outputs.3.rate". Names of fields may contain dots, so the longest that fits is taken. */

@@ -14,6 +14,18 @@ import { type Reading, readingAt } from "./cursor-time";
 import type { SampleAccess } from "../measure/sample-access";
 
 /** Frame to show: that of a sample, or the nearest of its kind. */
+/** A sample as a plot shows it, and where it is in its frame. */
+export interface ShownSample {
+  /** "Rate of turn z" and "−45.58 °/s". */
+  readonly name: string;
+  readonly value: string;
+  /** Names of the message and of the channel that was sent, and of the column; place of the column, −1 if it was computed. */
+  readonly message: string;
+  readonly channel: string;
+  readonly column: string;
+  readonly at: number;
+}
+
 export interface PacketAt {
   /** DeviceInfo.id */
   readonly device: string;
@@ -22,6 +34,8 @@ export interface PacketAt {
   readonly base: TimeBase;
   /** Channel of the sample; absent: any frame. */
   readonly channel?: number;
+  /** The sample as its plot shows it. */
+  readonly sample?: ShownSample;
   readonly kind?: "reject";
   /** Without a channel: place among the frames that arrived together. */
   readonly rank?: number;

@@ -6,6 +6,8 @@ import { lowerBound } from "../data/line-breaks";
 import { wrapped } from "../data/statistics";
 import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view-state";
+import type { ShownSample } from "../panels/panel-context";
+import type { ChannelInfo } from "../wire/types";
 import { number } from "../ui/format";
 import { el, LiveText, unit } from "../ui/dom";
 import type { PlotSpec, Series } from "./plot-selection";
@@ -49,6 +51,23 @@ const DOT_PX = 3;
 export const rowsOf = ({ series }: PlotSpec): number =>
   series.filter(({ norm }) => !norm || series.some(({ mark }) => mark !== undefined)).length +
   series.filter(({ heading }, k) => heading !== undefined && heading !== series[k - 1]?.heading).length;
+
+/** @param sent the channel as its device sends it */
+export function shownSample(series: Series, value: number, sent: ChannelInfo | undefined): ShownSample {
+  const { channel, column, decimals } = series;
+  const { info } = channel;
+  const own = info.columns[column];
+  const at = info.id < 0 || series.norm ? -1 : column;
+  const unitText = own?.unit || info.unit;
+  return {
+    name: info.columns.length === 1 ? info.title || info.name : `${info.title || info.name} ${own?.label || own?.name}`,
+    value: `${number(value, decimals)} ${unitText}`.trim(),
+    message: sent?.message ?? info.message,
+    channel: sent?.name ?? info.name,
+    column: own?.name ?? "",
+    at,
+  };
+}
 
 /** Frames that are named: a velocity or a position is meaningless without one; and body frames chosen by the user. */
 const NAMED = new Set(["ENU", "NED", "NWU", "ECEF", "FLU", "FRD"]);

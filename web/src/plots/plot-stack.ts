@@ -26,7 +26,7 @@ import { el, throttle } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
 import { drawGlass, isBare, type Pane } from "./overlay";
-import type { Reads } from "./legend";
+import { type Reads, shownSample, valueAt } from "./legend";
 import { Lanes } from "./status-lanes";
 import { LaneNames } from "./lane-names";
 import { alarmsOn, stampOf, type AlarmMarks, type AlarmSource } from "./alarm-marks";
@@ -99,6 +99,8 @@ class Stack {
   #selection: readonly [number, number] | undefined;
   /** The plot last pressed: cursors snap to its samples. */
   #aimed: Plot | undefined;
+  /** Where it was pressed, px from its top. */
+  #aimedY = NaN;
   #cursorWas = "";
   #panes: readonly Pane[] = [];
   /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
@@ -160,7 +162,10 @@ class Stack {
         strip: () => this.#strip.window,
         selecting: (span) => (this.#selection = span),
         bytes: (t) => this.#bytes(t),
-        aim: (y) => (this.#aimed = this.#plots.findLast(({ top }) => top <= y)),
+        aim: (y) => {
+          this.#aimed = this.#plots.findLast(({ top }) => top <= y);
+          this.#aimedY = y - (this.#aimed?.top ?? 0);
+        },
       }),
       effect(() => {
         const { extraPlots, customPlots } = this.#state;
@@ -446,12 +451,15 @@ class Stack {
 
   /** Open the frame of the sample nearest to t. */
   #bytes(t: number): void {
-    const info = this.#aimedSeries()?.channel.info;
-    if (info === undefined) return;
-    const { actions, view } = this.#state;
+    const { actions, view, hiddenSeries } = this.#state;
+    const nearest = this.#aimed?.seriesAt(this.#aimedY, t, view.peek().timeBase, hiddenSeries.peek(), this.#reads);
+    const series = nearest ?? this.#aimedSeries();
+    if (series === undefined) return;
+    const { info } = series.channel;
     const channel = info.id < 0 ? -1 - info.id : info.id; // of computed ones, that which they are computed from
     const [time, base] = [this.#nearest(t) ?? t, view.peek().timeBase];
-    this.#openPacket?.({ device: info.device, time, base, channel, pin: (at) => actions.pinInView(at) });
+    const sample = shownSample(series, valueAt(series, time, base, this.#reads), this.#store.sent(channel));
+    this.#openPacket?.({ device: info.device, time, base, channel, sample, pin: (at) => actions.pinInView(at) });
   }
 
   /** The first visible series of the plot last pressed. */

@@ -14,7 +14,8 @@ import type { Ring } from "../data/ring-buffer";
 import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
-import { Legend, rowsOf, type Toggle, valueAt, type LegendActions } from "./legend";
+import type { TimeBase } from "../data/view-state";
+import { Legend, type LegendActions, type Reads, rowsOf, type Toggle, valueAt } from "./legend";
 import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
 import type { PlotSpec, RightAxis, Series } from "./plot-selection";
 import { traceDots, traceSeries } from "./trace";
@@ -116,6 +117,16 @@ export class Plot {
   /** Position of a value, CSS px from the plot's top. @param isRight on the right axis */
   y(value: number, isRight = false): number {
     return (isRight && this.right ? this.right : this.left).y(value);
+  }
+
+  /** The visible series whose line is nearest to a height at a time; undefined without one. */
+  seriesAt(y: number, t: number, base: TimeBase, hidden: ReadonlySet<string>, reads: Reads): Series | undefined {
+    const [nearest] = this.spec.series
+      .filter(({ key }) => !hidden.has(key))
+      .map((series) => ({ series, away: Math.abs(this.y(valueAt(series, t, base, reads), series.isRight) - y) }))
+      .filter(({ away }) => away >= 0) // not NaN
+      .sort((a, b) => a.away - b.away);
+    return nearest?.series;
   }
 
   /** Whether a height is within the drawing: a fixed range leaves values outside. */

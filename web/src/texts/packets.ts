@@ -28,6 +28,7 @@ export const TEXT = {
   raw: "Raw value",
   copyHex: "Copy hex",
   showInPlot: "Show in plot",
+  shownAs: "In the plot:",
   moreBytes: (bytes: number) => `and ${count(bytes, "more byte")}`,
 
   // panel
