@@ -13,7 +13,7 @@ import numpy as np
 from recordings.euler import euler_columns
 from server.analysis.expression_syntax import Call, ExpressionError, Node
 from server.analysis.quantities import Quantity, at_times, in_runs, on_one_axis
-from server.analysis.signals import Floats
+from server.analysis.signals import ANGLES, Floats
 from server.analysis.units import NO_UNIT, Unit
 
 SECOND, HERTZ, DEGREE, RADIAN = (Unit.parse(text) for text in ("s", "Hz", "°", "rad"))
@@ -162,8 +162,15 @@ def _rotate(arguments: list[Quantity], node: Call, context: Context) -> Quantity
 
 
 def _euler(arguments: list[Quantity], node: Call, context: Context) -> Quantity:
-    q = _wide(arguments[0], 4, node.arguments[0], "A quaternion")
-    return Quantity(tuple(euler_columns(q.parts)), DEGREE, q.time, ("roll", "pitch", "yaw"), 360.0)
+    return euler_angles(_wide(arguments[0], 4, node.arguments[0], "A quaternion"))
+
+
+def euler_angles(q: Quantity, angle: str = "") -> Quantity:
+    """Roll, pitch and yaw of a quaternion, or one of them, °."""
+    parts = tuple(euler_columns(q.parts))
+    if angle:
+        return Quantity((parts[ANGLES.index(angle)],), DEGREE, q.time, ("",), 360.0)
+    return Quantity(parts, DEGREE, q.time, ANGLES, 360.0)
 
 
 def _elementwise(work: Callable[[Any], Any], unit: Unit | None = None) -> Callable[..., Quantity]:

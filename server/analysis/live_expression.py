@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context, spaced
+from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context, euler_angles, spaced
 from server.analysis.expression_operators import OPERATORS, operate
 from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number, parse
 from server.analysis.expressions import evaluate, names_in
@@ -39,7 +39,7 @@ from server.analysis.live_streams import (
     Unwrapped,
 )
 from server.analysis.quantities import Quantity, number
-from server.analysis.signals import Floats, SignalColumn, columns_named
+from server.analysis.signals import Floats, SignalColumn, angles_named, columns_named
 from server.analysis.units import Unit
 from server.errors import DomainError
 from server.wire import ChannelInfo
@@ -90,23 +90,27 @@ class LiveExpression:
         node = parse(expression) if isinstance(expression, str) else expression
         known, distant = list(infos), list(others)
         self._columns: dict[str, list[SignalColumn]] = {}
+        angles: dict[str, str] = {}
         for name in names_in(node):
             if name.name not in self._columns:
                 device = name.name.partition("/")[0]
                 there = [info for info in distant if info.device == device]
-                self._columns[name.name] = _columns(there or known, name)
+                if found := _angles(there or known, name):
+                    self._columns[name.name], angles[name.name] = found
+                else:
+                    self._columns[name.name] = _columns(there or known, name)
         if not self._columns:
             message = f"{expression:.80} names no signal." if isinstance(expression, str) else "No signal is named."
             raise DomainError("bad-expression", message, "Name a signal in it.")
         self.channels = frozenset(columns[0].info.id for columns in self._columns.values())
         self._newest = dict.fromkeys(self.channels, -np.inf)
-        builder = _Builder(self._columns, rates)
-        found = builder.build(node)
+        builder = _Builder(self._columns, angles, rates)
+        stream = builder.build(node)
         self.window = builder.window
-        assert isinstance(found, Stream)  # it names a signal
-        self._stream = found
-        self.probe, self.rate = found.probe, found.rate
-        self.source = found.axis if isinstance(found.axis, int) else None
+        assert isinstance(stream, Stream)  # it names a signal
+        self._stream = stream
+        self.probe, self.rate = stream.probe, stream.rate
+        self.source = stream.axis if isinstance(stream.axis, int) else None
 
     @property
     def unit(self) -> str:
@@ -156,6 +160,13 @@ def usual_rate(times: Floats) -> float:
     return 1 / float(steps[steps <= 1.5 * np.median(steps)].mean())
 
 
+def _angles(infos: Sequence[ChannelInfo], name: Name) -> tuple[list[SignalColumn], str] | None:
+    try:
+        return angles_named(infos, name.name)
+    except DomainError as error:
+        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
+
+
 def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
     try:
         return columns_named(infos, [name.name])
@@ -166,8 +177,10 @@ def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
 class _Builder:
     """Makes the streams of a tree. Units, arguments and limits are checked by computing some made-up samples."""
 
-    def __init__(self, columns: Mapping[str, Sequence[SignalColumn]], rates: Mapping[int, float]) -> None:
-        self._columns, self._rates = columns, rates
+    def __init__(
+        self, columns: Mapping[str, Sequence[SignalColumn]], angles: Mapping[str, str], rates: Mapping[int, float]
+    ) -> None:
+        self._columns, self._angles, self._rates = columns, angles, rates
         self._times: dict[object, Floats] = {}
         self._operations = self.window = 0
 
@@ -194,7 +207,7 @@ class _Builder:
             return along
         return Pointwise(probe, arguments, lambda values: _apply(node, values))
 
-    def _source(self, node: Name) -> SourceStream:
+    def _source(self, node: Name) -> Stream:
         columns = self._columns[node.name]
         info = columns[0].info
         own = [info.columns[column.at] for column in columns]
@@ -209,7 +222,11 @@ class _Builder:
         names = tuple(one.name for one in own) if len(own) > 1 else ("",)
         parts = tuple(np.ones(PROBE) for _ in own)
         probe = Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period)
-        return SourceStream(node.name, probe, rate, info.id)
+        source = SourceStream(node.name, probe, rate, info.id)
+        if node.name not in self._angles:
+            return source
+        angle = self._angles[node.name]
+        return Pointwise(euler_angles(probe, angle), [source], lambda values: euler_angles(values[0], angle))
 
     def _along(self, node: Call, probe: Quantity, first: Stream, rest: Sequence[Stream | Quantity]) -> Stream | None:
         """The stream of a function along time; None for one of a moment."""

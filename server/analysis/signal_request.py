@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from server.analysis.companions import companions_in
 from server.analysis.data_sheet import Product, data_sheet_of, unknown_product
-from server.analysis.expression_functions import Context, SampleBudget
+from server.analysis.expression_functions import Context, SampleBudget, euler_angles
 from server.analysis.expression_syntax import ExpressionError, Name, Node, parse
 from server.analysis.expressions import evaluate, names_in, notes_of
 from server.analysis.quantities import Quantity
@@ -18,11 +18,12 @@ from server.analysis.signals import (
     Signal,
     SignalColumn,
     addressed_device,
+    angles_named,
     columns_named,
     finite_signal,
     temperature_of,
 )
-from server.analysis.units import Unit
+from server.analysis.units import NO_UNIT, Unit
 from server.errors import DomainError
 from server.wire import ChannelInfo
 
@@ -39,12 +40,14 @@ class ExpressionSignal:
         node: its tree.
         named: columns of each name in it.
         context: whether filters may look ahead.
+        angles: names of Euler angles that are computed from a quaternion, and which of them.
     """
 
     text: str
     node: Node
     named: dict[str, list[SignalColumn]]
     context: Context
+    angles: dict[str, str] = field(default_factory=dict)
 
     @property
     def columns(self) -> list[SignalColumn]:
@@ -72,6 +75,8 @@ class ExpressionSignal:
             pairs = [read(column) for column in columns]
             time = axes.setdefault(info.id, pairs[0][0])
             parts = tuple(values for _, values in pairs)
+            if name in self.angles:
+                return euler_angles(Quantity(parts, NO_UNIT, time, tuple(one.name for one in own)), self.angles[name])
             if len({one.unit for one in own}) > 1:
                 hint = f"Name one: {', '.join(column.name for column in columns):.400}."
                 raise DomainError("bad-expression", f"The columns of {name} differ in their units.", hint)
@@ -145,6 +150,9 @@ def requested_signals(
                 for one in columns
             ]
         except DomainError:
+            if angles_named(_meant(known, others, word), word, device) is not None:
+                found.append(replace(expression_over(known, f'"{word}"', context, device, others), text=word))
+                continue
             if not _may_be_expression(word, [*known, *others]):
                 raise
             found.append(expression_over(known, word, context, device, others))
@@ -161,10 +169,16 @@ def expression_over(
     """
     node = parse(text)
     named: dict[str, list[SignalColumn]] = {}
+    angles: dict[str, str] = {}
     for name in names_in(node):
-        if name.name not in named:
-            named[name.name] = _columns(_meant(infos, others, name.name), name, device)
-    return ExpressionSignal(text, node, named, context)
+        if name.name in named:
+            continue
+        there = _meant(infos, others, name.name)
+        if found := _angles(there, name, device):
+            named[name.name], angles[name.name] = found
+        else:
+            named[name.name] = _columns(there, name, device)
+    return ExpressionSignal(text, node, named, context, angles)
 
 
 def _may_be_expression(word: str, infos: Sequence[ChannelInfo]) -> bool:
@@ -178,6 +192,13 @@ def _meant(infos: Sequence[ChannelInfo], others: Sequence[ChannelInfo], word: st
     """The channels among which a name is looked up."""
     device, slash, _ = word.partition("/")
     return [info for info in others if slash and info.device == device] or infos
+
+
+def _angles(infos: Sequence[ChannelInfo], name: Name, device: str) -> tuple[list[SignalColumn], str] | None:
+    try:
+        return angles_named(infos, name.name, device)
+    except DomainError as error:
+        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
 
 
 def _columns(infos: Sequence[ChannelInfo], name: Name, device: str) -> list[SignalColumn]:

@@ -23,6 +23,8 @@ from server.wire import ChannelInfo
 
 Floats = NDArray[np.float64]
 
+EULER_ANGLES = "EulerAngles"  # what the page derives from a quaternion is called so
+ANGLES = ("roll", "pitch", "yaw")
 MAX_VALUES = 50_000_000  # of one signal: 800 MB; an hour at 2 kHz has 7.2 million
 
 
@@ -157,6 +159,36 @@ def addressed_device(infos: Iterable[ChannelInfo], word: str) -> str:
     """The device that a word names, as in `2/Acceleration.x`; "" if it names none of these channels' devices."""
     device, slash, _ = word.partition("/")
     return device if slash and any(info.device == device for info in infos) else ""
+
+
+def angles_named(infos: Iterable[ChannelInfo], word: str, device: str = "") -> tuple[list[SignalColumn], str] | None:
+    """The quaternion behind Euler angles that a device does not send, which the page shows as `EulerAngles.yaw`.
+
+    Args:
+        device: as for `columns_named`.
+
+    Returns:
+        Its columns, and the angle, "" for all; None for any other name.
+
+    Raises:
+        DomainError: "which-device": several devices have a quaternion.
+    """
+    known = list(infos)
+    addressed = addressed_device(known, word)
+    channel, _, angle = word.removeprefix(f"{addressed}/").partition(".")
+    if channel != EULER_ANGLES or angle not in ("", *ANGLES):
+        return None
+    own = [info for info in known if info.device == (addressed or device or info.device)]
+    rotations = [info for info in own if info.kind == "quaternion"]
+    if not rotations or any(info.name == EULER_ANGLES for info in own):
+        return None
+    devices = sorted({info.device for info in rotations})
+    if len(devices) > 1:
+        hint = f"Name one: {', '.join(f'{one}/{word:.60}' for one in devices):.400}."
+        raise DomainError("which-device", f"Several devices have {word:.60}.", hint)
+    name = next((info.name for info in rotations if info.verified), rotations[0].name)
+    info = max((one for one in rotations if one.name == name), key=lambda one: one.id)
+    return [SignalColumn(info, at) for at in range(len(info.columns))], angle
 
 
 def _fitting(infos: Iterable[ChannelInfo], name: str) -> list[ChannelInfo]:

@@ -17,6 +17,7 @@ from server import wire
 from server.analysis.expression_functions import FUNCTIONS, Context
 from server.analysis.expression_syntax import ExpressionError, parse
 from server.analysis.expressions import evaluate, notes_of
+from server.analysis.live_expression import LiveExpression
 from server.analysis.quantities import Quantity
 from server.analysis.signal_request import ExpressionSignal, requested_signals
 from server.analysis.signals import Floats, SignalColumn
@@ -398,3 +399,29 @@ def test_a_device_without_the_signal_is_not_answered_for_by_another(word: str, d
 def test_a_name_with_its_device_is_that_device_s(word: str, device: str, devices: set[str]) -> None:
     found = requested_signals([*INFOS, OTHER], [word], zero_phase=True, device=device)
     assert {column.device for one in found for column in one.columns} == devices
+
+
+def test_euler_angles_that_the_page_derives_can_be_named() -> None:
+    """They were in the tree of signals, but `EulerAngles.yaw` was not found."""
+    columns = [wire.ColumnInfo(name, "f4") for name in ("q0", "q1", "q2", "q3")]
+    info = wire.ChannelInfo(1, "1", "M", "Quaternion", "Quaternion", "quaternion", "", "ENU", columns)
+    turn = np.radians(30.0)
+    parts = [np.full(3, value) for value in (np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2))]
+
+    def read(column: SignalColumn) -> tuple[Floats, Floats]:
+        return TIME[:3], parts[column.at]
+
+    words = ["EulerAngles.yaw", "1/EulerAngles.yaw", "abs(EulerAngles.yaw) * 2", "EulerAngles"]
+    found = requested_signals([info], words, zero_phase=True)
+    signals = [signal for one in found for signal in one.signals(read)]
+    assert [signal.name for signal in signals[:2]] == words[:2]
+    assert [signal.unit for signal in signals] == ["°"] * 6
+    assert [round(float(signal.values[0]), 6) for signal in signals] == [30.0, 30.0, 60.0, 0.0, 0.0, 30.0]
+    assert signals[0].period == 360.0
+    live = LiveExpression([info], "EulerAngles.yaw + 1 °", {1: RATE})
+    assert live.feed({1: [TIME[:3], TIME[:3], *parts]}).parts[0] == pytest.approx([31.0] * 3)
+    second = replace(info, id=2, device="2")
+    with pytest.raises(DomainError, match=r"Several devices have EulerAngles\.yaw"):
+        requested_signals([info, second], ["EulerAngles.yaw"], zero_phase=True)
+    with pytest.raises(DomainError, match=r"EulerAngles\.up not found"):
+        requested_signals([info], ["EulerAngles.up"], zero_phase=True)

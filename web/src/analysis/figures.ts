@@ -3,6 +3,7 @@ import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
 import type { AnalysisRequest, SignalFigures } from "../wire/routes";
 import { figure } from "../charts/axes";
+import { isOfQuaternion } from "../signals/completion";
 import type { Curve, Numbers } from "./chart";
 
 export type Name = "statistics" | "psd" | "spectrogram" | "allan";
@@ -40,7 +41,8 @@ const FIRST = /^acceleration$|acc/i;
 /** Names of the channels that the server can analyse, the most wanted one first. */
 export function signalNames(channels: readonly Channel[], device: string | undefined): readonly string[] {
   const names = channels
-    .filter(({ info }) => info.device === device && NUMBERS.includes(info.kind) && info.source !== "page")
+    .filter(({ info }) => info.device === device && NUMBERS.includes(info.kind))
+    .filter((one) => one.info.source !== "page" || isOfQuaternion(one, channels))
     .map(({ info }) => info.name);
   const all = [...new Set(names)];
   const first = all.find((name) => /^acceleration$/i.test(name)) ?? all.find((name) => FIRST.test(name));

@@ -54,6 +54,17 @@ test("signals that the page derives, the signal itself, and what other devices c
   expect(expressionNames(all, "2")).toEqual([...sent, "Pressure"].map((name) => `"1/${name}"`));
 });
 
+test("Euler angles that the page derives from a quaternion are offered: the server computes them, too", () => {
+  const of = (id: number, name: string, kind: string, columns: readonly string[]): Channel =>
+    ({
+      info: { id, name, kind, device: "1", message: "M", columns: columns.map((own) => ({ name: own, bits: [] })) },
+    }) as unknown as Channel;
+  const angles = of(-5, "EulerAngles", "euler", ["roll", "yaw"]);
+  const turned = of(4, "Quaternion", "quaternion", ["w", "x"]);
+  expect(expressionNames([turned, angles], "1")).toContain("EulerAngles.yaw");
+  expect(expressionNames([of(4, "Matrix", "matrix", ["a", "b"]), angles], "1")).not.toContain("EulerAngles.yaw");
+});
+
 test("a mistake is marked from its character to the end of the word", () => {
   const text = 'norm(Foo.x) + "Rate of';
   const marked = (message: string): string => {

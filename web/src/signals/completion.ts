@@ -14,14 +14,21 @@ export function quoted(name: string): string {
 }
 
 /**
- * Signals that an expression may use: those of its device, but not itself, and those that other devices send. What the page derives
- * cannot be part of an expression.
+ * Signals that an expression may use: those of its device, but not itself, and those that other devices send. Of what the page derives
+ * the server knows the Euler angles of a quaternion.
  */
 export function expressionNames(channels: readonly Channel[], device: string, self = ""): readonly string[] {
-  const sent = channels.filter(({ info }) => info.id >= 0);
+  const sent = channels.filter((one) => one.info.id >= 0 || isOfQuaternion(one, channels));
   const own = sent.filter(({ info }) => info.device === device && !(isComputed(info) && info.name === self));
   const others = sent.filter(({ info }) => info.device !== device && !isComputed(info));
   return [...namesOf(own, ""), ...others.flatMap((one) => namesOf([one], `${one.info.device}/`))];
+}
+
+/** Whether a channel is the Euler angles that the page derives from a quaternion. */
+export function isOfQuaternion({ info }: Channel, channels: readonly Channel[]): boolean {
+  return (
+    info.kind === "euler" && channels.some((one) => one.info.id === -1 - info.id && one.info.kind === "quaternion")
+  );
 }
 
 function namesOf(channels: readonly Channel[], prefix: string): readonly string[] {
