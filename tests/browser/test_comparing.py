@@ -58,5 +58,7 @@ def test_a_recording_and_its_range(recorded: ServerProcess, open_page: Callable[
     page.reload()
     until(page, f"{PAIRS} === 3 && location.hash === {moved!r}")
     assert fits(page)
+    until(page, "document.querySelector('.overlay-chart').getBoundingClientRect().top < innerHeight / 2")
+    page.locator(".compare-fold").click()
     assert fits(page, place=MAIN)
     assert small_targets(page, MAIN) == []

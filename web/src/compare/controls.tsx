@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
+import { usePhone } from "../ui/use-phone";
 import { figure } from "../charts/axes";
 import { boundsOf, type CompareModel, isLive, momentsOf, namesOf, sourceTitle } from "./model";
 import type { ComparePlace, Side } from "./sides";
@@ -18,6 +19,29 @@ interface Props {
 }
 
 export function Controls({ model, wanted, correlate }: Props) {
+  const isPhone = usePhone();
+  // there the first chart comes before what is chosen once
+  const isOpen = useSignal(false);
+  const names = [wanted.a, wanted.b].map(({ source }) => sourceTitle(model.app, model.recordings.value, source));
+  return (
+    <>
+      {isPhone && (
+        <button
+          type="button"
+          class="btn edge compare-fold"
+          aria-expanded={isOpen.value}
+          onClick={() => (isOpen.value = !isOpen.value)}
+        >
+          <span class="ellipsis">{TEXT.sidesOf(names[0] ?? "", names[1] ?? "", wanted.signal)}</span>
+          <Icon name="down" />
+        </button>
+      )}
+      {(!isPhone || isOpen.value) && <Choices model={model} wanted={wanted} correlate={correlate} />}
+    </>
+  );
+}
+
+function Choices({ model, wanted, correlate }: Props) {
   const { place } = model;
   const change = (next: Partial<Ready>): void => {
     model.aligned.value = undefined;

@@ -14,7 +14,7 @@ import { GroupRow } from "./group-row";
 import type { Line } from "./order";
 import { ageText, Row } from "./row";
 import { columnProperties, gridProperties, ROLES } from "./roles";
-import { usePhone } from "./use-phone";
+import { usePhone } from "../ui/use-phone";
 import { TEXT } from "../texts/fleet";
 
 const HEIGHT = 32;

@@ -16,7 +16,7 @@ import { List } from "./list";
 import { FleetMap } from "./map";
 import { START } from "./address";
 import { Summary, Tools } from "./tools";
-import { usePhone } from "./use-phone";
+import { usePhone } from "../ui/use-phone";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/fleet";
 import "./fleet.css";

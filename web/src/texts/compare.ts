@@ -5,6 +5,7 @@ export const TEXT = {
   compare: "Compare",
   open: "Compare with another recording, device or range (D)",
   title: "Compare · imuscope",
+  sidesOf: (a: Value, b: Value, signal: Value) => `A ${a} · B ${b} · ${signal}`,
   heading: "Comparison",
   sideA: "A, the reference",
   sideB: "B",

@@ -192,7 +192,7 @@ function Tools({ app }: { readonly app: App }) {
       </button>
       <span class="grow desk" />
       <span class="dim desk total">
-        {TEXT.recordingCount(list.length)}
+        {library.all.value !== undefined && TEXT.recordingCount(list.length)}
         {seconds > 0 && ` · ${length(seconds)}`} {TEXT.newestFirst}
       </span>
       <input ref={files} type="file" multiple hidden onChange={take} aria-label={TEXT.filesToAdd} />
