@@ -215,7 +215,7 @@ class UploadService:
         return RecordingUpload(entry.id, "waiting", self.problem or self._delay_of(entry))
 
     def _delay_of(self, entry: LibraryEntry) -> str:
-        """What a recording waits for, as one sentence; "" if it is next."""
+        """Reason for which a recording waits, as one sentence; "" if it is next."""
         if self._current:
             return "Another recording is being uploaded."
         if self._compactor.is_busy:

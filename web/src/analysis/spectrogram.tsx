@@ -77,7 +77,7 @@ function draw(context: CanvasRenderingContext2D, image: HTMLCanvasElement, own: 
   context.drawImage(image, from, 0, to - from, height);
 }
 
-/** What the plots over a picture show, for the same times at the same pixels. */
+/** The window of the plots over a picture, for the same times at the same pixels. */
 export interface PlotAxis {
   readonly view: ReadonlySignal<View>;
   /** Right edge of a live window, unix s. */
@@ -197,7 +197,7 @@ export function Spectrogram({ figures, plots }: SpectrogramProps) {
   );
 }
 
-/** Where a label is centred: over its moment, but wholly on the page. */
+/** Centre of a label, px: over its moment, but wholly on the page. */
 const labelAt = (x: number, end: number): number => Math.min(x, end - LABEL_PX / 3);
 
 /** The labels of the plots' axis. */

@@ -10,6 +10,7 @@ import type { ExportCapability } from "../wire/capability-types";
 import type { App } from "./app-state";
 import { MemoryDialog } from "./memory-dialog";
 import { SavedBand } from "./record-button";
+import { route } from "./route";
 import { exportingOf } from "./recordings/exporting";
 
 const NOW = 1_760_000_000;
@@ -52,6 +53,7 @@ test("what is in view is saved, and shown with its link", async () => {
   await waitFor(() => expect(closed()).toBe(1));
   expect(body(asked)).toMatchObject({ t0: NOW - 21, t1: NOW + 1, devices: null });
   vi.useFakeTimers();
+  route.value = { ...route.peek(), page: "live" }; // an earlier file of this worker may have left another
   render(<SavedBand app={app} />);
   expect(screen.getByRole("link", { name: "Open" }).getAttribute("href")).toContain("yard");
   await act(async () => void (await vi.advanceTimersByTimeAsync(60_000))); // it stood over the plots until somebody closed it

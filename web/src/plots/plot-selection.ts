@@ -17,7 +17,7 @@ export interface Series {
   readonly column: number;
   /** As `hidden` in view-state.ts: channel and column name. */
   readonly key: string;
-  /** What its row says, and the end of its line. */
+  /** Words of its row, and at the end of its line. */
   readonly label: string;
   /** Name of its channel, if the plot's title does not tell it: above the row. */
   readonly heading?: string;

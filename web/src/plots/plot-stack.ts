@@ -99,7 +99,7 @@ class Stack {
   #selection: readonly [number, number] | undefined;
   /** The plot last pressed: cursors snap to its samples. */
   #aimed: Plot | undefined;
-  /** Where it was pressed, px from its top. */
+  /** Height of that press, px from its top. */
   #aimedY = NaN;
   #cursorWas = "";
   #panes: readonly Pane[] = [];
