@@ -147,7 +147,7 @@ def _differs(*columns: NDArray[Any]) -> NDArray[np.bool_]:
     return out
 
 
+def _count_repeats(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """Number of rows right before that are the same."""
-    """How many rows right before are the same."""
     places = np.arange(len(columns[0]))
     return places - np.maximum.accumulate(np.where(_differs(*columns), places, 0))
