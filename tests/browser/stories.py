@@ -68,6 +68,7 @@ USUAL: dict[str, Answer] = {
     "GET /api/uploads": {"enabled": False, "store": "", "robot": "", "problem": "", "recordings": []},
     "GET /api/map": {"tiles": False, "attribution": ""},
     "GET /api/views/scene": {"address": "/viser/"},
+    "POST /api/analysis/histogram": [],  # of a histogram that a page begins with before another analysis is chosen
 }
 """Answers of a server that has nothing."""
 
