@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from protocols.chunk_boundaries import ChunkBoundaries
 from protocols.clock_model import ClockModel
 from protocols.clock_rows import decreases, delays_of
-from protocols.delay_stats import DelaySpread, DelayStatistics
+from protocols.delay_stats import FEWEST, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -376,6 +376,11 @@ class ClockSync:
     def stalls(self) -> list[tuple[int, float]]:
         """(arrival in unix ns, delay in ns) of the latest stalls, after which frames arrived all at once."""
         return list(self._now.late.stalls) if self._now else []
+
+    @property
+    def late_ns(self) -> float:
+        """Delay of the newest frame against the mapping, ns; 0 while too few are known to tell."""
+        return max(0.0, self._now.late.newest) if self._now and self._now.late.rows >= FEWEST else 0.0
 
     def jitter_ns(self, p: float = 99) -> float:
         """The `p`-th percentile of the delays of the last seconds: arrival against the mapping."""

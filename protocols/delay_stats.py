@@ -78,10 +78,12 @@ class DelayStatistics:
 
     Attributes:
         stalls: (arrival in unix ns, delay of the first frame in ns) of the latest ones.
+        newest: delay of the newest frame, ns.
     """
 
     def __init__(self, holds_ns: float = 0.0, byte_ns: float = 0.0) -> None:
         self.rows = 0
+        self.newest = 0.0
         self.stalls: deque[tuple[int, float]] = deque(maxlen=STALLS)
         self._holds_ns = holds_ns
         self._byte_ns = byte_ns
@@ -103,6 +105,7 @@ class DelayStatistics:
         start = self.rows % HISTORY
         count = len(x)
         self.rows += count
+        self.newest = float(delay[-1])
         self._size = size
         if start + count <= HISTORY:
             self._delays[start : start + count] = delay

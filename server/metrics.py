@@ -140,6 +140,12 @@ def _links(page: PrometheusText, sessions: list[Session], now: float) -> None:
     page.family("imuscope_link_last_arrival_timestamp_seconds", "gauge", "Time of the last received bytes, Unix time.")
     for health in every:
         page.add(health.last_arrival, device=health.device)
+    page.family("imuscope_link_late_seconds", "gauge", "By how much later than its fastest bytes the newest arrived.")
+    for health in every:
+        page.add(health.behind.link, device=health.device)
+    page.family("imuscope_decoding_behind_seconds", "gauge", "Age of the oldest bytes that are not decoded.")
+    for health in every:
+        page.add(health.behind.decoding, device=health.device)
     _clocks(page, every)
 
 

@@ -208,6 +208,7 @@ def build_services(
         LinkSettings(now_ns=now_ns),
         sequences=SequenceStore(config.data),
         sample_interval=lambda: telemetry.clients.sample_interval,
+        shedding=telemetry.shedding,
         byte_memory=byte_memory,
         names=DeviceNames(config.data),
     )

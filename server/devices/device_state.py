@@ -19,6 +19,7 @@ from server.listeners import CallbackList
 from server.streaming.sink import TelemetrySink
 
 ATTEMPTS_KEPT = 12
+ARRIVES_S = 2.0  # what is late is known from bytes that arrive
 _TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")
 _MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
@@ -138,7 +139,15 @@ def health(
         drift_ppm=clock.drift_ppm if clock is not None and known else None,
         uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,
         jitter_cause=cause,
+        behind=wire.Behind(link=_late(figures, clock, now)),
     )
+
+
+def _late(figures: LinkStatistics, clock: ClockSync | None, now: float) -> float:
+    """Delay of the newest bytes until they arrived, s, while there are any."""
+    if clock is None or figures.last_arrival is None or now - figures.last_arrival > ARRIVES_S:
+        return 0.0
+    return clock.late_ns / 1e9
 
 
 def short_source(source: str) -> str:

@@ -431,17 +431,15 @@ class Session(LinkAccess):
     def health_of_all(self, now: float) -> list[wire.DeviceHealth]:
         """The figures for the page of every device on the link."""
         found = self.devices.health_of_all(now, self._link.capacity)
-        behind = self._behind()
+        decoding = self.behind(now)
         for one in found:
-            one.behind = behind
+            one.behind.decoding = decoding
         return found
 
-    def _behind(self) -> float:
-        """Time from the last decoded sample to the newest bytes, s, while bytes wait to be decoded."""
-        newest, decoded = self._stats.last_arrival, self._stats.last_sample
-        if not self._link.backlog or newest is None or decoded is None:
-            return 0.0
-        return max(0.0, newest - decoded)
+    def behind(self, now: float) -> float:
+        """Age of the oldest bytes that have arrived and are not decoded, s; 0 if there are none."""
+        waiting_ns = self._link.waiting_since_ns if self._connection.is_open else None
+        return 0.0 if waiting_ns is None else max(0.0, now - waiting_ns / 1e9)
 
     def unknown_payloads(self, now: float) -> list[wire.UnknownPayload]:
         """Unknown payloads of every device on the link."""

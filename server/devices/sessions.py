@@ -13,6 +13,7 @@ from server.devices.byte_memory import ByteMemory
 from server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
 from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
 from server.devices.device_names import DeviceNames
+from server.devices.processor_use import ProcessorUse
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sequence_store import EVERY_S, SequenceStore
 from server.devices.session import Session
@@ -22,6 +23,7 @@ from server.links.replay import split_devices
 from server.links.source_url import SourceUrl
 from server.listeners import CallbackList
 from server.streaming.bus import TelemetryBus
+from server.streaming.shedding import Shedding
 
 log = logging.getLogger("imuscope.session")
 
@@ -45,6 +47,7 @@ class Sessions:
         wall_ns: the wall clock, which may step; a step is reported as an event and does not move samples.
         sequences: store of the last numbers of Secure devices; None: in this process only.
         sample_interval: present interval at which samples are needed, s.
+        shedding: what is left out while decoding is behind.
         byte_memory: keeps the last bytes of every session; None: they are not kept.
         names: ids and names of devices in earlier runs; None: there were none.
     """
@@ -59,6 +62,7 @@ class Sessions:
         wall_ns: Callable[[], int] = time.time_ns,
         sequences: SequenceStore | None = None,
         sample_interval: Callable[[], float] = lambda: UNWATCHED_S,
+        shedding: Shedding | None = None,
         byte_memory: ByteMemory | None = None,
         names: DeviceNames | None = None,
     ) -> None:
@@ -79,6 +83,7 @@ class Sessions:
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
         self._ticks = 0
+        self._shedding, self._processor = shedding or Shedding(), ProcessorUse()
         self.shared: Callable[[Link], Link] = lambda link: link
         """The link of a source whose port is shared (server/configuration/port_shares.py)."""
 
@@ -202,10 +207,14 @@ class Sessions:
                 session.tick(now)
             except Exception:  # an error of one device must not affect the others
                 log.exception("watching %s failed", session.info.source)
+        self._processor.update(now)
+        self._shedding.update(max((session.behind(now) for session in self._sessions.values()), default=0.0), now)
         self._ticks += 1
         if self._ticks % HEALTH_EVERY == 0:
             sessions = self._sessions.values()
             health = [one for session in sessions for one in session.health_of_all(now)]
+            for one in health:
+                one.behind.reason = self._processor.reason if one.behind.decoding else ""
             self._bus.health.publish({one.device: one for one in health})
             self._bus.report_unknown_payloads([one for session in sessions for one in session.unknown_payloads(now)])
         self._watch_wall_clock()

@@ -125,7 +125,7 @@ class Ros2:
         while True:
             began = loop.time()
             self._has_ended.clear()
-            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed, PER_S)
+            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed, PER_S, draws=False)
             try:
                 with contextlib.suppress(OSError):
                     await self._process.start()

@@ -52,6 +52,7 @@ class ViewerProcess:
         on_message: called with each line of its output, as an object.
         on_crash: called with its last output if it ended by itself.
         per_s: maximum rate at which samples are sent.
+        draws: whether it only draws, so that it gets them later while decoding is behind.
     """
 
     def __init__(
@@ -61,7 +62,10 @@ class ViewerProcess:
         on_message: Callable[[Mapping[str, Any]], None],
         on_crash: Callable[[str], None],
         per_s: float = PER_S,
+        *,
+        draws: bool = True,
     ) -> None:
+        self._draws = draws
         self._clients = clients
         self._module = module
         self._on_message = on_message
@@ -133,7 +137,10 @@ class ViewerProcess:
                     continue
                 await worker.write(HEAD.pack(len(body), sort) + body)
                 if sort == SAMPLES:
-                    due = max(due + self._pause_s, loop.time())  # even intervals, regardless of the time for writing
+                    due = max(due + self._pause(), loop.time())  # even intervals, regardless of the time for writing
+
+    def _pause(self) -> float:
+        return self._pause_s * (self._clients.shedding.picture_factor if self._draws else 1.0)
 
     async def _rest(self, until: float) -> None:
         """Wait until then, or until a message of ours is queued."""

@@ -153,7 +153,7 @@ class Catalogue:
     def _open_newest(self, entries: list[LibraryEntry]) -> None:
         """Open the newest recording that was never opened, for the list, unless another is being opened."""
         busy = self._refreshing or (self._bus.recorder.latest is not None and self._bus.recorder.latest.running)
-        if busy or time.monotonic() - self._listed > LOOKED_AT_S:
+        if busy or time.monotonic() - self._listed > LOOKED_AT_S or not self._clients.shedding.draws_pictures:
             return
         for entry in entries:
             mark = (entry.path, entry.size, entry.modified)

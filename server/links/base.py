@@ -188,6 +188,13 @@ class Link(ABC):
         return 0
 
     @property
+    def waiting_since_ns(self) -> int | None:
+        """Arrival of the oldest bytes that were not read, ns since the Unix epoch; None if there are none, or bytes do
+        not arrive by themselves (a file).
+        """
+        return None
+
+    @property
     def detects_baud(self) -> bool:
         return False
 

@@ -178,6 +178,12 @@ class ChunkQueue:
         """Number of bytes queued for `take`, including overhead."""
         return self._size
 
+    @property
+    def waiting_since_ns(self) -> int | None:
+        """Arrival of the oldest queued chunk, ns since the Unix epoch; None if there is none."""
+        with self._lock:
+            return self._chunks[0].arrival_ns if self._chunks else None
+
     async def take(self) -> list[Chunk]:
         """Wait for chunks and return them.
 
@@ -302,6 +308,10 @@ class ThreadedLink(Link):
     @property
     def backlog(self) -> int:
         return 0 if self._queue is None else self._queue.backlog
+
+    @property
+    def waiting_since_ns(self) -> int | None:
+        return None if self._queue is None else self._queue.waiting_since_ns
 
     def expect_reply(self) -> None:
         if self._queue is not None:

@@ -304,6 +304,10 @@ class SimulatorLink(Link):
     def backlog(self) -> int:
         return 0 if self._serial is None else self._serial.backlog
 
+    @property
+    def waiting_since_ns(self) -> int | None:
+        return None if self._serial is None else self._serial.waiting_since_ns
+
     def fail(self, error: LinkError) -> None:
         if self._serial is not None:
             self._serial.fail(error)

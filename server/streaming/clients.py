@@ -22,6 +22,7 @@ from server.streaming.bus import TelemetryBus
 from server.streaming.channel_store import ChannelStore
 from server.streaming.event_log import EventLog
 from server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
+from server.streaming.shedding import Shedding
 from server.version import VERSION
 
 FEW_CLIENTS = 4
@@ -56,9 +57,18 @@ class ClientFanout:
     Args:
         bus: source of the topics sent to them.
         store, log: samples and events for clients that connect later.
+        shedding: what is left out while decoding is behind.
     """
 
-    def __init__(self, bus: TelemetryBus, store: ChannelStore, log: EventLog, capabilities: Capabilities) -> None:
+    def __init__(
+        self,
+        bus: TelemetryBus,
+        store: ChannelStore,
+        log: EventLog,
+        capabilities: Capabilities,
+        shedding: Shedding | None = None,
+    ) -> None:
+        self.shedding = shedding or Shedding()
         self._bus, self._store, self._log, self._capabilities = bus, store, log, capabilities
         self._queues: set[SendQueue] = set()
         self._browser_count = 0
@@ -148,7 +158,8 @@ class ClientFanout:
     @property
     def sample_interval(self) -> float:
         """Interval between samples, s, of the most demanding client, regardless of the number of clients."""
-        return max(FLUSH_S, min((queue.interval_s for queue in self._queues), default=UNWATCHED_S))
+        wanted = min((queue.interval_s for queue in self._queues), default=UNWATCHED_S)
+        return max(FLUSH_S, wanted, self.shedding.page_interval)
 
     @property
     def flush_interval(self) -> float:

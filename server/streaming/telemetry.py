@@ -10,6 +10,7 @@ from server.streaming.bus import TelemetryBus
 from server.streaming.channel_store import BUDGET, HISTORY_S, ChannelStore
 from server.streaming.clients import ClientFanout
 from server.streaming.event_log import EventLog
+from server.streaming.shedding import Shedding
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +21,7 @@ class Telemetry:
     log: EventLog
     bus: TelemetryBus
     clients: ClientFanout
+    shedding: Shedding
 
     @classmethod
     def create(
@@ -41,4 +43,6 @@ class Telemetry:
         store = ChannelStore(now, history_s, budget, reserved)
         log = EventLog(history_s)
         bus = TelemetryBus(now, store, log)
-        return cls(store, log, bus, ClientFanout(bus, store, log, capabilities or Capabilities()))
+        shedding = Shedding()
+        clients = ClientFanout(bus, store, log, capabilities or Capabilities(), shedding)
+        return cls(store, log, bus, clients, shedding)

@@ -87,6 +87,8 @@ from server.wire.channels import (
 )
 from server.wire.devices import (
     Attempt,
+    Behind,
+    BusyReason,
     DeviceHealth,
     DeviceInfo,
     DeviceStatus,
@@ -147,8 +149,10 @@ __all__ = [
     "OPCODE_SAMPLES",
     "SUBPROTOCOL",
     "Attempt",
+    "Behind",
     "BitsInfo",
     "BrowserText",
+    "BusyReason",
     "ChannelInfo",
     "Channels",
     "ColumnInfo",

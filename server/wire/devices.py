@@ -69,6 +69,19 @@ class JitterCause:
     remedy: str
 
 
+BusyReason = Literal["", "others", "decoding"]
+"""Why decoding is behind, as far as it is known: the processor had to be shared with others, or it is fully used."""
+
+
+@dataclass(slots=True)
+class Behind:
+    """Time by which the newest samples of a device are late, s, by where that arises; 0 while all keeps up."""
+
+    link: float = 0.0  # until its bytes arrive here, by the device's clock, over its fastest ones
+    decoding: float = 0.0  # of the oldest bytes that have arrived and are not decoded
+    reason: BusyReason = ""  # why decoding is behind, if it is and that is known
+
+
 @dataclass(slots=True)
 class DeviceHealth:
     """Figures of one device; rates over the last second, counts since the session began. Rejected, verified and
@@ -94,7 +107,7 @@ class DeviceHealth:
     verified: int | None = None  # samples whose frames passed all checks; null if the protocol has no such check
     unverified: int | None = None  # samples shown although their frames could not be checked
     dropped: int = 0  # samples dropped for this browser
-    behind: float = 0.0  # s by which decoding is behind the bytes that have arrived; 0 while it keeps up
+    behind: Behind = field(default_factory=Behind)  # measured here; a page adds its own part
     jitter_cause: JitterCause | None = None  # cause of uneven arrival times; null while they are even
 
 

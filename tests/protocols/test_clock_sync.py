@@ -324,3 +324,19 @@ def test_an_add_of_ten_rows_costs_few_calls() -> None:
     assert np.median(costs) < 150  # 74
     assert max(costs) < 500  # 262, where a new second begins
     assert np.mean(costs[-1000:]) < 1.5 * np.mean(costs[:1000])
+
+
+def test_what_arrives_late_is_known_from_the_clock_of_the_device() -> None:
+    """Three seconds in a queue of a network, and back to normal."""
+    given_ = stream(100, 20, burst_ms=0)
+    late = given_.arrival.copy()
+    late[1000:1500] = np.maximum.accumulate(late[1000:1500] + np.minimum(np.arange(500) * 6 * MS, 3e9).astype(np.int64))
+    clock = ClockSync()
+    seen = []
+    for k in range(0, len(late), 10):
+        arrival = late[k : k + 10] if k < 1500 else np.maximum(late[k : k + 10], late[1499])
+        clock.add(given_.device[k : k + 10], arrival)
+        seen.append(clock.late_ns / 1e9)
+    assert max(seen[3:100]) < 0.01
+    assert seen[149] > 2.9
+    assert seen[-1] < 0.01

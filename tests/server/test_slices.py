@@ -122,12 +122,14 @@ def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.MonkeyPa
         inbox = ChunkQueue(link)
         put(inbox, 100, 1000)
         assert inbox.backlog <= 10_000
+        assert inbox.waiting_since_ns == heard[-len(inbox._chunks)].arrival_ns
         link.flow.at_once = 1 << 20
         kept = inbox.take_now()
         assert len(heard) == 100
         assert kept == heard[-len(kept) :], "the oldest go"
         assert link.flow.dropped == sum(len(chunk.data) for chunk in heard) - sum(len(chunk.data) for chunk in kept)
         assert inbox.backlog == 0
+        assert inbox.waiting_since_ns is None
 
     asyncio.run(check())
 

@@ -32,6 +32,7 @@ import type { WorldFrame } from "./rotations";
 import type { Change } from "./frames";
 import { LossList, type Loss } from "./losses";
 import { Past } from "./past";
+import { type BehindBy, PageDelays } from "./behind";
 import { Backfill } from "./backfill";
 import { Budget, Ring } from "./ring-buffer";
 
@@ -82,6 +83,7 @@ export class Store {
   /** True from a subscription until its history is complete. */
   readonly filling: Signal<boolean> = signal(false);
 
+  readonly #delays = new PageDelays();
   #losses = new LossList();
   /** Data held when the server began another run, until its devices come back. */
   #past: Past | undefined;
@@ -126,11 +128,13 @@ export class Store {
   }
 
   /**
-   * Right edge of a device's live data, unix s: now, or the last sample of a file that has ended, however long ago that was.
+   * Right edge of a device's live data, unix s: now; or its last sample, if it is a file that has ended, however long ago that was,
+   * or if what is shown is behind.
    */
   edgeOf(device: string | undefined): number {
     const now = this.serverNow();
-    if (this.devices.peek().find(({ id }) => id === device)?.status !== "ended") return now;
+    const status = this.devices.peek().find(({ id }) => id === device)?.status;
+    if (status !== "ended" && !(status === "live" && this.behind(device!).total > 0)) return now;
     let last = -Infinity;
     for (const { info, ring } of this.channels.peek())
       if (info.device === device && ring.length > 0) last = Math.max(last, ring.time(ring.length - 1));
@@ -145,6 +149,11 @@ export class Store {
   /** How far off `serverNow` can be, ± s; NaN before the first ping. */
   get clockUncertainty(): number {
     return this.#uncertainty;
+  }
+
+  /** By how much what the page has of a device is behind. */
+  behind(device: string): BehindBy {
+    return this.#delays.behind(device, this.health.value.get(device), this.serverNow());
   }
 
   /** The living channel of that name, including derived ones. */
@@ -220,6 +229,7 @@ export class Store {
     } else this.#budget = new Budget();
     this.#losses = new LossList();
     this.#away.clear();
+    this.#delays.clear();
     this.#channels.clear();
     this.events.value = [];
     this.health.value = new Map();
@@ -357,6 +367,8 @@ export class Store {
       this.#latencies[this.#measured++ % LATENCIES_KEPT] = 1000 * (received - last);
     }
     this.#backfill.take(frame);
+    const device = frame.history ? undefined : this.#channels.source(frame.channel)?.info.device;
+    if (device !== undefined) this.#delays.note(device, frame.now, received, this.serverNow());
   }
 
   /** Put a frame into the rings of its channel. `bounds`: its rows are alternately the least and the greatest of intervals. */

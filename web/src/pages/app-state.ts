@@ -8,7 +8,7 @@ import type { Deps, PacketAt } from "../panels/panel-context";
 import type { AlarmDraft } from "../panels/alarm-states";
 import type { Sort } from "../panels/event-groups";
 import { api, type Outcome, type Port, type Problem, request } from "../ui/http";
-import { behindOf, isHeld, type PageState, pageState } from "../ui/page-state";
+import { isHeld, type PageState, pageState } from "../ui/page-state";
 import { deviceInLink, shortName } from "../wire/device-name";
 import type { AlarmInfo } from "../wire/routes";
 import type { DeviceInfo, UnknownPayload } from "../wire/types";
@@ -143,7 +143,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     clearInterval(timer);
     for (const end of stops) end();
   };
-  const behind = (): number => behindOf(store.health.value.get(selected.value ?? ""));
+  const behind = (): number => store.behind(selected.value ?? "").total;
   const held = (): boolean => isHeld(state.value) || store.isCut || behind() > 0;
   return {
     ...deps,

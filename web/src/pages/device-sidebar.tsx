@@ -8,12 +8,13 @@ import { AlarmTags } from "../panels/alarms";
 import { keyWanted, trustOf } from "../panels/authenticity";
 import { api, type Port } from "../ui/http";
 import { surface } from "../ui/canvas";
+import { behindCause, behindHint } from "../panels/behind-text";
 import { el, throttle, type Panel } from "../ui/dom";
 import { age, clock, rate } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
 import { Message } from "../ui/message";
 import { PanelHost } from "../ui/panel-host";
-import { behindOf, markOf, shortSource } from "../ui/page-state";
+import { markOf, shortSource } from "../ui/page-state";
 import { fullName, shortName } from "../wire/device-name";
 import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
@@ -196,12 +197,13 @@ interface WhyProps {
 /** The line that says why a device needs attention; absent while all is well. */
 function Why({ app, device, health, gaps }: WhyProps) {
   if (device.status === "live") {
-    const behind = behindOf(health);
-    if (behind > 0) {
+    const behind = app.store.behind(device.id);
+    if (behind.total > 0) {
+      const { value, unit } = age(behind.total);
       return (
-        <span class="why" title={TEXT.behindHint}>
-          <span class="tag warn">{TEXT.behindBy(age(behind).value, age(behind).unit)}</span>
-          {TEXT.busyComputer}
+        <span class="why" title={behindHint(behind)}>
+          <span class="tag warn">{TEXT.behindBy(value, unit)}</span>
+          {behindCause(behind)}
         </span>
       );
     }

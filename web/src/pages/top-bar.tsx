@@ -7,7 +7,7 @@ import { age, number, rate, span } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
-import { behindOf, markOf, showsPlots } from "../ui/page-state";
+import { markOf, showsPlots } from "../ui/page-state";
 import { theme, toggleTheme } from "../ui/theme";
 import { useFit } from "../ui/use-fit";
 import { SceneButton } from "../views/viser";
@@ -144,7 +144,7 @@ function StateTags({ app }: Props) {
 function TimeControls({ app }: Props) {
   const { isLive, actions } = app.viewState;
   // highlighted if live: not without a server connection, nor with a lost device
-  const behind = behindOf(app.store.health.value.get(app.device.value?.id ?? ""));
+  const behind = app.store.behind(app.device.value?.id ?? "").total;
   const lit = isLive.value && !app.store.isCut && app.device.value?.status === "live" && behind === 0;
   return (
     <>

@@ -22,7 +22,7 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   verified: null,
   unverified: null,
   dropped: 0,
-  behind: 0,
+  behind: { link: 0, decoding: 0, reason: "" },
   jitter_cause: null,
   ...more,
 });

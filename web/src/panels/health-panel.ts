@@ -7,6 +7,7 @@ import { el, throttle, LiveText, LiveMessage, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
+import { behindHint, behindWords } from "./behind-text";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./panel-context";
 import { type Figure, figuresOf, isLeftOut, type Key, timeWords, totals, verdict } from "./health-text";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
@@ -131,7 +132,9 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
       messages.update(health);
       reasons.update(health, device);
-      words.set(verdict(device, deps.store.events.value, health, dropped, deps.lostLater?.(id)));
+      const behind = deps.store.behind(id);
+      const why = behind.total > 0 ? `${behindWords(behind)} ${behindHint(behind)}` : "";
+      words.set(why || verdict(device, deps.store.events.value, health, dropped, deps.lostLater?.(id)));
       list.title = totals(health);
       words.node.hidden = words.isEmpty;
       uneven.update(health);

@@ -23,7 +23,7 @@ const health: DeviceHealth = {
   verified: null,
   unverified: null,
   dropped: 0,
-  behind: 0,
+  behind: { link: 0, decoding: 0, reason: "" },
   jitter_cause: null,
 };
 const quiet = { gaps: 0, lost: 0, blind: 0, rejects: 0 };

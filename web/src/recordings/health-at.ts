@@ -57,7 +57,7 @@ export function healthAt(
     verified: null,
     unverified: null,
     dropped: 0,
-    behind: 0,
+    behind: { link: 0, decoding: 0, reason: "" },
     jitter_cause: null,
     ...(history ? figuresAt(history, t) : {}),
   };

@@ -86,6 +86,25 @@ export const TEXT = {
   framesUnit: (frames: number) => plural(frames, "frame"),
   sinceSessionBegan: (gaps: number, lost: number, rejects: number, unclaimed: number) =>
     `Since the session began: ${count(gaps, "gap")}, ${count(lost, "sample")} lost, ${count(rejects, "frame")} rejected${unclaimed > 0 ? `, ${count(unclaimed, "byte")} in no accepted message` : ""}.`,
+  behindBy: (value: Value, unit: Value, cause: string) => `Behind by ${value} ${unit}: ${cause}.`,
+  behindIn: {
+    link: "bytes arrive late on the link",
+    decoding: "decoding on the server is late",
+    connection: "the connection to the server is slow",
+    page: "this browser is busy",
+  },
+  behindReason: {
+    others: "the server's computer is busy with other programs",
+    decoding: "more arrives than the server's computer can decode",
+  },
+  behindPart: { link: "Link", decoding: "decoding", connection: "connection", page: "page" },
+  behindRemedy: {
+    link: "Check the link: its network, or the load of the computer that reads it.",
+    decoding:
+      "Recordings and shared ports come first and are not behind. Close other programs on the server's computer, or send at lower rates.",
+    connection: "Use a faster network, or open fewer panels.",
+    page: "Close other tabs, or open fewer panels.",
+  },
   msP99: "ms p99",
   unitAgo: (unit: Value) => `${unit} ago`,
   droppedVerdict: (samples: number) =>

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { DeviceInfo, DeviceStatus } from "../wire/types";
-import { behindOf, isHeld, markOf, pageState, shortSource, showsPlots } from "./page-state";
+import { isHeld, markOf, pageState, shortSource, showsPlots } from "./page-state";
 
 const device = (status: DeviceStatus): DeviceInfo => ({
   id: "1",
@@ -30,12 +30,6 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   required_action: "",
   decode_options: {},
   parent: "",
-});
-
-it("tells what is behind by more than half a second", () => {
-  expect(behindOf(undefined)).toBe(0);
-  expect(behindOf({ behind: 0.4 })).toBe(0);
-  expect(behindOf({ behind: 12 })).toBe(12);
 });
 
 describe("pageState", () => {

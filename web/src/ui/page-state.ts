@@ -49,14 +49,6 @@ export function isHeld(state: PageState): boolean {
   return state === "lost" || state === "idle" || state === "ended";
 }
 
-const BEHIND_S = 0.5;
-
-/** Time by which what is shown of a device is behind, s; 0 while it is too short to be told. */
-export function behindOf(health: { readonly behind?: number } | undefined): number {
-  const behind = health?.behind ?? 0;
-  return behind > BEHIND_S ? behind : 0;
-}
-
 /** The mark of a device in the rail: shape and word (normal has no colour). `gaps`: lost samples within the last minute. */
 export function markOf(
   status: DeviceStatus,

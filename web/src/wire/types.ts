@@ -175,6 +175,18 @@ export interface JitterCause {
   readonly remedy: string;
 }
 
+export type BusyReason = "" | "others" | "decoding";
+
+/** Time by which the newest samples of a device are late, s, by where that arises; 0 while all keeps up. */
+export interface Behind {
+  /** until its bytes arrive here, by the device's clock, over its fastest ones */
+  readonly link: number;
+  /** of the oldest bytes that have arrived and are not decoded */
+  readonly decoding: number;
+  /** why decoding is behind, if it is and that is known */
+  readonly reason: BusyReason;
+}
+
 /**
  * Figures of one device; rates over the last second, counts since the session began. Rejected, verified and
  * unverified frames are counted since the decode options were set: a new key restarts these counts.
@@ -210,8 +222,8 @@ export interface DeviceHealth {
   readonly unverified: number | null;
   /** samples dropped for this browser */
   readonly dropped: number;
-  /** s by which decoding is behind the bytes that have arrived; 0 while it keeps up */
-  readonly behind: number;
+  /** measured here; a page adds its own part */
+  readonly behind: Behind;
   /** cause of uneven arrival times; null while they are even */
   readonly jitter_cause: JitterCause | null;
 }
