@@ -11,6 +11,7 @@ from protocols.events import Batch
 from protocols.family import CorrectionInput, FamilyHints, LogFormat, PositionFix, ProtocolInfo
 from protocols.isb import logs
 from protocols.isb.bandwidth import periods_ms
+from protocols.isb.commands import NMEA_MESSAGES
 from protocols.isb.dates import utc_of
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.detect import detection_score
@@ -20,7 +21,7 @@ from protocols.isb.frames import DATA, build, get_data, scan, stop
 from protocols.isb.inspect import IsbFrameLister
 from protocols.isb.mounting import MOUNTING
 from protocols.isb.sensors import sensors_of
-from protocols.isb.streams import OF_GPX, STREAMS
+from protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
 from protocols.isb.supported import supported
 from protocols.schema import Message
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
@@ -74,6 +75,16 @@ def tables(known: DeviceContext, values: Mapping[str, Values]) -> dict[str, Rate
     ]
     table = RateTable("did", "period", "Data set", rows, interval="source_ms", divisors=list(DIVISORS), grouped=True)
     return {"streams": table}
+
+
+def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Title and value of a stream ("INS 2", "50 Hz") or of a sentence ("NMEA GGA", "1 in 5")."""
+    if "did" in entry:
+        return stream_words(entry)
+    if "msgID" not in entry:
+        return None
+    number, period = int(entry["msgID"]), int(entry.get("msgPeriod", 0))
+    return f"NMEA {NMEA_MESSAGES.get(number, number)}", every(period) if period else "off"
 
 
 # -- simulated devices -------------------------------------------------------------------------------------------------
@@ -147,6 +158,7 @@ FAMILY = ProtocolInfo(
     driver=DRIVER,
     composer=_composer,
     tables=tables,
+    entry_words=entry_words,
     utc=utc_of,
     position=_position,
     corrections=CorrectionInput(lambda known: True, hint="any Inertial Sense device"),

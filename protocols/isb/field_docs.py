@@ -170,8 +170,9 @@ SENTENCES = range(20)  # SDK: NMEA_MSG_ID_COUNT; numbers from there on are comma
 
 
 def _of_sentence(field: Field) -> Field:
-    """A field of an entry of that list, with only the numbers of sentences that a device sends."""
-    return replace(field, choices={number: name for number, name in field.choices.items() if number in SENTENCES})
+    """A field of an entry of that list, with only the numbers of sentences that a device sends; the number names it."""
+    choices = {number: name for number, name in field.choices.items() if number in SENTENCES}
+    return replace(field, choices=choices, key_mask=0xFF if field.name == "msgID" else 0)
 
 
 def noted(did: int, field: Field) -> Field:

@@ -98,6 +98,11 @@ def select(name: str, doc: str, choices: Mapping[int, str], dtype: str = "<u2", 
     return Field(name, dtype, choices=choices, default=default, doc=doc)
 
 
+def _data_set(choices: Mapping[int, str]) -> Field:
+    """The data set of a stream, which names it in comparisons."""
+    return replace(select("did", "Data set.", choices), key_mask=0xFFFF)
+
+
 DATA_SETS: Mapping[int, str] = {did: row.name for did, row in SETS.items() if did and row.struct}
 _PERIOD = Field("period", "<u2", default=1, doc="Multiple of the source's period.", low=1)
 
@@ -107,7 +112,7 @@ STREAM_FIELDS = (
         shape=(-1,),
         max_length=len(STREAMS),
         fields=(
-            select("did", "Data set.", {did: row.name for did, row in STREAMS.items()}),
+            _data_set({did: row.name for did, row in STREAMS.items()}),
             _PERIOD,
             Field("size", "<u2", unit="B", read_only=True, doc="Observed data size; 0 if none was received."),
             Field("source_ms", "<f8", unit="ms", read_only=True, doc="Period of the source; 0: sent on events."),
@@ -132,7 +137,7 @@ GPX_STREAM_FIELDS = (
         STREAM_FIELDS[0],
         max_length=len(OF_GPX),
         fields=(
-            select("did", "Data set.", {did: row.name for did, row in STREAMS.items() if did in OF_GPX}),
+            _data_set({did: row.name for did, row in STREAMS.items() if did in OF_GPX}),
             *STREAM_FIELDS[0].fields[1:],
         ),
     ),

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from protocols.isb.dataset_loader import SETS, TABLES, title_of
 
@@ -155,6 +156,21 @@ BY_GPX_BIT = {
 """Bit of DID_GPX_RMC → data set."""
 OF_GPX = frozenset(BY_GPX_BIT.values()) | {did for did in STREAMS if did in range(120, 128)}
 """Streams of a GPX."""
+
+
+def every(period: int) -> str:
+    """A multiple of an unknown period as text: "1 in 5"."""
+    return "at the rate of its source" if period == 1 else f"1 in {period}"
+
+
+def stream_words(entry: Mapping[str, Any]) -> tuple[str, str]:
+    """Title and value of a stream: "INS 2", "50 Hz"; its divisor if the period of its source is not known."""
+    row = STREAMS.get(int(entry["did"]))
+    period, source_ms = int(entry.get("period") or 1), float(entry.get("source_ms") or 0)
+    title = row.title if row is not None else str(entry["did"])
+    if row is not None and row.pace == EVENT:
+        return title, "on events"
+    return title, f"{1000 / (source_ms * period):.4g} Hz" if source_ms > 0 else every(period)
 
 
 def dids_of(bits: int, *, gpx: bool = False) -> list[int]:

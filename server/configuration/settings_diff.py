@@ -8,8 +8,8 @@
 Momentary values (Field.momentary: temperatures, counters, the state of a calibration) are not compared, and are not
 written back, because writing them could start what they report.
 
-A list of records with a key (Field.key_mask), such as an output configuration, is a set: its records are compared by
-quantity, in any order.
+A list of records with a key (Field.key_mask), such as an output configuration or the streams of a port, is a set: its
+records are compared by quantity, in any order.
 """
 
 from __future__ import annotations
@@ -24,9 +24,11 @@ from protocols.transactions import DeviceContext, DeviceDriver, Values
 from server.configuration.api_models import Difference, DifferenceRow, FieldProblem
 from server.configuration.checks import problems_of
 from server.configuration.form_builder import flat
-from server.configuration.value_format import entry_title, entry_value, head_of, hex_key, key_of, words
+from server.configuration.value_format import OFF, entry_title, entry_value, head_of, hex_key, key_of, words
 
 NO_DEFAULT = "no default is documented"
+
+Entries = Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +134,20 @@ def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, fo
 
 def _rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
     """Differing fields of one setting, and the number that agree."""
-    key = key_of(row.fields[0].fields) if row.fields else None
-    if key is not None:
-        return _keyed_rows(row, key, left, right)
+    found: list[DifferenceRow] = []
+    same = 0
+    for one in row.fields:
+        key = key_of(one.fields)
+        if key is None or one.name not in left:
+            continue
+        rows, equal = _keyed_rows(driver, row, one, key, left[one.name], right[one.name])
+        found, same = found + rows, same + equal
+        left, right = ({name: side[name] for name in side if name != one.name} for side in (left, right))
+    rows, equal = _field_rows(driver, row, left, right) if left else ([], 0)
+    return found + rows, same + equal
+
+
+def _field_rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
     paths = driver.same(row.name, left, right)
     leaves = {path: (one, value) for path, one, value in flat(row.fields, dict(left))}
     others = {path: (one, value) for path, one, value in flat(row.fields, dict(right))}
@@ -168,23 +181,28 @@ def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> Differenc
 # ── lists of records with a key ──────────────────────────────────────────────────────────────────────────────────────
 
 
-def _keyed_rows(row: Setting, key: Field, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
-    name = row.fields[0].name
-    sides = [_by_quantity(key, values.get(name, ())) for values in (left, right)]
+def _keyed_rows(
+    driver: DeviceDriver, row: Setting, of: Field, key: Field, left: Entries, right: Entries
+) -> tuple[list[DifferenceRow], int]:
+    """Differing records of a list, by quantity, and the number that agree."""
+    sides = [_by_quantity(key, entries) for entries in (left, right)]
     found, same = [], 0
     for quantity in dict.fromkeys([*sides[0], *sides[1]]):
         here, there = (side.get(quantity) for side in sides)
         texts = [entry_value(entry) for entry in (here, there)]
-        if texts[0] == texts[1]:
+        pair = [{of.name: [entry] if entry else []} for entry in (here, there)]
+        if texts[0] == texts[1] or not driver.same(row.name, *pair):
             same += 1
             continue
         title = entry_title(key, quantity)
-        path = f"{name}.{hex_key(key, quantity)}"
+        path = f"{of.name}.{hex_key(key, quantity)}"
         found.append(
             DifferenceRow(row.name, path, title, "", texts[0], texts[1], here, there, writable=bool(row.write))
         )
     return found, same
 
 
-def _by_quantity(key: Field, entries: Sequence[Mapping[str, Any]]) -> dict[int, Mapping[str, Any]]:
-    return {int(entry[key.name]) & key.key_mask: entry for entry in entries if entry.get(key.name)}
+def _by_quantity(key: Field, entries: Entries) -> dict[int, Mapping[str, Any]]:
+    """The records that are on, by quantity."""
+    on = [entry for entry in entries if entry.get(key.name) and entry_value(entry) != OFF]
+    return {int(entry[key.name]) & key.key_mask: entry for entry in on}

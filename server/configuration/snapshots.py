@@ -177,7 +177,7 @@ class _Hex(int):
 
 
 def _is_identifier(field: Field) -> bool:
-    return field.base == 16 or bool(field.key_mask)
+    return field.base == 16 or bool(field.key_mask and not field.choices)
 
 
 def _hexed(fields: tuple[Field, ...], entry: Any) -> Any:

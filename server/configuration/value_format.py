@@ -18,6 +18,7 @@ from protocols.registry import entry_words
 from protocols.schema import Field
 
 LONGEST = 120
+OFF = "off"  # a quantity that a list of outputs does not have
 DIGITS = 7  # of a float32
 MAX_VALUE = 1e300  # above any device value; arithmetic fails beyond it, and an uploaded file may contain such values
 _WHOLE = re.compile(r"-?\d{1,20}\Z")
@@ -165,9 +166,9 @@ def hex_key(key: Field, number: int) -> str:
 
 
 def entry_value(entry: Mapping[str, Any] | None) -> str:
-    """Format an entry: "400 Hz", with an unusual variant; "off" for none."""
+    """Format an entry: "400 Hz", with an unusual variant; OFF for none."""
     if entry is None:
-        return "off"
+        return OFF
     parts = entry_words(entry)
     return parts[1] if parts is not None else ""
 

@@ -50,17 +50,16 @@ def spaced(name: str) -> str:
 def _setting(name: str, row: Setting | None, values: Mapping[str, Any]) -> RecordedSetting:
     if row is None:
         return RecordedSetting(name, spaced(name), OTHERS, list(_unchanged(values)))
-    key = key_of(row.fields[0].fields) if row.fields else None
     try:
-        rows = list(_as_text(row, values) if key is None else _keyed(row, key, values))
+        rows = list(_as_text(row, values))
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError):  # values that do not match the table
         rows = list(_unchanged(values))
     return RecordedSetting(name, row.title or spaced(name), row.group, rows)
 
 
-def _keyed(row: Setting, key: Field, values: Mapping[str, Any]) -> Iterator[SettingRow]:
+def _keyed(key: Field, entries: list[Any]) -> Iterator[SettingRow]:
     """A list of records with a key, such as an output configuration: each quantity and its rate."""
-    for entry in values[row.fields[0].name]:
+    for entry in entries:
         if entry[key.name]:
             yield SettingRow(entry_title(key, int(entry[key.name])), entry_value(entry))
 
@@ -71,8 +70,9 @@ def _as_text(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
         if field.name not in values:
             continue
         value = values[field.name]
-        if field.fields and isinstance(value, list):
-            yield from _list(field, value)
+        key = key_of(field.fields)
+        if field.fields and (key or isinstance(value, list)):
+            yield from _keyed(key, value) if key and value else _list(field, value)
             continue
         for path, one, inside in flat((field,), {field.name: value}):
             yield SettingRow("" if alone else _titled(title_at(row.fields, path)), words(one, inside))

@@ -75,3 +75,27 @@ def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
             assert [forms_of(desk.driver, "x", desk.context).factory for desk in (imx, mti)] == [False, True]
 
     asyncio.run(check())
+
+
+def streams(*entries: tuple[int, int, float]) -> dict[str, Any]:
+    """Streams by data set, multiple and period of the source, ms."""
+    return {"streams": [dict(zip(("did", "period", "source_ms"), one, strict=True), size=80) for one in entries]}
+
+
+def test_streams_were_compared_by_their_place_in_the_list() -> None:
+    """A stream more at the beginning made each that follows a difference: "Streams 2, did: DID_IMU / DID_INS_2"."""
+    driver = PROTOCOLS["isb"].driver
+    here = {"streams": streams((58, 1, 20.0), (4, 1, 20.0), (5, 1, 20.0))}
+    here |= {
+        "DID_NMEA_BCAST_PERIOD": {"nmeaBroadcastMsgs": [{"msgID": 6, "msgPeriod": 5}, {"msgID": 0, "msgPeriod": 0}]}
+    }
+    there = {"streams": streams((5, 2, 20.0), (4, 1, 20.0))}
+    there |= {"DID_NMEA_BCAST_PERIOD": {"nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 1}]}}
+    found = compare(driver, IMX, ComparedValues("Now", here), ComparedValues("Profile", there))
+    assert [(row.title, row.left, row.right) for row in found.rows] == [
+        ("IMU", "50 Hz", "off"),
+        ("INS 2", "50 Hz", "25 Hz"),
+        ("NMEA PGPSP", "1 in 5", "off"),
+        ("NMEA GNGGA", "off", "at the rate of its source"),
+    ]
+    assert found.changes == there
