@@ -253,6 +253,7 @@ class Setting:
         read, write: names of the commands; write "" for read-only values.
         partial: True if single fields can be written alone (an ISB data set by offset).
         editor: "" for a plain form, else the name of a table of the family (ProtocolInfo.tables).
+        per_sensor: it distinguishes one sensor from others (a number given to it), so another's value is not offered.
         after: when a written value takes effect: "" at once, "measurement" on leaving Config, "reset".
         caution, consequence: as for a command.
         group, basic, title, doc, source: as for a command.
@@ -263,6 +264,7 @@ class Setting:
     read: str = ""
     write: str = ""
     partial: bool = False
+    per_sensor: bool = False
     editor: str = ""
     after: Literal["", "measurement", "reset"] = ""
     caution: Caution = ""

@@ -129,7 +129,7 @@ def record(family: str) -> None:
                 time.sleep(0.1)
             read = shown(server)
             page["read"] = heard(server)["texts"]
-            with_first = {"left": side("device"), "right": side("snapshot", read[SNAPSHOTS][-1]["name"])}
+            with_first = {"left": side("device"), "right": side("snapshot", read[SNAPSHOTS][-1]["name"]), "take": {}}
             for route, body in [*edited(read["GET /api/devices/1/values"]["values"]), ("compare", with_first)]:
                 place = f"POST /api/devices/1/{route}"
                 read[f"{place} {json.dumps(body, sort_keys=True)}"] = ask(server, "POST", place[5:], body)

@@ -213,6 +213,7 @@ class StoredSetting:
         only: names of its fields; () for all of the answer's.
         momentary: those of its fields that give a momentary state.
         fixed: fixed arguments of both messages (which of two alignments).
+        per_sensor: as for a setting.
     """
 
     name: str
@@ -228,6 +229,7 @@ class StoredSetting:
     read_only_fields: tuple[str, ...] = ()
     momentary: tuple[str, ...] = ()
     fixed: Mapping[str, int] = field(default_factory=dict)
+    per_sensor: bool = False
 
 
 _Q = ("q0", "q1", "q2", "q3")
@@ -264,7 +266,8 @@ _SETTINGS: tuple[StoredSetting, ...] = (
     StoredSetting("GnssPlatform", "ReqGnssPlatform", "SetGnssPlatform", RECEIVER, "Expected motion", _PLATFORM,
                   basic=False),
     StoredSetting("GnssLeverArm", "ReqGnssLeverArm", "SetGnssLeverArm", RECEIVER, "Antenna lever arm", RTK),
-    StoredSetting("LocationID", "ReqLocationID", "SetLocationID", IDENTITY, "Location identifier"),
+    StoredSetting("LocationID", "ReqLocationID", "SetLocationID", IDENTITY, "Location identifier",
+                  per_sensor=True),
     StoredSetting("DeviceID", "ReqDID", "", IDENTITY, "Serial number"),
     StoredSetting("ProductCode", "ReqProductCode", "", IDENTITY, "Product code"),
     StoredSetting("HardwareVersion", "ReqHardwareVersion", "", IDENTITY, "Hardware version"),
@@ -371,6 +374,7 @@ def _setting(one: StoredSetting, model: Model | None) -> Setting:
         fields,
         read=one.read,
         write=one.write,
+        per_sensor=one.per_sensor,
         editor=one.editor,
         after=one.after,
         caution=writer.caution if writer else "",

@@ -132,7 +132,7 @@ async def delete_snapshot(name: str, controller: OneController, controllers: All
 async def compare_sides(body: CompareRequest, controller: OneController, controllers: AllControllers) -> Difference:
     """Compare two sides field by field, with the changes that would make the left side equal the right one."""
     left, right = await _side(body.left, controller, controllers), await _side(body.right, controller, controllers)
-    found = compare(controller.driver, controller.context, left, right)
+    found = compare(controller.driver, controller.context, left, right, body.take)
     if found.changes and body.left.side == "device":
         found = replace(found, dangers=_dangers(controller, found), blocked=overload(controller.present, found.changes))
     rows = [
@@ -156,7 +156,7 @@ async def _side(ref: SideRef, controller: DeviceController, controllers: Control
             return _device(controller, "Device, as last read")
         case "other":
             other = _of_same_protocol(controller, controller_of(ref.device, controllers))
-            return _device(other, other.session.info.name)
+            return replace(_device(other, other.session.info.name), of_another=other is not controller)
         case "factory":
             known_context = _with_product(controller)
             defaults = controller.driver.factory(known_context)
@@ -169,12 +169,21 @@ async def _side(ref: SideRef, controller: DeviceController, controllers: Control
             snapshot = await _load(owner, controllers, ref.snapshot)
             title = snapshot.title or ref.snapshot
             from_device = owner is controller and not snapshot.imported
-            return ComparedValues(
-                title, snapshot.values, snapshot.missing, product=snapshot.product, from_device=from_device
-            )
+            return _snapshot(controller, snapshot, title, from_device)
         case "text":
             snapshot = _of_protocol(controller, await _parsed(ref.text))
-            return ComparedValues(snapshot.title or "File", snapshot.values, snapshot.missing, product=snapshot.product)
+            return _snapshot(controller, snapshot, snapshot.title or "File", False)
+
+
+def _snapshot(controller: DeviceController, snapshot: Snapshot, title: str, from_device: bool) -> ComparedValues:
+    return ComparedValues(
+        title,
+        snapshot.values,
+        snapshot.missing,
+        product=snapshot.product,
+        from_device=from_device,
+        of_another=snapshot.imported or snapshot.serial_number not in ("", controller.context.serial_number),
+    )
 
 
 def _device(controller: DeviceController, title: str) -> ComparedValues:

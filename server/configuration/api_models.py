@@ -257,6 +257,7 @@ class SideRef:
 class CompareRequest:
     left: SideRef
     right: SideRef
+    take: dict[str, bool] = field(default_factory=dict)  # DifferenceRow.key → take; the others as by default
 
 
 @dataclass(slots=True)
@@ -270,6 +271,8 @@ class DifferenceRow:
     left_value: Any = None  # wire value
     right_value: Any = None
     writable: bool = True
+    take: bool = False  # the changes contain it
+    key: str = ""  # of this difference in CompareRequest.take
 
 
 @dataclass(slots=True)
@@ -279,7 +282,7 @@ class Difference:
     rows: list[DifferenceRow]
     same: int  # fields that agree
     missing: dict[str, str] = field(default_factory=dict)  # setting → why it could not be compared
-    changes: dict[str, dict[str, Any]] = field(default_factory=dict)  # for an ApplyRequest, to make left equal to right
+    changes: dict[str, dict[str, Any]] = field(default_factory=dict)  # for an ApplyRequest: the rows to take
     profile: dict[str, dict[str, Any]] = field(default_factory=dict)  # all writable values of the right side
     product: str = ""  # of the right side; "" if it is not known
     problems: list[FieldProblem] = field(default_factory=list)  # problems of the right side, at their paths

@@ -3,7 +3,10 @@
     left  ─┐   by setting: missing on a side?  ──> missing, with the reason
            ├─> by field: same meaning (Driver.same)?  ──> same, counted
     right ─┘   no ──> a row: "Acceleration, rate   400 Hz   100 Hz"
-                    + changes: values to write to make the left side equal to the right one
+                    + changes: values to write to make the left side equal to the right one in the rows to take
+
+Every row that can be written is taken, unless the request chooses otherwise (`take`); the number that a user gave to
+another sensor (Setting.per_sensor) only if the request says so.
 
 Momentary values (Field.momentary: temperatures, counters, the state of a calibration) are not compared, and are not
 written back, because writing them could start what they report.
@@ -24,10 +27,23 @@ from protocols.transactions import DeviceContext, DeviceDriver, Values
 from server.configuration.api_models import Difference, DifferenceRow, FieldProblem
 from server.configuration.checks import problems_of
 from server.configuration.form_builder import flat
-from server.configuration.value_format import OFF, entry_title, entry_value, head_of, hex_key, key_of, words
+from server.configuration.value_format import (
+    OFF,
+    entry_title,
+    entry_value,
+    field_at,
+    head_of,
+    hex_key,
+    key_of,
+    titled,
+    value_at,
+    words,
+)
 
 NO_DEFAULT = "no default is documented"
 
+HEX = "0x"  # a path of a record with a key goes on with it
+NOTHING_CHOSEN: Mapping[str, bool] = {}
 Entries = Sequence[Mapping[str, Any]]
 
 
@@ -41,6 +57,7 @@ class ComparedValues:
         otherwise: the reason for a missing setting that is not in `missing`.
         product: product of these settings, if known.
         from_device: the device on the left reported them itself, so they may be written whatever the tables allow.
+        of_another: they are of another sensor than the device that is compared.
     """
 
     title: str
@@ -49,13 +66,24 @@ class ComparedValues:
     otherwise: str = "not in it"
     product: str = ""
     from_device: bool = False
+    of_another: bool = False
 
     def lacks(self, name: str) -> str:
         return self.missing.get(name, self.otherwise)
 
 
-def compare(driver: DeviceDriver, known: DeviceContext, left: ComparedValues, right: ComparedValues) -> Difference:
-    """The differences, and the values to write to the left side to make it equal to the right one."""
+def compare(
+    driver: DeviceDriver,
+    known: DeviceContext,
+    left: ComparedValues,
+    right: ComparedValues,
+    take: Mapping[str, bool] = NOTHING_CHOSEN,
+) -> Difference:
+    """The differences, and the values to write to the left side to make it equal to the right one.
+
+    Args:
+        take: DifferenceRow.key → whether the values to write contain it; the others as by default.
+    """
     found = Difference(left.title, right.title, [], 0, product=right.product)
     rows = {row.name: row for row in driver.settings(known)}
     _unknown_settings(driver, known, rows, right, found)
@@ -77,6 +105,11 @@ def compare(driver: DeviceDriver, known: DeviceContext, left: ComparedValues, ri
         ):
             _invalid_values(row, right.values[row.name], found)
         _setting(driver, row, left.values[row.name], right.values[row.name], found)
+    for one in found.rows:
+        one.key = f"{one.setting}/{one.path}"
+        one.take = one.writable and take.get(one.key, not (rows[one.setting].per_sensor and right.of_another))
+    for row in rows.values():
+        _changes(row, left.values.get(row.name, {}), found)
     return found
 
 
@@ -123,13 +156,38 @@ def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, fo
     writable = {name: value for name, value in right.items() if name not in read_only}  # without momentary values
     if row.write and writable:
         found.profile[row.name] = writable
-    if not rows or not row.write:
+
+
+def _changes(row: Setting, left: Values, found: Difference) -> None:
+    """Values to write for the rows of a setting that are to be taken."""
+    rows = [one for one in found.rows if one.setting == row.name]
+    if not any(one.take for one in rows):
         return
+    written = dict(found.profile[row.name])
     if row.partial:
-        paths = {head_of(one.path, writable)[0] for one in rows}
-        writable = {name: value for name, value in writable.items() if name in paths}
-    if writable and any(one.writable for one in rows):
-        found.changes[row.name] = writable
+        paths = {head_of(one.path, written)[0] for one in rows if one.take}
+        written = {name: value for name, value in written.items() if name in paths}
+    for one in rows:
+        name, rest = head_of(one.path, written)
+        if one.writable and not one.take and name in written:
+            written[name] = _as_before(written[name], rest, left[name], one) if rest else left[name]
+    found.changes[row.name] = written
+
+
+def _as_before(after: Any, path: str, before: Any, row: DifferenceRow) -> Any:
+    """A value with the left side's at one path in it; the left side's as a whole if only one side has the path."""
+    is_entry = path.isdecimal() and None in (row.left_value, row.right_value)
+    if is_entry or path.startswith(HEX):
+        rest = [entry for entry in after if entry is not row.right_value]
+        return rest if row.left_value is None else [*rest, row.left_value]
+    if row.left_value is None or row.right_value is None:
+        return before
+    name, rest = head_of(path, after if isinstance(after, Mapping) else ())
+    at = name if isinstance(after, Mapping) else int(name)
+    inside = _as_before(after[at], rest, before[at], row) if rest else row.left_value
+    if isinstance(after, Mapping):
+        return {**after, at: inside}
+    return [inside if place == at else one for place, one in enumerate(after)]
 
 
 def _rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
@@ -151,7 +209,9 @@ def _field_rows(driver: DeviceDriver, row: Setting, left: Values, right: Values)
     paths = driver.same(row.name, left, right)
     leaves = {path: (one, value) for path, one, value in flat(row.fields, dict(left))}
     others = {path: (one, value) for path, one, value in flat(row.fields, dict(right))}
-    found = []
+    alone = [path for path in paths if _is_entry(row, path) and None in (value_at(left, path), value_at(right, path))]
+    found = [_entry_row(row, path, value_at(left, path), value_at(right, path)) for path in alone]
+    paths = [path for path in paths if path not in alone]
     for path in dict.fromkeys([*leaves, *others]):
         if not any(path == one or path.startswith(one + ".") or one.startswith(path + ".") for one in paths):
             continue
@@ -161,8 +221,25 @@ def _field_rows(driver: DeviceDriver, row: Setting, left: Values, right: Values)
     return found, len(set(leaves) & set(others)) - sum(1 for one in found if one.path in leaves and one.path in others)
 
 
+def _is_entry(row: Setting, path: str) -> bool:
+    """Whether a path is that of a whole record of a list."""
+    at = field_at(row.fields, path)
+    return path.rpartition(".")[2].isdecimal() and at is not None and bool(at.fields)
+
+
+def _entry_row(row: Setting, path: str, left: Any, right: Any) -> DifferenceRow:
+    """A record of a list that only one side has, as one difference."""
+    at = field_at(row.fields, path) or Field(path)
+    texts = [
+        ", ".join(f"{titled(one.title or one.name)} {words(one, value)}" for _, one, value in flat(at.fields, entry))
+        for entry in (left, right)
+    ]
+    title = f"{row.title or row.name} {int(path.rpartition('.')[2]) + 1}"
+    return DifferenceRow(row.name, path, title, "", *texts, left, right, writable=bool(row.write) and not at.read_only)
+
+
 def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> DifferenceRow:
-    title = at.title or at.name
+    title = titled(at.title or at.name)
     places = [part for part in path.split(".")[:-1] if part.isdecimal()]
     where = f" {int(places[-1]) + 1}" if places else ""
     return DifferenceRow(

@@ -137,6 +137,17 @@ def value_at(values: Any, path: str) -> Any:
     return values
 
 
+def spaced(name: str) -> str:
+    """Displayed form of a table's name: "OutputConfiguration" becomes "Output configuration"."""
+    text = re.sub(r"([a-z])([A-Z])", lambda found: f"{found[1]} {found[2].lower()}", name.replace("_", " "))
+    return text[:1].upper() + text[1:]
+
+
+def titled(title: str) -> str:
+    """The title, or the displayed form of a name if the table has no title; short names ("q0") are symbols."""
+    return spaced(title) if len(title) > 2 and (title[0].islower() or "_" in title) else title
+
+
 def title_at(fields: Sequence[Field], path: str) -> str:
     """Displayed title of a path: "Outputs 4, Rate"."""
     titles: list[str] = []

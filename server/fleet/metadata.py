@@ -14,9 +14,9 @@ import pyarrow as pa
 
 from recordings.column_store import ColumnStore
 from recordings.probe import RecordingProbe
+from server.configuration.value_format import spaced
 from server.devices.protocol_set import sensors_of
 from server.fleet.tables import DEVICES, EVENTS, LOSSES, RECORDINGS, SETTINGS, StoreTable
-from server.library.recorded_settings import spaced
 from server.version import VERSION
 
 Row = dict[str, Any]

@@ -9,7 +9,6 @@ another origin or a later version), are shown unchanged, so that no recorded val
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -17,7 +16,16 @@ from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from server.configuration.controllers import driver_of
 from server.configuration.form_builder import flat
-from server.configuration.value_format import entry_comment, entry_title, entry_value, key_of, title_at, words
+from server.configuration.value_format import (
+    entry_comment,
+    entry_title,
+    entry_value,
+    key_of,
+    spaced,
+    title_at,
+    titled,
+    words,
+)
 from server.library.api_models import RecordedSetting, RecordedSettings, SettingRow
 
 OTHERS = "Others"
@@ -39,12 +47,6 @@ def settings_of(snapshot: Mapping[str, Any]) -> RecordedSettings:
     found = [_setting(name, rows.get(name), values[name]) for name in order if isinstance(values[name], Mapping)]
     titles = {name: rows[name].title if name in rows and rows[name].title else spaced(name) for name in missing}
     return RecordedSettings(found, {titles[name]: _text(why) for name, why in missing.items()})
-
-
-def spaced(name: str) -> str:
-    """Displayed form of a table's name: "OutputConfiguration" becomes "Output configuration"."""
-    text = re.sub(r"([a-z])([A-Z])", lambda found: f"{found[1]} {found[2].lower()}", name.replace("_", " "))
-    return text[:1].upper() + text[1:]
 
 
 def _setting(name: str, row: Setting | None, values: Mapping[str, Any]) -> RecordedSetting:
@@ -75,14 +77,9 @@ def _as_text(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
             yield from _keyed(key, value) if key and value else _list(field, value)
             continue
         for path, one, inside in flat((field,), {field.name: value}):
-            yield SettingRow("" if alone else _titled(title_at(row.fields, path)), words(one, inside))
+            yield SettingRow("" if alone else titled(title_at(row.fields, path)), words(one, inside))
     known = {field.name for field in row.fields}
     yield from _unchanged({name: value for name, value in values.items() if name not in known})
-
-
-def _titled(title: str) -> str:
-    """The title, or the displayed form of a name if the table has no title; short names ("q0") are symbols."""
-    return spaced(title) if len(title) > 2 and (title[0].islower() or "_" in title) else title
 
 
 def _list(field: Field, entries: list[Any]) -> Iterator[SettingRow]:
@@ -91,7 +88,7 @@ def _list(field: Field, entries: list[Any]) -> Iterator[SettingRow]:
         yield SettingRow(title, "none")
     for place, entry in enumerate(entries[:_LISTED]):
         texts = [
-            f"{_titled(title_at(field.fields, path))} {words(one, value)}"
+            f"{titled(title_at(field.fields, path))} {words(one, value)}"
             for path, one, value in flat(field.fields, entry)
         ]
         yield SettingRow(f"{title} {place + 1}", entry_comment(field.fields, entry) or ", ".join(texts))

@@ -99,3 +99,69 @@ def test_streams_were_compared_by_their_place_in_the_list() -> None:
         ("NMEA GNGGA", "off", "at the rate of its source"),
     ]
     assert found.changes == there
+
+
+def test_single_differences_are_taken_or_left() -> None:
+    """A profile was written as a whole or not at all."""
+    driver = PROTOCOLS["isb"].driver
+    here = {
+        "streams": streams((58, 1, 20.0), (5, 1, 20.0)),
+        "DID_SURVEY_IN": {"maxDurationSec": 60, "minAccuracy": 1.0},
+    }
+    wifi = [dict(zip(("ssid", "psk"), (name, ""), strict=True)) for name in "abcdef"]
+    here |= {"DID_EVB_FLASH_CFG": {"wifi": wifi[:3]}}
+    there = {
+        "streams": streams((4, 1, 20.0), (5, 2, 20.0)),
+        "DID_SURVEY_IN": {"maxDurationSec": 90, "minAccuracy": 2.0},
+    }
+    there |= {"DID_EVB_FLASH_CFG": {"wifi": wifi[3:]}}
+    sides = ComparedValues("Now", here), ComparedValues("Profile", there)
+    assert all(row.take for row in compare(driver, IMX, *sides).rows)
+    keys = {row.key for row in compare(driver, IMX, *sides).rows}
+    left_out = {"streams/streams.0x003A", "streams/streams.0x0005"}
+    left_out |= {"DID_SURVEY_IN/minAccuracy", "DID_EVB_FLASH_CFG/wifi.1.ssid"}
+    assert left_out < keys
+    found = compare(driver, IMX, *sides, dict.fromkeys(left_out, False))
+    assert {row.key for row in found.rows if not row.take} == left_out
+    assert found.changes == {
+        "streams": streams((4, 1, 20.0), (58, 1, 20.0), (5, 1, 20.0)),
+        "DID_SURVEY_IN": {"maxDurationSec": 90},
+        "DID_EVB_FLASH_CFG": {"wifi": [wifi[3], wifi[1], wifi[5]]},
+    }
+    assert compare(driver, IMX, *sides, dict.fromkeys(keys, False)).changes == {}
+
+
+def test_the_number_given_to_another_sensor_is_not_taken_unasked() -> None:
+    """A LocationID travelled with a profile from one sensor to the next."""
+    driver, known = PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-630")
+    here, there = ({"LocationID": {"location_id": number}} for number in (1, 2))
+    own, other = (ComparedValues("Profile", there, of_another=of_another) for of_another in (False, True))
+    left = ComparedValues("Now", here)
+    assert compare(driver, known, left, own).changes == there
+    assert compare(driver, known, left, other).changes == {}
+    (row,) = compare(driver, known, left, other).rows
+    assert compare(driver, known, left, other, {row.key: True}).changes == there
+
+
+SYNC = {"line": 2, "polarity": 1, "trigger_once": 0, "skip_first": 0, "skip_factor": 0, "pulse_width": 0}
+SYNC |= {"delay_offset_or_clock_period": 0}
+
+
+def test_an_entry_that_one_side_has_is_one_difference() -> None:
+    """Each of its fields was a difference, by its name in the document: "Sync in and out 3, skip_factor"."""
+    driver, known = PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-630")
+    first, second, third = (dict(SYNC, function=function) for function in (3, 8, 9))
+    changed = dict(second, skip_factor=4)
+    fewer, more = ({"SyncSettings": {"settings": entries}} for entries in ([first, second], [first, changed, third]))
+    added, removed = (
+        compare(driver, known, ComparedValues("Now", here), ComparedValues("File", there), dict.fromkeys(take, False))
+        for here, there, take in (
+            (fewer, more, ["SyncSettings/settings.2"]),
+            (more, fewer, ["SyncSettings/settings.2"]),
+        )
+    )
+    assert [row.title for row in added.rows] == ["Sync in and out 3", "Sync in and out 2, Skip factor"]
+    assert added.rows[0].left == ""
+    assert added.rows[0].right.startswith("Function ClockBiasEstimation, Line In1, Polarity rising edge")
+    assert added.changes["SyncSettings"]["settings"] == [first, changed]
+    assert removed.changes["SyncSettings"]["settings"] == [first, second, third]

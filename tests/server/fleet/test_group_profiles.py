@@ -27,7 +27,7 @@ from server.fleet.group_profiles import FILE, GroupProfiles
 from server.fleet.known_settings import KnownSettings
 from server.fleet.reports import ReportedDevice, ReportError
 from tests.free_ports import free_port
-from tests.server.control_harness import house
+from tests.server.control_harness import house, outputs
 from tests.server.fleet.compared_robots import PRODUCT, robot, settings_at
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, get
@@ -195,7 +195,7 @@ def test_a_write_is_reported_even_if_a_report_is_made_in_the_middle_of_it(tmp_pa
                 ReportedDevice(desk.device, "MTi", "live"),
             )
             before = known.with_settings((device,))[0].settings
-            task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 7}}, ""))
+            task = desk.add("Write", here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(20)}, ""))
             while not task.finished.is_set():
                 known.with_settings((device,))
                 await asyncio.sleep(0)

@@ -309,6 +309,8 @@ export interface SideRef {
 export interface CompareRequest {
   readonly left: SideRef;
   readonly right: SideRef;
+  /** DifferenceRow.key → take; the others as by default */
+  readonly take: Readonly<Record<string, boolean>>;
 }
 
 export interface DifferenceRow {
@@ -323,6 +325,10 @@ export interface DifferenceRow {
   readonly left_value: unknown;
   readonly right_value: unknown;
   readonly writable: boolean;
+  /** the changes contain it */
+  readonly take: boolean;
+  /** of this difference in CompareRequest.take */
+  readonly key: string;
 }
 
 export interface Difference {
@@ -334,7 +340,7 @@ export interface Difference {
   readonly same: number;
   /** setting → why it could not be compared */
   readonly missing: Readonly<Record<string, string>>;
-  /** for an ApplyRequest, to make left equal to right */
+  /** for an ApplyRequest: the rows to take */
   readonly changes: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
   /** all writable values of the right side */
   readonly profile: Readonly<Record<string, Readonly<Record<string, unknown>>>>;

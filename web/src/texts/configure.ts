@@ -189,6 +189,7 @@ export const TEXT = {
   comparing: "Comparing…",
   readDevice: (name: Value) => `Read ${name}`,
   alreadyApplied: "No change: the settings are the same.",
+  nothingSelected: "No change: no difference is ticked above.",
   valueCount: (rows: number) => count(rows, "value"),
   rejectedLabel: "Rejected:",
   sent: "Sent",

@@ -1549,7 +1549,7 @@ export interface Routes {
   /** Compare two sides field by field, with the changes that would make the left side equal the right one. */
   "POST /api/devices/{device}/compare": {
     readonly path: { readonly device: string };
-    readonly body: CompareRequest;
+    readonly body: Defaulted<CompareRequest, "take">;
     readonly answer: Difference;
   };
   /** The stream that is forwarded; an empty source if there is none. The password is never returned. */

@@ -1,8 +1,8 @@
 /** Two states side by side: device, snapshot, file, another device, factory; and writing one to devices. */
-import { useSignal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
-import type { Difference } from "../../forms/types";
+import type { Difference, DifferenceRow } from "../../forms/types";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
@@ -18,22 +18,32 @@ import { goTo } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
+/** The differences to write, by their keys, as far as they were chosen. */
+export type Take = Readonly<Record<string, boolean>>;
+const BY_DEFAULT: Take = {};
+
 export function Compare({ model, store }: { readonly model: Model; readonly store: Store }) {
   const difference = useSignal<Difference | undefined>(undefined);
   const why = useSignal("");
+  const take = useSignal(BY_DEFAULT);
   const left = model.left.value;
   const right =
     route.value.more ?? model.snapshots.value[0]?.name ?? (model.forms.value?.factory ? "~factory" : "~file");
   const file = model.file.value;
   const taken = model.body.value?.info.taken;
   useEffect(() => {
-    let stale = false;
+    take.value = BY_DEFAULT;
+  }, [model, left, right, file]);
+  useEffect(() => {
     difference.value = undefined;
+  }, [model, left, right, taken, file]);
+  useEffect(() => {
+    let stale = false;
     why.value = "";
     if (right === "~file" && !file) why.value = TEXT.chooseFile;
     else if ((left === "device" || right === "device") && !model.isRead.value) why.value = TEXT.deviceNotRead;
     else {
-      const sides = { left: refOf(left, file?.text ?? ""), right: refOf(right, file?.text ?? "") };
+      const sides = { left: refOf(left, file?.text ?? ""), right: refOf(right, file?.text ?? ""), take: take.value };
       void server.compare(model.id, sides).then((answer) => {
         if (stale) return;
         if (answer.ok) difference.value = answer.value;
@@ -43,7 +53,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
     return () => {
       stale = true;
     };
-  }, [model, left, right, taken, file]);
+  }, [model, left, right, taken, file, take.value]);
   const others = store.devices.value.filter(
     ({ id, protocol }) => id !== model.id && protocol === model.device.value?.protocol,
   );
@@ -74,7 +84,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
         </p>
       )}
       {difference.value && <Problems found={difference.value} />}
-      {difference.value && <Table found={difference.value} />}
+      {difference.value && <Table found={difference.value} take={take} disabled={model.page.viewOnly.value} />}
       {difference.value && (
         <Rollout
           key={`${model.id} ${right} ${file?.name ?? ""}`}
@@ -82,6 +92,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
           store={store}
           others={others}
           side={right}
+          take={take.value}
           title={titleHere(model, right) ?? difference.value.right}
         />
       )}
@@ -175,7 +186,35 @@ function FilePicker({ model, refuse }: { readonly model: Model; readonly refuse:
   );
 }
 
-function Table({ found }: { readonly found: Difference }) {
+/** The title of a difference; one that can be written is ticked for it. */
+function Tick({ row, take, disabled }: Omit<TableProps, "found"> & { readonly row: DifferenceRow }) {
+  if (!row.writable)
+    return (
+      <>
+        {row.title} <span class="tag">{COMMON.readOnly}</span>
+      </>
+    );
+  return (
+    <label class="tick">
+      <input
+        type="checkbox"
+        class="check"
+        checked={take.value[row.key] ?? row.take}
+        disabled={disabled}
+        onChange={({ currentTarget }) => (take.value = { ...take.value, [row.key]: currentTarget.checked })}
+      />{" "}
+      {row.title}
+    </label>
+  );
+}
+
+interface TableProps {
+  readonly found: Difference;
+  readonly take: Signal<Take>;
+  readonly disabled: boolean;
+}
+
+function Table({ found, take, disabled }: TableProps) {
   const missing = Object.entries(found.missing);
   return (
     <>
@@ -197,7 +236,7 @@ function Table({ found }: { readonly found: Difference }) {
               {found.rows.map((row) => (
                 <tr key={`${row.setting} ${row.path}`}>
                   <th scope="row">
-                    {row.title} {!row.writable && <span class="tag">{COMMON.readOnly}</span>}
+                    <Tick row={row} take={take} disabled={disabled} />
                     <small class="dim mono">{row.setting}</small>
                   </th>
                   <td data-side={found.left}>{row.left || <span class="dim">{TEXT.missing}</span>}</td>

@@ -28,10 +28,12 @@ interface Props {
   readonly store: Store;
   readonly others: readonly DeviceInfo[];
   readonly side: Side;
+  /** The differences to write, of each device. */
+  readonly take: Readonly<Record<string, boolean>>;
   readonly title: string;
 }
 
-export function Rollout({ model, store, others, side, title }: Props) {
+export function Rollout({ model, store, others, side, take, title }: Props) {
   const own = model.device.value;
   const devices = [...(own ? [own] : []), ...others].filter(({ id }) => refFor(side, "", model.id, id) !== undefined);
   const checks = useSignal<Checks>({});
@@ -45,14 +47,14 @@ export function Rollout({ model, store, others, side, title }: Props) {
     for (const { id } of devices) {
       const right = refFor(side, text, model.id, id);
       if (right === undefined) continue;
-      void compared(id, right).then((answer) => {
+      void compared(id, right, take).then((answer) => {
         if (!stale) checks.value = { ...checks.peek(), [id]: answer };
       });
     }
     return () => {
       stale = true;
     };
-  }, [side, text, finished]);
+  }, [side, text, finished, take]);
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
   useEffect(() => follow(results, store), [store.jobs.value]);
   if (devices.length === 0) return null;
@@ -106,7 +108,7 @@ export function Rollout({ model, store, others, side, title }: Props) {
 }
 
 /** Changes of a device; one that was never read is not compared. */
-async function compared(device: string, right: SideRef): Promise<Check> {
+async function compared(device: string, right: SideRef, take: Props["take"]): Promise<Check> {
   const body = await server.values(device);
   if (!body.ok) return body;
   if (body.value.info.taken === 0)
@@ -114,6 +116,7 @@ async function compared(device: string, right: SideRef): Promise<Check> {
   const found = await server.compare(device, {
     left: { side: "device", snapshot: "", device: "", text: "" },
     right,
+    take,
   });
   return found.ok ? { ok: true, value: { ...found.value, base: body.value.values } } : found;
 }
@@ -190,7 +193,7 @@ function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "
     );
   }
   const found = check.value;
-  const rows = found.rows.filter(({ writable }) => writable);
+  const rows = found.rows.filter(({ take }) => take);
   const against = [
     ...(found.blocked ? [found.blocked] : []),
     ...found.problems.map(({ path, message }) => `${path}: ${message}`),
@@ -198,7 +201,9 @@ function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "
   return (
     <>
       {rows.length === 0 ? (
-        <span class="dim">{TEXT.alreadyApplied}</span>
+        <span class="dim">
+          {found.rows.some(({ writable }) => writable) ? TEXT.nothingSelected : TEXT.alreadyApplied}
+        </span>
       ) : (
         <details>
           <summary>{TEXT.valueCount(rows.length)}</summary>
@@ -313,9 +318,7 @@ function ask(
     title: TEXT.confirmRollout(title, found.length),
     about: "",
     words: found.map(({ device, check }) =>
-      [TEXT.rolloutOf(fullName(device), check.rows.filter(({ writable }) => writable).length), ...check.dangers].join(
-        " ",
-      ),
+      [TEXT.rolloutOf(fullName(device), check.rows.filter(({ take }) => take).length), ...check.dangers].join(" "),
     ),
     caution: "",
     go: TEXT.writeProfile,

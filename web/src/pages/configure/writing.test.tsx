@@ -137,10 +137,12 @@ test("streams that were stopped are shown as off, and can be switched on again i
   );
 });
 
+const TAKEN = { writable: true, take: true, key: "OutputConfiguration/outputs.3" };
+
 test("who may only look sees bytes, load and differences, and nothing to write them with", async () => {
   const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
   const other = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz" };
-  const row = { ...other, left: "50 Hz", right: "100 Hz", left_value: 50, right_value: 100, writable: true };
+  const row = { ...other, left: "50 Hz", right: "100 Hz", left_value: 50, right_value: 100, ...TAKEN };
   const difference = { ...(same as Difference), rows: [row], changes: { OutputConfiguration: {} } };
   const page = await openConfigure("xbus", {
     answers: { "GET /api/build": { role: "view" }, "POST /api/devices/1/compare": difference },
@@ -158,11 +160,32 @@ test("who may only look sees bytes, load and differences, and nothing to write t
   expect(button("Apply this profile").disabled).toBe(true);
 });
 
+/** Regression: a profile was written as a whole or not at all. */
+test("only the ticked differences are written, and of one without any nothing", async () => {
+  const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
+  const other = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz" };
+  const row = { ...other, left: "50 Hz", right: "100 Hz", left_value: 50, right_value: 100, ...TAKEN };
+  const found = { ...(same as Difference), rows: [row], changes: { OutputConfiguration: { outputs: [] } } };
+  const answers = { "POST /api/devices/1/compare": found };
+  const page = await openConfigure("xbus", { place: "compare/~factory", answers });
+  const tick = (await until(".difference-table .tick input")) as HTMLInputElement;
+  expect(tick.checked).toBe(true);
+  await waitFor(() => expect(button("Apply this profile").disabled).toBe(false));
+  const before = bodiesOf(page, "/api/devices/1/compare").length;
+  Object.assign(found, { rows: [{ ...row, take: false }], changes: {} });
+  fireEvent.click(tick);
+  await waitFor(() => expect(find(".rollout").textContent).toContain("no difference is ticked"));
+  expect(button("Apply this profile").disabled).toBe(true);
+  const bodies = bodiesOf(page, "/api/devices/1/compare").slice(before);
+  expect(bodies).toHaveLength(2); // of the table, and of the device that it would be written to
+  for (const body of bodies) expect(body).toMatchObject({ take: { [row.key]: false } });
+});
+
 /** Regression: the differences of the selected device were written to all, and only its result was reported. */
 test("a profile goes to the chosen device with that device's own differences, and its result is shown", async () => {
   const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
   const equal = same as Difference;
-  const row = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz", writable: true };
+  const row = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz", ...TAKEN };
   const differs = { ...row, left: "100 Hz", right: "50 Hz", left_value: 100, right_value: 50 };
   const profile = { OutputConfiguration: { outputs: [] } };
   const unread = { ...VALUES, info: { ...VALUES.info, taken: 0 } };
