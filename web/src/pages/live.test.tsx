@@ -2,6 +2,7 @@
 import { act, fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { type Opened, openPage } from "../testing/live-page";
+import { localNow } from "../wire/clock";
 import { type Family, recorded, type Scene } from "../testing/recorded";
 
 const texts = (selector: string): readonly string[] =>
@@ -175,4 +176,29 @@ test("a port that may not be opened names its group and what to type, and is tri
   await eventually(() =>
     expect(asked.some(({ method, path }) => method === "POST" && path === "/api/devices/1/retry")).toBe(true),
   );
+});
+
+test("a device that is behind is told beside it, at Live, in Health, and dimmed", async () => {
+  const { store, app } = await open("xbus");
+  const id = app.device.value?.id ?? "";
+  const health = store.health.value.get(id);
+  if (health === undefined) throw new Error("no health was recorded");
+  const newest = Math.max(...store.channels.value.map(({ ring }) => ring.time(ring.length - 1)));
+  store.receive({ kind: "clock", offset: newest + 60 - localNow(), uncertainty: 0.001 });
+  const tell = (decoding: number): void =>
+    store.receive({
+      kind: "text",
+      text: { op: "health", devices: [{ ...health, behind: { link: 0, decoding, reason: "others" } }] },
+    });
+  await act(() => tell(12));
+  expect(texts(".device-list .why")).toEqual(["12 s behindthe server's computer is busy with other programs"]);
+  const live = await screen.findByRole("button", { name: "Live, 12 s behind" });
+  expect(live.querySelector(".dot.live")).toBeNull();
+  await eventually(() => expect(text(".note.verdict")).toContain("Behind by 12 s: the server's computer is busy"));
+  expect(app.held()).toBe(true);
+  expect(store.edgeOf(id), "no empty future").toBe(newest);
+  await act(() => tell(0.2));
+  expect(texts(".device-list .why").join()).not.toContain("behind");
+  expect(app.held()).toBe(false);
+  expect(store.edgeOf(id)).toBeGreaterThan(newest);
 });
