@@ -55,7 +55,11 @@ class Good:
                     continue
                 if '"op":"channels"' in data:
                     self.channels.update({one["id"]: one for one in json.loads(data)["channels"]})
+                self.hear(data, time.time())
                 self.connected.set()
+
+    def hear(self, text: str, now: float) -> None:
+        """Take one text message."""
 
     def take(self, data: bytes, now: float) -> None:
         """Account for one binary message of one or more sample frames."""
