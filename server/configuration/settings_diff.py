@@ -178,8 +178,8 @@ def _as_before(after: Any, path: str, before: Any, row: DifferenceRow) -> Any:
     """A value with the left side's at one path in it; the left side's as a whole if only one side has the path."""
     is_entry = path.isdecimal() and None in (row.left_value, row.right_value)
     if is_entry or path.startswith(HEX):
-        rest = [entry for entry in after if entry is not row.right_value]
-        return rest if row.left_value is None else [*rest, row.left_value]
+        others = [entry for entry in after if entry is not row.right_value]
+        return others if row.left_value is None else [*others, row.left_value]
     if row.left_value is None or row.right_value is None:
         return before
     name, rest = head_of(path, after if isinstance(after, Mapping) else ())
@@ -230,12 +230,14 @@ def _is_entry(row: Setting, path: str) -> bool:
 def _entry_row(row: Setting, path: str, left: Any, right: Any) -> DifferenceRow:
     """A record of a list that only one side has, as one difference."""
     at = field_at(row.fields, path) or Field(path)
-    texts = [
+    here, there = (
         ", ".join(f"{titled(one.title or one.name)} {words(one, value)}" for _, one, value in flat(at.fields, entry))
         for entry in (left, right)
-    ]
+    )
     title = f"{row.title or row.name} {int(path.rpartition('.')[2]) + 1}"
-    return DifferenceRow(row.name, path, title, "", *texts, left, right, writable=bool(row.write) and not at.read_only)
+    return DifferenceRow(
+        row.name, path, title, "", here, there, left, right, writable=bool(row.write) and not at.read_only
+    )
 
 
 def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> DifferenceRow:

@@ -122,10 +122,11 @@ def difference(driver: DeviceDriver, profile: DeviceSettings, robot: DeviceSetti
     Raises:
         ReportError: the values cannot be compared: a robot reported what no device has.
     """
-    sides = []
-    for title, one in (("Robot", robot), ("Profile", profile)):
-        sides.append(ComparedValues(title, writable_settings(driver, robot.context, one.values), from_device=True))
+    here, there = (
+        ComparedValues(title, writable_settings(driver, robot.context, one.values), from_device=True)
+        for title, one in (("Robot", robot), ("Profile", profile))
+    )
     try:
-        return compare(driver, robot.context, *sides)
+        return compare(driver, robot.context, here, there)
     except Exception as error:  # values from the bus can have any shape below the names
         raise ReportError(f"The settings cannot be compared: {type(error).__name__}.") from None
