@@ -218,8 +218,7 @@ def as_written(row: Field) -> Field:
     if row.scale == 1:
         return replace(row, fields=parts) if parts else row
     unit = next(wire for (wire, shown), scale in CONVERSIONS.items() if (shown, scale) == (row.unit, row.scale))
-    turn = f" 1° is {math.pi / 180:.6f} rad." if (row.unit, unit) == ("°", "rad") else ""
-    return replace(row, unit=unit, scale=1.0, decimals=-1, period=0.0, doc=row.doc + turn)
+    return replace(row, unit=unit, scale=1.0, decimals=-1, period=0.0)
 
 
 def _found(rest: list[str]) -> list[tuple[str, str, str]]:

@@ -79,7 +79,8 @@ def _entry(protocol: str, row: CommandListRow) -> Iterator[str]:
 
 def _fields(fields: Iterable[Field], margin: str) -> Iterator[str]:
     for field in fields:
-        parts = [_type(field), field.unit, _range(field), _step(field)]
+        unit = "rad, or degrees as 90deg" if field.unit == "rad" else field.unit
+        parts = [_type(field), unit, _range(field), _step(field)]
         usual = None if field.default is None else shown_number(field, field.default)
         parts += [f"usually {usual}"] * (usual is not None) + ["read-only"] * field.read_only
         yield f"{margin}{field.name}  " + ", ".join(part for part in parts if part)

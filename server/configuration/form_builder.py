@@ -37,6 +37,7 @@ from server.configuration.api_models import (
     SettingForm,
     TextListForm,
 )
+from server.configuration.value_format import shown
 from server.wire import BitsInfo
 
 NOTHING: Mapping[str, Values] = {}
@@ -127,7 +128,8 @@ def field_forms(fields: Iterable[Field]) -> list[FieldForm]:
 
 
 def field_form(field: Field) -> FieldForm:
-    """Form of a field."""
+    """Form of a field, in the unit of its plots."""
+    field = shown(field)
     editor = editor_of(field)
     low, high = _range(field)
     return FieldForm(

@@ -7,8 +7,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,16 +20,26 @@ from protocols.registry import entry_words
 from protocols.schema import Field
 
 LONGEST = 120
+IN_DEGREES = {"rad": "°", "rad/s": "°/s", "rad/s/°C": "°/s/°C"}
 OFF = "off"  # a quantity that a list of outputs does not have
 DIGITS = 7  # of a float32
 MAX_VALUE = 1e300  # above any device value; arithmetic fails beyond it, and an uploaded file may contain such values
 _WHOLE = re.compile(r"-?\d{1,20}\Z")
 
 
+def shown(field: Field) -> Field:
+    """A field in the unit of its plots: an angle that is written in radians in degrees."""
+    unit = IN_DEGREES.get(field.unit)
+    if unit is None or field.scale != 1:
+        return field
+    return replace(field, unit=unit, scale=180 / math.pi)
+
+
 def words(field: Field, value: Any) -> str:
     """A value as text, in the shown unit; "" for None."""
     if value is None:
         return ""
+    field = shown(field)
     if isinstance(value, list | tuple):
         units = field.unit.split(",")
         if len(units) == len(value) > 1:  # one unit for each: "°,°,m"
@@ -78,6 +90,7 @@ def comment(field: Field, value: Any) -> str:
     """Comment of a snapshot after a value: its meaning if the number alone does not show it, else its unit."""
     if isinstance(value, int | float) and (field.choices or field.base == 16 or (field.bits and value)):
         return words(field, value)
+    field = shown(field)
     if isinstance(value, int | float | list) and (field.scale != 1 or field.bias):
         return words(field, value)
     return field.unit if isinstance(value, int | float | list) else ""

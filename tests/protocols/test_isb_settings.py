@@ -17,6 +17,7 @@ from protocols.isb.stored_settings import fields_of, settings_of
 from protocols.schema import Field
 from protocols.transactions import DeviceContext
 from server.configuration.form_builder import field_form
+from server.configuration.value_format import words
 from tests.each_row import each_row
 from tests.vendor.inertial_sense import KEPT
 
@@ -44,12 +45,14 @@ def test_input_has_the_unit_of_the_wire(version: str) -> None:
 
 
 @each_row("name", ["insRotation", "zeroVelRotation", "magDeclination", "gpsMinimumElevation"])
-def test_angles_are_radians_in_list_and_form_alike(name: str) -> None:
+def test_angles_are_typed_in_degrees_in_a_form(name: str) -> None:
+    """A form asked for radians, beside plots in degrees; the list of the command line has the unit of the wire."""
     field = flash(name)
     form = field_form(field)
-    assert field.unit == form.unit == "rad"
-    assert (form.scale, form.low, form.high) == (1, field.low, field.high)
-    assert "1° is 0.017453 rad" in form.doc
+    assert (field.unit, field.scale, form.unit) == ("rad", 1, "°")
+    assert form.scale * math.pi == pytest.approx(180)
+    assert (form.low, form.high) == (field.low, field.high)
+    assert words(field, math.pi / 2) == "90 °"
 
 
 def test_ranges_are_the_vendors() -> None:
