@@ -50,6 +50,7 @@ SAVE_PERSISTENT, SAVE_FLASH, SOFTWARE_RESET = 1, 97, 99
 SYSTEM_COMMANDS: Mapping[int, str] = {
     value: name for value, name in TABLES.choices["eSystemCommand"].items() if name != "NONE"
 }
+INVERSE = "invCommand"  # of a system command
 NMEA_MESSAGES = TABLES.choices["eNmeaMsgId"]
 _SENTENCES = {  # selectable ones: neither commands nor marks
     number: name
@@ -341,7 +342,8 @@ def _sets() -> list[Command]:
             doc=stored.doc if stored and stored.write else f"{ROWS[did].doc} Devices reject writes to read-only data.",
             source=SOURCE,
         )
-        if did == SYS_CMD:
+        if did == SYS_CMD:  # the inverse follows from the command
+            command = replace(command, arguments=tuple(one for one in command.arguments if one.name != INVERSE))
             command = replace(_harmed(command, _BY_NUMBER), harmless_values={"command": HARMLESS_COMMANDS})
         elif did == RMC:
             command = _harmed(command, _REPLACES)

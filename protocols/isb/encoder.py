@@ -20,7 +20,7 @@ from typing import Any
 
 from protocols import validation
 from protocols.isb import frames
-from protocols.isb.commands import ASCE_FIELDS, COMMAND_ROWS, NMEA_PERIODS, RMC, SYS_CMD, SYSTEM_COMMANDS
+from protocols.isb.commands import ASCE_FIELDS, COMMAND_ROWS, INVERSE, NMEA_PERIODS, RMC, SYS_CMD, SYSTEM_COMMANDS
 from protocols.isb.dataset_loader import CURRENT, SETS
 from protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
 from protocols.isb.json_codec import frame_from_json
@@ -113,6 +113,8 @@ def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
         raise EncodeError("give at least one field")
     validation.require_valid(fields_of(did, version), values, partial=True)
     values = _padded(values) if did == NMEA_PERIODS else values
+    if did == SYS_CMD and INVERSE not in values and "command" in values:
+        values = {**values, INVERSE: int(values["command"]) ^ 0xFFFFFFFF}
     runs = _runs(did, values, version)
     if len(runs) > 1:
         names = [field.name for field in fields_of(did, version) if field.name in values]

@@ -233,6 +233,11 @@ def test_angles_may_be_typed_in_degrees_where_they_say_so() -> None:
         composed("SET_DID_FLASH_CONFIG", "startupNavDtMs=90deg")
 
 
+def test_the_inverse_of_a_system_command_need_not_be_typed() -> None:
+    """A form asked for both numbers of which one follows from the other."""
+    assert composed("SET_DID_SYS_CMD", "command=97") == composed("DID_SYS_CMD.SAVE_FLASH")
+
+
 def test_paths_lead_into_lists() -> None:
     pairs = ("outputs.0.data_identifier=0x1020", "outputs.0.output_frequency=65535")
     whole = composed("SetOutputConfiguration", 'outputs=[{"data_identifier": 4128, "output_frequency": 65535}]')

@@ -5,6 +5,7 @@ import {
   big,
   bitsOf,
   initial,
+  isReserved,
   offered,
   put,
   rangeWords,
@@ -110,6 +111,12 @@ describe("texts", () => {
 function bit(name: string, low: number) {
   return { name, low, width: 1, choices: {}, severity: "" as const, normal_set: false, doc: "" };
 }
+
+it("offers no flag that is reserved, unused or deprecated", () => {
+  const named = (name: string): boolean => isReserved({ name, doc: "" });
+  expect(["RESERVED_3", "UNUSED1", "FLAGS_UNUSED_1", "UBLOX_SER0_DEPRECATED"].every(named)).toBe(true);
+  expect(["UNUSED_INPUT", "ENABLE_MAG_CONTINUOUS_CAL"].some(named)).toBe(false);
+});
 
 describe("offered choices", () => {
   const rates = { "10": "921 600 Bd", "128": "921 600 Bd", "2": "115 200 Bd", "255": "invalid", "7": "Reserved" };

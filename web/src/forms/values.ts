@@ -217,9 +217,9 @@ function oneWord(field: FieldForm, value: unknown): string {
   return value === "" ? "empty" : String(value);
 }
 
-/** Reserved values are not offered; a reserved value of the device is shown. */
+/** Reserved, unused and deprecated values are not offered; one that the device has is shown. */
 export const isReserved = ({ name, doc }: { readonly name: string; readonly doc: string }): boolean =>
-  /^reserved/i.test(name) || /^reserved/i.test(doc);
+  /^reserved|(^|_)unused_?\d*$|deprecated$/i.test(name) || /^reserved/i.test(doc);
 
 /** Choices to offer: each meaning once, no reserved or invalid ones, but always the present one. */
 export function offered(choices: Readonly<Record<string, string>>, now: unknown): Readonly<Record<string, string>> {
