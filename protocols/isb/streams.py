@@ -170,7 +170,8 @@ def stream_words(entry: Mapping[str, Any]) -> tuple[str, str]:
     title = row.title if row is not None else str(entry["did"])
     if row is not None and row.pace == EVENT:
         return title, "on events"
-    return title, f"{1000 / (source_ms * period):.4g} Hz" if source_ms > 0 else every(period)
+    hertz = float(f"{1000 / (source_ms * period):.3g}") if source_ms > 0 else 0.0
+    return title, f"{hertz:g} Hz" if hertz else every(period)
 
 
 def dids_of(bits: int, *, gpx: bool = False) -> list[int]:

@@ -140,7 +140,7 @@ export function current(present: Present, drafts: Drafts, name: string): Values 
   return drafts[name] ?? present[name];
 }
 
-/** Previous value of a field, if it changed. */
+/** Previous value of a field, if it changed; null for one that was not there, as in a new entry of a list. */
 export function wasAt(before: Values | undefined, after: Values | undefined, path: Path): unknown {
   const [was, is] = [at(before, path), at(after, path)];
   return before === undefined || same(was, is) ? undefined : (was ?? null);

@@ -80,7 +80,9 @@ export function Field({ sheet, field, path }: InputProps) {
       </div>
       <div class="field-input">
         <Editor sheet={sheet} field={field} path={path} describedBy={field.doc ? `${id}-doc` : undefined} />
-        {was !== undefined && !isBlock && <span class="previous">{TEXT.wasValue(words(field, was))}</span>}
+        {was !== undefined && was !== null && !isBlock && (
+          <span class="previous">{TEXT.wasValue(words(field, was))}</span>
+        )}
         {range !== "" && !field.read_only && <span class="range">{range}</span>}
         {problem && (
           <span class="why-not" role="alert">

@@ -21,16 +21,18 @@ export function ListInput({ sheet, field, path }: InputProps) {
   const set = (next: readonly unknown[]): void => sheet.set(path, next);
   const swap = (place: number, other: number): void =>
     set(entries.map((entry, k) => (k === place ? entries[other] : k === other ? entries[place] : entry)));
+  const was = (place: number): unknown => wasAt(sheet.before, sheet.values, [...path, place]);
   return (
     <div class="list">
       {entries.length === 0 && <p class="dim">{TEXT.noEntry}</p>}
       <ol>
         {entries.map((entry, place) => (
-          <li key={place} class={wasAt(sheet.before, sheet.values, [...path, place]) === undefined ? "" : "changed"}>
+          <li key={place} class={was(place) === undefined ? "" : "changed"}>
             <details open={entries.length <= OPEN_UP_TO}>
               <summary>
                 <b>{field.axes[place] ?? place + 1}</b>
                 <span class="dim ellipsis">{summary(field, entry)}</span>
+                {was(place) === null && <span class="tag">{TEXT.newEntry}</span>}
               </summary>
               {field.fields.length > 0 ? (
                 <Entry sheet={sheet} fields={field.fields} root={[...path, place]} />

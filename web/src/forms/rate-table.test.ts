@@ -67,7 +67,7 @@ describe("a table of divisors", () => {
 
   it("reads divisors as rates", () => {
     const rows = tableRows(table, [], undefined);
-    expect(rows.map((row) => rateWords(table, row, 1))).toEqual(["143 Hz", "5.0 Hz", "native rate"]);
+    expect(rows.map((row) => rateWords(table, row, 1))).toEqual(["143 Hz", "5 Hz", "native rate"]);
     expect(rateWords(table, rows[0]!, 10)).toBe("14.3 Hz");
     expect(offeredRates(table, { ...rows[0]!, rate: 7 })).toEqual([1, 2, 5, 7, 10]);
   });
@@ -90,10 +90,17 @@ describe("a table of divisors", () => {
       was: "was off",
     });
   });
+  it("names no two of the offered rates alike", () => {
+    const slow = tableRows({ ...table, divisors: [1, 200, 500, 1000] }, [], undefined)[1]!;
+    const words = offeredRates({ ...table, divisors: [1, 200, 500, 1000] }, slow).map((rate) =>
+      rateWords(table, slow, rate),
+    );
+    expect(words).toEqual(["5 Hz", "0.025 Hz", "0.01 Hz", "0.005 Hz"]); // "0.01 Hz" stood there twice
+  });
   it("shows the measured rate in preference to the table's", () => {
     const entries = [{ did: 4, period: 2, source_ms: 16 }];
     const rows = tableRows(table, entries, entries);
-    expect(rows.map((row) => rateWords(table, row, row.rate))).toEqual(["31 Hz", "5.0 Hz", "native rate"]);
-    expect(tableRows(table, [{ did: 4, period: 4, source_ms: 16 }], entries)[0]?.was).toBe("was 31 Hz");
+    expect(rows.map((row) => rateWords(table, row, row.rate))).toEqual(["31.3 Hz", "5 Hz", "native rate"]);
+    expect(tableRows(table, [{ did: 4, period: 4, source_ms: 16 }], entries)[0]?.was).toBe("was 31.3 Hz");
   });
 });

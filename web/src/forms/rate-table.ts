@@ -44,8 +44,8 @@ export function idWords({ key_digits: digits }: RateTable, id: number): string {
 export function rateWords(table: RateTable, { choice, interval }: Paced, rate: number): string {
   if (table.interval !== "") {
     if (interval <= 0) return rate === 1 ? TEXT.nativeRate : TEXT.oneIn(rate);
-    const hertz = 1000 / (interval * rate);
-    return `${number(hertz, hertz >= 20 ? 0 : hertz >= 2 ? 1 : 2)} Hz`;
+    const hertz = Number((1000 / (interval * rate)).toPrecision(3)); // 0.05 and 0.0125 Hz are offered side by side
+    return `${number(hertz, String(hertz).split(".")[1]?.length ?? 0)} Hz`;
   }
   if (rate !== table.every) return `${rate} Hz`;
   const [most] = choice?.rates ?? [];

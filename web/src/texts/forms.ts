@@ -58,6 +58,7 @@ export const TEXT = {
 
   // list input
   noEntry: "No entries.",
+  newEntry: "new",
   entryInSentence: (place: Value) => `entry ${place}`,
   moveEntryUp: (n: Value) => `Move entry ${n} up`,
   moveEntryDown: (n: Value) => `Move entry ${n} down`,

@@ -81,6 +81,16 @@ test("a row, its bytes and its share of the line are highlighted together", asyn
   await waitFor(() => expect(lit()).toBe("I,SPAN,TR"));
 });
 
+/** Regression: each of the eight fields of a new entry read "was —". */
+test("an entry that was added is new, and its fields had no values before", async () => {
+  await openConfigure("xbus", { place: "SyncSettings" });
+  fireEvent.click(await screen.findByRole("button", { name: "Add an entry" }));
+  const entry = await until("[data-setting=SyncSettings] .list li.changed");
+  expect(entry.querySelector("summary .tag")?.textContent).toBe("new");
+  expect(entry.querySelectorAll(".field-row").length).toBeGreaterThan(5);
+  expect(entry.querySelector(".previous")).toBeNull();
+});
+
 test("a dangerous command needs confirmation before anything is sent", async () => {
   const page = await openConfigure("xbus", { place: "RestoreFactoryDef" });
   fireEvent.click(await screen.findByRole("button", { name: "Send" }));

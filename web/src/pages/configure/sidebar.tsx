@@ -231,7 +231,7 @@ function GoBack({ model, close }: Props) {
             title={[titleOf(snapshot), snapshot.reason].join("\n")}
             {...current(snapshot.name)}
           >
-            <span class="ellipsis">{titleOf(snapshot)}</span>
+            <span class="name">{titleOf(snapshot)}</span>
             <span class="count">{when(snapshot)}</span>
           </a>
         ))}
