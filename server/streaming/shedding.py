@@ -54,7 +54,7 @@ class Shedding:
 
     @property
     def picture_factor(self) -> float:
-        """How many times longer third-party viewers wait between two messages of samples."""
+        """Factor of the time that third-party viewers wait between two messages of samples."""
         return PICTURE_FACTOR if self.step >= PICTURES else 1.0
 
     @property
