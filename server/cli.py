@@ -12,9 +12,12 @@ import contextlib
 import errno
 import logging
 import os
+import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from server.commands.arguments import COMMANDS, parse, parser
 from server.commands.common import (
@@ -49,7 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.WARNING, format="imuscope: %(levelname)s: %(message)s")
     try:
         options = parse(given)
-        status = _RUN[options.command](options) or 0
+        with _cleaning_up_at_sigterm() if options.command in OF_FILES else contextlib.nullcontext():
+            status = _RUN[options.command](options) or 0
         sys.stdout.flush()
         return status
     except (UsageError, ConfigError, DecodeOptionError) as error:
@@ -67,6 +71,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _silence()
         print(f"imuscope: the output cannot be written: {(error.strerror or '').lower()}.", file=sys.stderr)
         return 1
+
+
+OF_FILES = ("inspect", "decode", "analyse", "calibrate", "upload", "compact")
+
+
+@contextlib.contextmanager
+def _cleaning_up_at_sigterm() -> Iterator[None]:
+    """End by an exception at SIGTERM, so that temporary files and folders are removed."""
+
+    def end(number: int, frame: object) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():  # only that one may set handlers
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 UNWRITABLE = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT)

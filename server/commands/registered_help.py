@@ -47,9 +47,8 @@ def output_list() -> str:
     for one in FORMATS.values():
         titles.setdefault(one.suffix, one.title)
     titles[".html"] = "evidence: plots, figures, events and settings in one file"
-    return (
-        f"file whose suffix selects the format: {', '.join(f'{suffix} ({title})' for suffix, title in titles.items())}"
-    )
+    formats = ", ".join(f"{suffix} ({title})" for suffix, title in titles.items())
+    return f"file whose suffix selects the format: {formats}; CSV and Parquet: a file per message, OUT_MTData2.csv"
 
 
 def analysis_list() -> str:
