@@ -13,7 +13,7 @@ import numpy as np
 from recordings.euler import euler_columns
 from server.analysis.expression_syntax import Call, ExpressionError, Node
 from server.analysis.quantities import Quantity, at_times, in_runs, on_one_axis
-from server.analysis.signals import ANGLES, Floats
+from server.analysis.signals import ANGLES, Floats, grouped
 from server.analysis.units import NO_UNIT, Unit
 
 SECOND, HERTZ, DEGREE, RADIAN = (Unit.parse(text) for text in ("s", "Hz", "°", "rad"))
@@ -35,9 +35,9 @@ class SampleBudget:
         """
         if count > self.left:
             used = MAX_RESAMPLED - self.left
-            before = f", after {spaced(used)} of the request before it" if used else ""
-            hint = f"At most {spaced(MAX_RESAMPLED)} in one request; choose a lower rate or a shorter range."
-            raise ExpressionError(f"{spaced(count)} samples{before} are too many.", *_place(node), hint)
+            before = f", after {grouped(used)} of the request before it" if used else ""
+            hint = f"At most {grouped(MAX_RESAMPLED)} in one request; choose a lower rate or a shorter range."
+            raise ExpressionError(f"{grouped(count)} samples{before} are too many.", *_place(node), hint)
         self.left -= count
 
 
@@ -80,11 +80,6 @@ class Function:
         if not self.least <= len(arguments) <= self.most:
             raise ExpressionError(f"{node.name} does not take {len(arguments)} arguments.", *_place(node), self.form)
         return self.run(arguments, node, context)
-
-
-def spaced(count: int) -> str:
-    """A count in words: 50 000 000."""
-    return f"{count:,}".replace(",", " ")
 
 
 def _place(node: Node) -> tuple[int, int]:

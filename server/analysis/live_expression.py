@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context, euler_angles, spaced
+from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context, euler_angles
 from server.analysis.expression_operators import OPERATORS, operate
 from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number, parse
 from server.analysis.expressions import evaluate, names_in
@@ -39,7 +39,7 @@ from server.analysis.live_streams import (
     Unwrapped,
 )
 from server.analysis.quantities import Quantity, number
-from server.analysis.signals import Floats, SignalColumn, angles_named, columns_named
+from server.analysis.signals import Floats, SignalColumn, angles_named, columns_named, grouped
 from server.analysis.units import Unit
 from server.errors import DomainError
 from server.wire import ChannelInfo
@@ -259,8 +259,8 @@ class _Builder:
 def check_window(samples: int, place: Node) -> None:
     """Raise ExpressionError if moving windows have more samples, of all columns, than live data may have."""
     if samples > MAX_WINDOW:
-        message = f"Moving windows of {spaced(samples)} samples are too long for live data."
-        hint = f"At most {spaced(MAX_WINDOW)} samples, of all windows and columns of an expression."
+        message = f"Moving windows of {grouped(samples)} samples are too long for live data."
+        hint = f"At most {grouped(MAX_WINDOW)} samples, of all windows and columns of an expression."
         raise ExpressionError(message, place.begin, place.end, hint)
 
 

@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from server.analysis.registry import Analysis
-from server.analysis.signals import Signal
-from server.errors import DomainError
+from server.analysis.signals import Signal, require_samples
 
 Figures = dict[str, Any]
 T = TypeVar("T")
@@ -26,8 +25,7 @@ def figures_of(analysis: Analysis, signal: Signal, settings: Mapping[str, float]
     Raises:
         DomainError: "not-found": the signal has no samples in the range.
     """
-    if not len(signal.time):
-        raise DomainError("not-found", f"{signal.name} has no samples in that range.", "Request another range.")
+    require_samples(signal)
     with np.errstate(over="ignore", invalid="ignore"):
         found = analysis.run(signal, settings)
     figures = {name: _plain(value) for name, value in found.items()}

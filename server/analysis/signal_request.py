@@ -106,7 +106,7 @@ class ExpressionSignal:
         for name, part in zip(value.names, value.parts, strict=True):
             title = f"({self.text}).{name}" if name else self.text
             plain = finite_signal(title, str(value.unit), value.period, value.time, part)
-            found.append(Signal(plain.name, plain.unit, plain.period, plain.time, plain.values, self.notes))
+            found.append(replace(plain, notes=(*self.notes, *plain.notes)))
         return found
 
 

@@ -53,7 +53,8 @@ class Signal:
         period: an angle wraps at this value; 0: it never wraps.
         time: (n,) unix s, non-decreasing: the device's clock mapped to host time, or arrival.
         values: (n,).
-        notes: sentences on how it was computed.
+        notes: sentences on how it was computed, and how many samples were left out.
+        left_out: the number of samples that were left out, because they are not finite.
         data_sheet: of the sensor it comes from; None if unknown.
         temperature: reads the times and values of its device's temperature, °C; None if that has none.
         companions: reads the other sensors of its device; None if they were not requested or it has no device.
@@ -65,6 +66,7 @@ class Signal:
     time: Floats
     values: Floats
     notes: tuple[str, ...] = ()
+    left_out: int = 0
     data_sheet: DataSheetNoise | None = None
     temperature: Callable[[], tuple[Floats, Floats]] | None = field(default=None, compare=False)
     companions: Callable[[], Companions] | None = field(default=None, compare=False)
@@ -119,12 +121,30 @@ ReadSamples = Callable[[SignalColumn], tuple[Floats, Floats]]
 """Times and values of a column, both (n,); values may be NaN. Columns of one channel have the same times."""
 
 
+def grouped(count: int) -> str:
+    """A count in words: 50 000 000."""
+    return f"{count:,}".replace(",", " ")
+
+
 def finite_signal(name: str, unit: str, period: float, time: Floats, values: Floats) -> Signal:
-    """A signal of the finite ones among the samples."""
+    """A signal of the finite ones among the samples; a note says how many are not."""
     finite = np.isfinite(values)
-    if not finite.all():
-        time, values = time[finite], values[finite]
-    return Signal(name, unit, period, time, values)
+    left_out = len(values) - int(np.count_nonzero(finite))
+    if not left_out:
+        return Signal(name, unit, period, time, values)
+    note = f"{grouped(left_out)} of {grouped(len(values))} samples of {name} are not finite numbers; they are left out."
+    return Signal(name, unit, period, time[finite], values[finite], (note,), left_out)
+
+
+def require_samples(signal: Signal) -> None:
+    """Raise DomainError "not-found" for a signal without samples."""
+    if len(signal.time):
+        return
+    if not signal.left_out:
+        raise DomainError("not-found", f"{signal.name} has no samples in that range.", "Request another range.")
+    message = f"None of the {grouped(signal.left_out)} samples of {signal.name} in that range is a finite number."
+    hint = "A division by 0 or the root of a negative number has no value: change the expression or the range."
+    raise DomainError("not-found", message, hint)
 
 
 def temperature_of(infos: Iterable[ChannelInfo], column: SignalColumn) -> SignalColumn | None:
@@ -270,5 +290,5 @@ def live_samples(
 
 def _check_size(column: SignalColumn, n: int) -> None:
     if n > MAX_VALUES:
-        hint = f"Request a shorter range; at most {MAX_VALUES:,} samples are analysed at once.".replace(",", " ")
+        hint = f"Request a shorter range; at most {grouped(MAX_VALUES)} samples are analysed at once."
         raise DomainError("too-many", f"{column.name} has too many samples in that range.", hint)

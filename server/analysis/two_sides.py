@@ -21,7 +21,7 @@ from server.analysis.comparison import (
     outline,
 )
 from server.analysis.signal_request import ExpressionSignal
-from server.analysis.signals import ReadSamples, Signal, SignalColumn
+from server.analysis.signals import ReadSamples, Signal, SignalColumn, require_samples
 from server.errors import DomainError
 
 Alignment = Literal["offset", "start", "correlation"]
@@ -95,8 +95,7 @@ class ComparisonSide:
             for signal in one.signals(self.read)
         ]
         for _, signal in found:
-            if not len(signal.time):
-                raise DomainError("not-found", f"{signal.name} has no samples in that range.", "Choose another range.")
+            require_samples(signal)
         return found
 
     def attitude(self) -> SignalColumn | None:

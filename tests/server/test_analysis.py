@@ -23,7 +23,7 @@ from server import wire
 from server.analysis.methods.statistics import run
 from server.analysis.registry import Analysis, analyses, analysis_named, register_analysis
 from server.analysis.report import figures_of
-from server.analysis.signals import Signal, columns_named
+from server.analysis.signals import Signal, columns_named, finite_signal
 from server.config import Config
 from server.errors import DomainError
 from server.streaming.channels import ChannelRows
@@ -287,3 +287,21 @@ def test_an_analysis_ends_when_its_client_leaves(running: InProcessServer, monke
         assert begun.wait(PATIENCE_S)
         assert analyses.queue.running == 1
     block_until(lambda: analyses.queue.running == 0, "the analysis ended")
+
+
+def test_samples_that_are_not_finite_are_counted() -> None:
+    """X / 0 "has no samples in that range", and a root left samples out without a word."""
+    time, values = START + np.arange(1000) * 0.01, np.ones(1000)
+    values[::4] = np.nan
+    some, none = (
+        finite_signal(name, "m", 0.0, time, part) for name, part in (("some", values), ("none", values * np.nan))
+    )
+    analysis = next(one for one in analyses() if one.name == "statistics")
+    found, _ = figures_of(analysis, some, {"gap": 1.5})
+    assert found["n"] == 750
+    assert found["notes"][0] == "250 of 1 000 samples of some are not finite numbers; they are left out."
+    with pytest.raises(
+        DomainError, match="None of the 1 000 samples of none in that range is a finite number"
+    ) as error:
+        figures_of(analysis, none, {"gap": 1.5})
+    assert "division by 0" in error.value.hint
