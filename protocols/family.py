@@ -239,6 +239,8 @@ class ProtocolInfo:
         identify_request: harmless request to any device of the protocol for its identity; b"" for none.
         stamped: its device time is that of a host's clock, UTC: samples have this time, which is not mapped.
         counts: its samples or frames are numbered, so that lost ones are counted.
+        counter: name of the quantity that has the numbers, where a device can be set not to send it; "" for frames that
+            always have them.
         bauds: default rates of its devices' serial lines; a search for the rate tries them first.
         protection: protection of the frames of a batch, in words; None if it is the same for all.
         sender: name for senders (Batch.device) if a stream names them: its name is then its serial number, and the
@@ -290,6 +292,7 @@ class ProtocolInfo:
     frame_size: str = ""
     stamped: bool = False
     counts: bool = False
+    counter: str = ""
     configuration_frames: str = ""
     rows: Callable[[], Iterable[Message]] = lambda: ()
     identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}

@@ -60,6 +60,8 @@ class ProtocolCapability:
     abbreviations: list[str] = field(default_factory=list)  # parts of its names to write in capitals
     plots: list[str] = field(default_factory=list)  # titles or names of quantities to plot first
     panels: list[str] = field(default_factory=list)  # ids of panels to place first
+    counts_losses: bool = False  # its samples are numbered, so that lost ones are known
+    counter: str = ""  # name of the channel that has the numbers, where a device can be set not to send it
 
 
 @dataclass(slots=True)

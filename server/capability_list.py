@@ -83,4 +83,6 @@ def _protocol(family: ProtocolInfo) -> ProtocolCapability:
         abbreviations=list(family.abbreviations),
         plots=list(family.panels.plots),
         panels=list(family.panels.panels),
+        counts_losses=family.counts,
+        counter=family.counter,
     )

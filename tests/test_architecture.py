@@ -73,7 +73,7 @@ SERVER: dict[str, set[str]] = {
     "analysis": {"fair_queue", "fork_server", "library", "streaming"},
     "calibration": {"analysis", "streaming"},
     "evidence": {"analysis", "library", "page_files"},
-    "alarms": {"analysis", "library", "security_headers", "streaming"},
+    "alarms": {"analysis", "devices", "library", "security_headers", "streaming"},
     "analysis_worker": {"alarms", "analysis", "fork_server"},
     "decode_worker": {"analysis", "devices", "jit_cache", "library"},
     "fleet": {

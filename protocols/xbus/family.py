@@ -275,6 +275,7 @@ FAMILY = ProtocolInfo(
     scan,
     short="Xbus",
     counts=True,
+    counter="PacketCounter",
     output_changes=XbusOutputChanges,
     frame_size="protocols.xbus.frame_size",
     configuration_frames="protocols.xbus.configuration_frames",

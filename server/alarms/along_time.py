@@ -4,7 +4,7 @@
     └────────────── one LiveExpression ────┘ > 0.5 g      its samples take the place of those of a channel
 
 Their state is kept from batch to batch, so that the result is that of everything at once, without looking ahead. It
-begins anew after a gap.
+begins anew after a gap. A moving window has no value until it is full: one of 10 s says nothing after 0.1 s.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class AlongTime:
             return node
         if node.name in ALONG_TIME and next(names_in(node), None) is not None:
             name = f"{_MARK}{len(self.parts)}"
-            self.parts[name] = LiveExpression(infos, node, rates)
+            self.parts[name] = LiveExpression(infos, node, rates, whole_windows=True)
             check_window(sum(part.window for part in self.parts.values()), node)
             return Name(name, node.begin, node.end)
         arguments = tuple(self._taken_out(one, infos, rates) for one in node.arguments)

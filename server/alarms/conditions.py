@@ -4,8 +4,8 @@ A comparison `left > right` is evaluated as a signal `left` with a limit, so tha
 to clear, and can report the value that raised it. Any other truth value (`a > 3 g and b < 2 g`) is its own limit.
 
 All samples of all signals named are evaluated: where channels have different times, at the times of all of them, the
-others interpolated between their samples, but never across a gap. Of a vector every column is compared: one beyond the
-limit suffices, and all have to be within the limit to clear.
+others interpolated between their samples, but never across a gap. A moving window gives no value until it is full. Of
+a vector every column is compared: one beyond the limit suffices, and all have to be within the limit to clear.
 
 Filters, moving windows, derivatives and integrals are causal and keep their state from batch to batch (along_time.py):
 the same samples give the same codes however they were divided.
@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 from server.alarms.along_time import AlongTime, is_along_time
 from server.alarms.definitions import ExpressionCondition, FlagCondition
 from server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
-from server.analysis.expression_functions import Context
+from server.analysis.expression_functions import Context, euler_angles
 from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, parse
 from server.analysis.expressions import evaluate, names_in
 from server.analysis.quantities import Quantity, at_times
-from server.analysis.signals import SignalColumn, columns_named
-from server.analysis.units import Unit
+from server.analysis.signals import ANGLES, EULER_ANGLES, SignalColumn, angles_named, columns_named
+from server.analysis.units import NO_UNIT, Unit
 from server.errors import DomainError
-from server.wire import ChannelInfo
+from server.wire import ChannelInfo, DeviceInfo
 
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 MAX_WAITING = 20_000  # samples of one channel that wait for those of another
@@ -53,6 +53,7 @@ class SampleCondition(Protocol):
     Attributes:
         channels: ids of those whose samples it needs.
         columns: the columns that it needs.
+        signals: what it needs as the plots name it: "Acceleration.x", "EulerAngles.yaw".
         direction: 1 if greater values are worse, -1 if smaller ones are.
         unit: of its values.
         limit: the limit, in that unit; NaN if it is no number.
@@ -61,10 +62,15 @@ class SampleCondition(Protocol):
 
     channels: frozenset[int]
     columns: Sequence[SignalColumn]
+    signals: Sequence[str]
     direction: int
     unit: str
     limit: float
     subject: str
+
+    @property
+    def obstacle(self) -> str:
+        """What prevents a verdict while all samples are UNKNOWN, and what to do."""
 
     def judge(self, rows: Rows) -> Judged:
         """Judge new samples; those that wait for another channel are judged later."""
@@ -99,8 +105,12 @@ class ExpressionJudge:
     ) -> None:
         self._missing_s = missing_s
         node = checked(condition)
-        every = {column.name: column for name in names_in(node) for column in _columns(infos, name)}
+        found = [_columns(infos, name) for name in names_in(node)]
+        every = {column.name: column for columns, _ in found for column in columns}
         self.columns: Sequence[SignalColumn] = list(every.values())
+        self.signals: Sequence[str] = list(
+            dict.fromkeys(one for columns, angle in found for one in _names(columns, angle))
+        )
         self.channels = frozenset(column.info.id for column in self.columns)
         known: Mapping[int, float] = {} if rates is None else rates
         self._along = AlongTime(node, infos, known)
@@ -111,7 +121,7 @@ class ExpressionJudge:
             if name.name not in self._named:
                 part = self._along.parts.get(name.name)
                 self._named[name.name] = (
-                    _source(_columns(infos, name)) if part is None else _Source(name.name, part.probe)
+                    _source(*_columns(infos, name)) if part is None else _Source(name.name, part.probe)
                 )
         self._sources = frozenset(one.key for one in self._named.values())
         self._buffers: dict[Hashable, list[NDArray[Any]]] = {}
@@ -146,6 +156,13 @@ class ExpressionJudge:
             return
         clear = clear_limit(condition, left.unit, self.limit, self.direction)
         self._clear = Call(self._node.name, (self._node.arguments[0], clear), 0, len(condition.clear))
+
+    @property
+    def obstacle(self) -> str:
+        """What prevents a verdict while no sample can be judged."""
+        if any(part.window for part in self._along.parts.values()):
+            return "A moving window is not full yet; it begins anew after a gap. Wait until it is."
+        return "The samples hold no values that can be compared. Check what the device sends for the signals."
 
     def judge(self, rows: Rows) -> Judged:
         every: dict[Hashable, Sequence[NDArray[Any]]] = dict(rows.items())
@@ -226,28 +243,35 @@ class _Source:
         key: of its rows.
         probe: its unit, names and period.
         at: its columns among those of the rows; None: all of them.
+        angle: of Euler angles that are computed from a quaternion: which, "" for all; None for any other signal.
     """
 
     key: Hashable
     probe: Quantity
     at: tuple[int, ...] | None = None
+    angle: str | None = None
 
     def quantity(self, rows: Sequence[NDArray[Any]], axis: Floats) -> Quantity:
         """Some samples of it."""
         columns = rows[2:] if self.at is None else [rows[2 + at] for at in self.at]
-        return replace(self.probe, time=axis, parts=tuple(column.astype(np.float64) for column in columns))
+        parts = tuple(column.astype(np.float64) for column in columns)
+        if self.angle is not None:
+            return euler_angles(Quantity(parts, NO_UNIT, axis, tuple("wxyz")), self.angle)
+        return replace(self.probe, time=axis, parts=parts)
 
     def empty(self) -> Quantity:
         """No samples of it."""
         return replace(self.probe, time=np.empty(0), parts=tuple(np.empty(0) for _ in self.probe.parts))
 
 
-def _source(columns: Sequence[SignalColumn]) -> _Source:
+def _source(columns: Sequence[SignalColumn], angle: str | None) -> _Source:
     info = columns[0].info
     own = [info.columns[column.at] for column in columns]
     names = tuple(one.name for one in own) if len(own) > 1 else ("",)
     probe = Quantity(tuple(np.empty(0) for _ in own), Unit.parse(own[0].unit), np.empty(0), names, own[0].period)
-    return _Source(info.id, probe, tuple(column.at for column in columns))
+    if angle is not None:
+        probe = euler_angles(probe, angle)
+    return _Source(info.id, probe, tuple(column.at for column in columns), angle)
 
 
 class FlagJudge:
@@ -257,9 +281,11 @@ class FlagJudge:
         DomainError: the device has no such channel or flag.
     """
 
-    unit, limit, direction = "", math.nan, 1
+    unit, limit, direction, obstacle = "", math.nan, 1, ""
 
-    def __init__(self, condition: FlagCondition, infos: Sequence[ChannelInfo]) -> None:
+    def __init__(
+        self, condition: FlagCondition, infos: Sequence[ChannelInfo], device: DeviceInfo | None = None
+    ) -> None:
         found = [
             (column, bits)
             for column in columns_named(infos, [condition.signal])
@@ -270,8 +296,14 @@ class FlagJudge:
             names = ", ".join(bits.name for _, bits in found)
             hint = f"It has: {names:.400}." if names else "Choose a status word."
             raise DomainError("not-found", f"{condition.signal:.60} has no flag {condition.flag:.60}.", hint)
+        if device is not None and condition.flag in device.absent:
+            message = (
+                f"{device.product:.60} does not have the flag {condition.flag:.60}: it is clear, whatever happens."
+            )
+            raise DomainError("not-found", message, "Choose another flag.")
         column, self._bits = fitting[0]
         self.columns: Sequence[SignalColumn] = [column]
+        self.signals: Sequence[str] = [column.name]
         self.channels = frozenset({column.info.id})
         self.subject = condition.flag
         self._at = 2 + column.at
@@ -354,15 +386,25 @@ def _signal_first(node: Call) -> Call:
     return node
 
 
-def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
+def _names(columns: Sequence[SignalColumn], angle: str | None) -> list[str]:
+    """Columns as the plots name them."""
+    if angle is None:
+        return [column.name for column in columns]
+    return [f"{EULER_ANGLES}.{one}" for one in ((angle,) if angle else ANGLES)]
+
+
+def _columns(infos: Sequence[ChannelInfo], name: Name) -> tuple[list[SignalColumn], str | None]:
+    """The columns of a name, and the angle that is computed from them; None: they are the signal."""
     try:
+        if derived := angles_named(infos, name.name):
+            return derived
         columns = columns_named(infos, [name.name])
     except DomainError as error:
         raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
     if len({column.info.columns[column.at].unit for column in columns}) > 1:
         hint = f"Name one: {', '.join(column.name for column in columns):.400}."
         raise ExpressionError(f"The columns of {name.name} differ in their units.", name.begin, name.end, hint)
-    return columns
+    return columns, None
 
 
 def _at(quantity: Quantity, axis: Floats, missing_s: float) -> Quantity:

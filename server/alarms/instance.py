@@ -13,8 +13,8 @@ import numpy as np
 from server import wire
 from server.alarms.conditions import ExpressionJudge, FlagJudge, Rows, SampleCondition
 from server.alarms.definitions import AlarmDefinition, ExpressionCondition, FlagCondition, HealthCondition, StoredAlarm
-from server.alarms.figures import HealthJudge
-from server.alarms.machine import AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
+from server.alarms.figures import HealthJudge, behind_words
+from server.alarms.machine import UNKNOWN, AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
 from server.analysis.live_expression import RateUnknownError
 from server.errors import DomainError
 from server.streaming.bus import TelemetryBus
@@ -54,7 +54,7 @@ class AlarmState:
     count: int  # how often it was raised
     acknowledged_by: str
     acknowledged: float | None  # unix s
-    problem: str  # why it cannot be evaluated
+    problem: str  # what prevents its evaluation at present, and what to do
     signals: list[str]  # columns that it needs: "Acceleration.x"
     intervals: list[RaisedInterval]
 
@@ -93,14 +93,15 @@ class AlarmInstance:
         self._bus = bus
         self._samples: SampleCondition | None = None
         self._health: HealthJudge | None = None
-        self._known: tuple[int, ...] | None = None
+        self._known: tuple[object, ...] | None = None
+        self._obstacle = self._behind = ""  # what prevents a verdict at present
         self._intervals: deque[RaisedInterval] = deque(maxlen=MAX_INTERVALS)
         self._period = -math.inf
         self._reported = 0
         self._suppressed: list[AlarmTransition] = []
         self.machine = AlarmMachine(timing_of(stored.definition))
         self.is_waiting = self.is_new = False
-        self.compile(infos, rates)
+        self.compile(info, infos, rates)
 
     @property
     def definition(self) -> AlarmDefinition:
@@ -112,14 +113,14 @@ class AlarmInstance:
         """The rates of channels that the condition was compiled with, as far as it depends on them."""
         return self._samples.rates if isinstance(self._samples, ExpressionJudge) else {}
 
-    def compile(self, infos: Sequence[ChannelInfo], rates: Mapping[int, float]) -> None:
+    def compile(self, device: wire.DeviceInfo, infos: Sequence[ChannelInfo], rates: Mapping[int, float]) -> None:
         """Compile the condition for the present channels of the device and their rates, unless they are as before."""
-        known = tuple(info.id for info in infos)
+        known = (*(info.id for info in infos), *device.absent)
         if known == self._known and not self.is_waiting:
             return
         self._known = known
         try:
-            judge = compiled(self.definition, infos, rates)
+            judge = compiled(self.definition, infos, rates, device)
         except DomainError as error:
             self.problem = f"{error.message} {error.hint}".strip()
             self._samples, self.channels = None, frozenset()
@@ -129,7 +130,9 @@ class AlarmInstance:
         self.problem = ""
         self.machine.direction = judge.direction
         if isinstance(judge, HealthJudge):
-            self._health = judge
+            if self._health is None:
+                self._health = judge
+            self._health.channels = judge.channels
         else:
             if self._samples is None or self._samples.channels != judge.channels:
                 self._samples = judge
@@ -153,14 +156,21 @@ class AlarmInstance:
         time, codes, values = self._samples.judge(rows)
         if not len(time):
             return False
-        self.fed = self._bus.now()
+        is_known = bool((codes != UNKNOWN).any())
+        self._obstacle = "" if is_known else self._samples.obstacle
+        if is_known:
+            self.fed = self._bus.now()
         return self._report(self.machine.feed(time, codes, values))
 
     def feed_health(self, info: wire.DeviceInfo, health: wire.DeviceHealth | None, now: float) -> bool:
         """Take the present figures; returns whether the state changed."""
+        self._behind = behind_words(health)
         if self._health is None:
             return False
         code, value = self._health.judge(info, health, now)
+        self._obstacle = self._health.obstacle
+        if code == UNKNOWN:
+            return False
         self.fed = now
         time, codes, values = np.array([now]), np.array([code], np.int8), np.array([value])
         return self._report(self.machine.feed(time, codes, values))
@@ -204,7 +214,6 @@ class AlarmInstance:
         since = machine.began if machine.is_active else machine.pending_since
         current = [RaisedInterval(machine.began, None, _finite(machine.worst))] if machine.is_active else []
         acknowledgement = machine.acknowledgement
-        columns = [] if self._samples is None else self._samples.columns
         return AlarmState(
             device=self.device,
             status=machine.status,
@@ -219,8 +228,8 @@ class AlarmInstance:
             count=machine.count,
             acknowledged_by="" if acknowledgement is None else acknowledgement.by,
             acknowledged=None if acknowledgement is None else acknowledgement.time,
-            problem=self.problem,
-            signals=[column.name for column in columns],
+            problem=self.problem or self._obstacle or self._behind,
+            signals=[] if self._samples is None else list(self._samples.signals),
             intervals=[*self._intervals, *current],
         )
 
@@ -287,7 +296,9 @@ class AlarmInstance:
             text = f"Alarm {self._title} is within its limit {length}{worst}. It stays until it is acknowledged."
             return one.kind, "warning", text, one.time, data
         if one.kind == "missing":
-            text = f"Alarm {self._title} has no data: it cannot be evaluated."
+            why = self._obstacle or self._behind
+            words = f"cannot be evaluated: {why}" if why else "has no data: it cannot be evaluated."
+            text = f"Alarm {self._title} {words}"
             return one.kind, "warning", text, one.time, data
         return one.kind, "info", f"Alarm {self._title} has data and is evaluated.", one.time, data
 
@@ -315,7 +326,7 @@ class AlarmInstance:
         body = {"alarm": self.stored.id, "name": self.definition.name, "change": name, **data}
         if name in ("raised", "repeated", "returned", "cleared"):
             body["level"] = self.definition.level
-            body["signals"] = [] if self._samples is None else [column.name for column in self._samples.columns]
+            body["signals"] = [] if self._samples is None else list(self._samples.signals)
             body["subject"] = "" if self._condition is None else self._condition.subject
         self._bus.event(self.device, "alarm", level, text, time=time, data=body)
         if self.deliver is not None and name not in ("data", "action"):
@@ -328,9 +339,15 @@ def timing_of(definition: AlarmDefinition) -> AlarmTiming:
 
 
 def compiled(
-    definition: AlarmDefinition, infos: Sequence[ChannelInfo], rates: Mapping[int, float]
+    definition: AlarmDefinition,
+    infos: Sequence[ChannelInfo],
+    rates: Mapping[int, float],
+    device: wire.DeviceInfo | None = None,
 ) -> SampleCondition | HealthJudge:
     """The condition for the channels of a device, with their usual rates (Hz) by id.
+
+    Args:
+        device: None if only its channels are known.
 
     Raises:
         RateUnknownError: a rate that it needs is not known yet.
@@ -340,8 +357,8 @@ def compiled(
     if isinstance(condition, ExpressionCondition):
         return ExpressionJudge(condition, infos, definition.missing_s, rates)
     if isinstance(condition, FlagCondition):
-        return FlagJudge(condition, infos)
-    return HealthJudge(condition)
+        return FlagJudge(condition, infos, device)
+    return HealthJudge(condition, [info.name for info in infos])
 
 
 def _finite(value: float) -> float | None:

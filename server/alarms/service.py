@@ -211,7 +211,7 @@ class AlarmService:
                 if instance is None or instance.stored != stored or instance.name != lasting_name(info):
                     instance = self._create(stored, info, infos[info.id], rates)
                 else:
-                    instance.compile(infos[info.id], rates)
+                    instance.compile(info, infos[info.id], rates)
                 wanted[key] = instance
         for key, instance in self._instances.items():
             if wanted.get(key) is not instance:
@@ -394,7 +394,7 @@ class AlarmService:
             if not infos or not definition.devices.fits(info):
                 continue
             try:
-                compiled(definition, infos, rates)
+                compiled(definition, infos, rates, info)
             except RateUnknownError:
                 continue  # it fits as far as can be told; the alarm waits for the rate
             except DomainError as error:

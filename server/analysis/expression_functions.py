@@ -48,10 +48,12 @@ class Context:
     Attributes:
         zero_phase: filters and moving windows may look ahead, as on recordings; else they use the past only.
         budget: of the request that the expression belongs to; None: one for each use of `resample`.
+        whole_windows: a moving window has no value until it is full, as in alarms; else that of the samples so far.
     """
 
     zero_phase: bool
     budget: SampleBudget | None = field(default=None, compare=False)
+    whole_windows: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,9 +260,13 @@ def _moving(measure: Callable[[Floats, int, int, Floats], Floats]) -> Callable[.
 
         def work(t: Floats, v: Floats) -> Floats:
             rate = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 and t[-1] > t[0] else 1.0
-            size = max(1, min(round(span * rate), len(t)))
+            wanted = max(1, round(span * rate))
+            size = min(wanted, len(t))
             before = size // 2 if context.zero_phase else size - 1
-            return measure(v, size, before, t)
+            found = measure(v, size, before, t)
+            if context.whole_windows:
+                found[: wanted - 1] = np.nan
+            return found
 
         return in_runs(x, work)
 

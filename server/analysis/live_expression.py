@@ -66,6 +66,7 @@ class LiveExpression:
         expression: its text, or a tree of one.
         rates: usual rates of these, Hz, by id; see `usual_rate`.
         others: channels of other devices, named with their device: `2/Acceleration`.
+        whole_windows: as in Context.
 
     Attributes:
         channels: ids of the channels it uses.
@@ -86,6 +87,8 @@ class LiveExpression:
         expression: str | Node,
         rates: Mapping[int, float],
         others: Iterable[ChannelInfo] = (),
+        *,
+        whole_windows: bool = False,
     ) -> None:
         node = parse(expression) if isinstance(expression, str) else expression
         known, distant = list(infos), list(others)
@@ -104,7 +107,7 @@ class LiveExpression:
             raise DomainError("bad-expression", message, "Name a signal in it.")
         self.channels = frozenset(columns[0].info.id for columns in self._columns.values())
         self._newest = dict.fromkeys(self.channels, -np.inf)
-        builder = _Builder(self._columns, angles, rates)
+        builder = _Builder(self._columns, angles, rates, whole_windows=whole_windows)
         stream = builder.build(node)
         self.window = builder.window
         assert isinstance(stream, Stream)  # it names a signal
@@ -178,8 +181,14 @@ class _Builder:
     """Makes the streams of a tree. Units, arguments and limits are checked by computing some made-up samples."""
 
     def __init__(
-        self, columns: Mapping[str, Sequence[SignalColumn]], angles: Mapping[str, str], rates: Mapping[int, float]
+        self,
+        columns: Mapping[str, Sequence[SignalColumn]],
+        angles: Mapping[str, str],
+        rates: Mapping[int, float],
+        *,
+        whole_windows: bool,
     ) -> None:
+        self._whole_windows = whole_windows
         self._columns, self._angles, self._rates = columns, angles, rates
         self._times: dict[object, Floats] = {}
         self._operations = self.window = 0
@@ -252,7 +261,7 @@ class _Builder:
         size = max(1, round(constants[0].in_unit(SECOND).number * first.rate))
         self.window += size * columns
         check_window(self.window, node.arguments[1])
-        states: list[RunState] = [Moving(size, MEASURES[name]) for _ in range(columns)]
+        states: list[RunState] = [Moving(size, MEASURES[name], whole=self._whole_windows) for _ in range(columns)]
         return Runs(probe, first, states)
 
 

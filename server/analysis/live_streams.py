@@ -227,10 +227,13 @@ class Moving(RunState):
     Args:
         measure: takes samples, the size, the number of earlier samples in a window, and times
             (expression_functions.py).
+        whole: without a value until there are `size` samples.
     """
 
-    def __init__(self, size: int, measure: Callable[[Floats, int, int, Floats], Floats]) -> None:
-        self._size, self._measure = size, measure
+    def __init__(
+        self, size: int, measure: Callable[[Floats, int, int, Floats], Floats], *, whole: bool = False
+    ) -> None:
+        self._size, self._measure, self._whole = size, measure, whole
         self._tail = np.empty(0)
 
     def begin(self, t: float, v: float) -> None:
@@ -240,6 +243,8 @@ class Moving(RunState):
         both = np.concatenate((self._tail, v))
         size = min(self._size, len(both))
         found = self._measure(both, size, size - 1, both)[len(self._tail) :]
+        if self._whole:
+            found[: max(0, self._size - 1 - len(self._tail))] = np.nan
         self._tail = both[max(0, len(both) - self._size + 1) :]
         return found
 

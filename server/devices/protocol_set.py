@@ -6,7 +6,7 @@ some seconds; the command line does that before it serves, and reports it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from protocols.events import Decoder
 from protocols.family import ProtocolInfo
@@ -14,6 +14,8 @@ from protocols.sensor_properties import SensorProperties
 from server.devices.decode_options import DecodeOptions
 from server.devices.ingest import ProtocolTraits
 from server.devices.protocol_detection import ProtocolGuess, ProtocolSet
+from server.links.registry import link_kind
+from server.wire import DeviceInfo
 
 
 def protocols() -> dict[str, str]:
@@ -31,12 +33,20 @@ def sensors_of(protocol: str, product: str) -> SensorProperties:
     return row.sensors(product) if row is not None else SensorProperties()
 
 
-def counts_losses(protocol: str) -> bool:
-    """Whether lost samples of a protocol are counted: none lost then means that none are missing."""
-    from protocols.registry import PROTOCOLS
+def counts_losses(device: DeviceInfo, channels: Iterable[str]) -> bool:
+    """Whether lost samples of a device are counted: none lost then means that none are missing.
 
-    row = PROTOCOLS.get(protocol)
-    return row is not None and row.counts
+    Args:
+        channels: names of what it sends.
+    """
+    from protocols.messages.family import MESSAGES
+    from protocols.registry import family_of
+
+    row = family_of(device.protocol)
+    if row is MESSAGES:
+        kind = link_kind(device.link)
+        return kind is not None and kind.counts_messages
+    return row is not None and row.counts and (not row.counter or row.counter in channels)
 
 
 def problems() -> list[str]:

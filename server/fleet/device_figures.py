@@ -52,7 +52,7 @@ class DeviceFigures:
     def _device(self, info: wire.DeviceInfo, now: float, channels: list[StoredChannel]) -> ReportedDevice:
         health = self._bus.health_of(info.id)
         is_live = info.status == "live"
-        rate, loss = (0.0, None) if health is None else self._rate_and_loss(info, health)
+        rate, loss = (0.0, None) if health is None else self._rate_and_loss(info, health, channels)
         fresh = [one for one in channels if is_live and _arrival(one) > now - FRESH_S]
         return ReportedDevice(
             id=clipped(info.id),
@@ -71,7 +71,9 @@ class DeviceFigures:
             clock_uncertainty_ms=None if health is None or not is_live else _finite(health.uncertainty_ms),
         )
 
-    def _rate_and_loss(self, info: wire.DeviceInfo, health: wire.DeviceHealth) -> tuple[float, float | None]:
+    def _rate_and_loss(
+        self, info: wire.DeviceInfo, health: wire.DeviceHealth, channels: Iterable[StoredChannel]
+    ) -> tuple[float, float | None]:
         """Rate of the fastest message of the last seconds, samples/s, and loss of the last minute."""
         now, counts = health.time, {message.name: message.count for message in health.messages}
         past = self._counts.setdefault(info.id, deque())
@@ -84,7 +86,7 @@ class DeviceFigures:
         recent = next(one for one in past if one[0] >= now - RATE_S)
         span = now - recent[0]
         rate = _most(counts, recent[1]) / span if span > RATE_S / 2 else health.rate
-        if not health.lost and not counts_losses(info.protocol):
+        if not health.lost and not counts_losses(info, {one.info.name for one in channels}):
             return rate, None
         arrived, lost = _most(counts, past[0][1]), health.lost - past[0][2]
         return rate, lost / (arrived + lost) if arrived + lost > 0 else 0.0

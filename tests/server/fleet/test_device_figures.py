@@ -31,7 +31,7 @@ class Figures:
 
 
 def test_the_rate_is_that_of_ten_seconds_by_the_time_of_the_counts() -> None:
-    device = Figures("xbus")
+    device = Figures("idtp")
     assert device.publish({"a": 0}, rate=99.0)[0] == 99.0  # too early to tell
     for second in range(1, 31):
         device.time += 1.0
@@ -43,7 +43,7 @@ def test_the_rate_is_that_of_ten_seconds_by_the_time_of_the_counts() -> None:
 
 
 def test_a_message_that_takes_over_gives_the_rate() -> None:
-    device = Figures("xbus")
+    device = Figures("idtp")
     device.publish({"a": 1_000_000})
     for second in range(1, 31):
         device.time += 1.0
@@ -52,7 +52,7 @@ def test_a_message_that_takes_over_gives_the_rate() -> None:
 
 
 def test_loss_is_that_of_the_last_minute() -> None:
-    device = Figures("xbus")
+    device = Figures("idtp")
     assert device.publish({"a": 0}) == (0.0, 0.0)
     device.time += 10.0
     assert device.publish({"a": 900}, lost=100)[1] == pytest.approx(0.1)
@@ -70,7 +70,7 @@ def test_a_protocol_without_counters_has_no_loss_until_some_is_lost() -> None:
 
 
 def test_a_session_that_begins_anew_is_counted_anew() -> None:
-    device = Figures("xbus")
+    device = Figures("idtp")
     device.publish({"a": 5000}, lost=50)
     device.time += 1.0
     rate, loss = device.publish({"a": 10}, rate=10.0)
@@ -78,7 +78,7 @@ def test_a_session_that_begins_anew_is_counted_anew() -> None:
 
 
 def test_a_device_that_is_not_live_has_no_rate() -> None:
-    device = Figures("xbus")
+    device = Figures("idtp")
     device.publish({"a": 100}, rate=100.0)
     info = device.bus.devices.latest["1"]
     device.bus.set_device(wire.DeviceInfo("1", info.name, info.source, info.link, "lost", info.protocol))

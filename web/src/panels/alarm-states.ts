@@ -46,9 +46,11 @@ export interface Mark {
 /** Symbol, word and colour of a state. */
 export function alarmMark({ alarm, state }: AlarmOnDevice): Mark {
   const tone = alarm.definition.level === "error" ? "bad" : "warn";
-  if (state.problem !== "") return { symbol: "?", word: TEXT.notEvaluated, tone: "" };
-  if (state.status === "missing")
-    return { symbol: "?", word: state.raised ? TEXT.raisedWithoutData : TEXT.noData, tone: state.raised ? tone : "" };
+  if (state.problem !== "" || state.status === "missing") {
+    const [raised, other] =
+      state.problem === "" ? [TEXT.raisedWithoutData, TEXT.noData] : [TEXT.raisedNotEvaluated, TEXT.notEvaluated];
+    return { symbol: "?", word: state.raised ? raised : other, tone: state.raised ? tone : "" };
+  }
   if (state.status === "raised") return { symbol: tone === "bad" ? "✖" : "▲", word: TEXT.raised, tone };
   if (state.status === "acknowledged") return { symbol: "✓", word: TEXT.acknowledged, tone };
   if (state.status === "pending") return { symbol: "…", word: TEXT.pending, tone: "" };
@@ -67,7 +69,7 @@ export function alarmCounts(own: readonly AlarmOnDevice[]): {
     raised: raised.length,
     worst: raised.some(({ alarm }) => alarm.definition.level === "error") ? "error" : "warning",
     acknowledged: own.filter(({ state }) => state.raised && state.acknowledged !== null).length,
-    missing: own.filter(({ state }) => state.status === "missing" && !state.raised).length,
+    missing: own.filter(({ state }) => (state.status === "missing" || state.problem !== "") && !state.raised).length,
   };
 }
 

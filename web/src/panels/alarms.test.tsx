@@ -76,6 +76,16 @@ test("an alarm that was raised and has no data is neither ok nor forgotten", () 
   expect(marks[0]).toEqual({ symbol: "?", word: "Raised, no data", tone: "warn" });
 });
 
+test("an alarm that cannot be judged is not ok, and one that was raised stays so", () => {
+  const problem = "Decoding is 12 s behind the data received. Reduce the load of this computer.";
+  const own = alarmsOf([alarm("a", { ...RAISED, problem }), alarm("b", { status: "ok", problem })], "1");
+  expect(own.map(alarmMark)).toEqual([
+    { symbol: "?", word: "Raised, not evaluated", tone: "warn" },
+    { symbol: "?", word: "Not evaluated", tone: "" },
+  ]);
+  expect(alarmCounts(own)).toMatchObject({ raised: 1, missing: 1 });
+});
+
 test("a raised alarm is acknowledged by name, which is kept for the next one", async () => {
   const seen = alarm("a", { ...RAISED, status: "acknowledged", acknowledged: 120, acknowledged_by: "Ada" });
   const asked = answering({ "POST /api/alarms/a/acknowledge": seen });

@@ -16,6 +16,8 @@ export function protocol(part: Partial<ProtocolCapability> & { readonly name: st
     abbreviations: [],
     plots: [],
     panels: [],
+    counts_losses: false,
+    counter: "",
     ...part,
   };
 }

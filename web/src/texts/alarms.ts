@@ -18,6 +18,7 @@ export const TEXT = {
   ok: "OK",
   noData: "No data",
   raisedWithoutData: "Raised, no data",
+  raisedNotEvaluated: "Raised, not evaluated",
   notEvaluated: "Not evaluated",
   raisedCount: (n: number) => `${count(n, "alarm")} raised`,
   acknowledgedCount: (n: number) => `${n} acknowledged`,

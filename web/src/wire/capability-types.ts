@@ -64,6 +64,10 @@ export interface ProtocolCapability {
   readonly plots: readonly string[];
   /** ids of panels to place first */
   readonly panels: readonly string[];
+  /** its samples are numbered, so that lost ones are known */
+  readonly counts_losses: boolean;
+  /** name of the channel that has the numbers, where a device can be set not to send it */
+  readonly counter: string;
 }
 
 /** A format that recordings can be exported to. */
