@@ -63,6 +63,7 @@ WINDOW_S = 120  # memory of the envelope: a beat between a 125 Hz stream and 16 
 BUCKET_NS = 1e9  # one point is kept per bucket
 CRYSTAL = 50e-6  # drift of a usual crystal
 SURE_S, UNSURE_S = 1.0, 8.0  # limits of S
+DRIFT_SPANS = 3.0  # S, from which on the drift is known: nine tenths of the slope count
 MAX_DRIFT = 1e-3  # a crystal is 20-100 ppm off; an RC oscillator may be worse
 PLAN_NS = 20e6  # the mapping is replanned at most this often
 PLAN_TIME_NS = 0.25e9  # ... to meet the line after this time
@@ -268,6 +269,11 @@ class ClockModel:
         """The `p`-th percentile of the delays of the last seconds, ns."""
         recent = self.late.recent(self.newest)
         return float(np.percentile(np.maximum(recent, 0.0), p)) if len(recent) else 0.0
+
+    @property
+    def knows_drift(self) -> bool:
+        """Whether the history is long enough for the slope to be that of the clock."""
+        return self._scatter is not None and self.newest - self.oldest >= DRIFT_SPANS * self._shrink_s * 1e9
 
     def uncertainty(self) -> float:
         """± in ns."""

@@ -358,6 +358,11 @@ class ClockSync:
         return -self._now.slope / (1 + self._now.slope) * 1e6 if self._now else 0.0
 
     @property
+    def knows_drift(self) -> bool:
+        """Whether the clock has been observed for long enough to tell its drift: some ten seconds since it started."""
+        return self._now is not None and self._now.knows_drift
+
+    @property
     def uncertainty_ns(self) -> float:
         """± of the mapping. Infinite before the first row."""
         return self._now.uncertainty() if self._now else float("inf")

@@ -20,6 +20,7 @@ from server.streaming.sink import TelemetrySink
 
 ATTEMPTS_KEPT = 12
 ARRIVES_S = 2.0  # what is late is known from bytes that arrive
+FEWEST = 100  # delays, for one that 99 of 100 stay below
 _TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")
 _MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
@@ -134,9 +135,9 @@ def health(
         bytes=figures.bytes.total,
         bytes_per_s=figures.bytes.rate(now),
         capacity=capacity,
-        jitter_ms=clock.jitter_ns() / 1e6 if clock is not None and known else None,
+        jitter_ms=clock.jitter_ns() / 1e6 if clock is not None and known and clock.rows >= FEWEST else None,
         last_arrival=figures.last_sample or figures.last_arrival,
-        drift_ppm=clock.drift_ppm if clock is not None and known else None,
+        drift_ppm=clock.drift_ppm if clock is not None and clock.knows_drift else None,
         uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,
         jitter_cause=cause,
         behind=wire.Behind(link=_late(figures, clock, now)),

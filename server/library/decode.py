@@ -192,7 +192,8 @@ class _Device:
             clock = sender.intake.clock if sender.intake is not None else None
             if clock is not None and clock.uncertainty_ns < float("inf"):
                 device = sender.state.info.id
-                self._sink.health_history.clock(device, self._sink.time, clock.drift_ppm, clock.uncertainty_ns / 1e6)
+                drift = clock.drift_ppm if clock.knows_drift else float("nan")
+                self._sink.health_history.clock(device, self._sink.time, drift, clock.uncertainty_ns / 1e6)
 
     def _report_remarks(self) -> None:
         """Report what the decoder has to say about the stream."""

@@ -144,6 +144,22 @@ def test_jitter_equals_the_burst_interval() -> None:
     assert 7 * MS < clock.jitter_ns(50) < 9 * MS
 
 
+def worst_drift(rate: float, seconds: float, burst_ms: float, seed: int) -> float:
+    """Error of the drift of a clock of 80 ppm after some seconds, ppm; 0 while it is not known."""
+    clock = run(stream(rate, seconds, burst_ms=burst_ms, ppm=80, seed=seed)).clock
+    return abs(clock.drift_ppm - 80) if clock.knows_drift else 0.0
+
+
+@each_row("burst_ms", [0.0, 16.0])
+@each_row("rate", [100.7, 399.3])
+def test_a_drift_that_is_not_known_yet_is_not_told(rate: float, burst_ms: float) -> None:
+    """Regression: a drift was told from the second second on, when it was that of the delays."""
+    assert not run(stream(rate, 3, burst_ms=burst_ms, ppm=80)).clock.knows_drift
+    assert run(stream(rate, 40, burst_ms=burst_ms, ppm=80)).clock.knows_drift
+    errors = [worst_drift(rate, seconds, burst_ms, seed) for seed in range(3) for seconds in (5, 8, 12, 16, 20, 26, 32)]
+    assert max(errors) < 15
+
+
 def test_the_time_on_the_wire_is_subtracted() -> None:
     """Truth is the end of the frame on the wire; two sizes of frame at 115 200 Bd fall on one line."""
     byte_ns = 1e9 / 11_520

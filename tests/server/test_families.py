@@ -213,7 +213,7 @@ class Several:
 
 def test_every_sender_is_a_device_of_its_own() -> None:
     async def test(stage: FamilyHarness) -> None:
-        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=102, mode=0, rate=50)), 3)
+        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=102, mode=0, rate=50)), 30)
         first, second = stage.session.infos
         assert (first.id, first.parent, first.name) == ("1", "", "IDTP device 7")
         assert (second.id, second.parent, second.name) == ("1.102", "1", "IDTP device 102")

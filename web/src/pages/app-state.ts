@@ -109,7 +109,9 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const state = computed(() => pageState(isConnected.value, store.devices.value.length, device.value, seen.value));
   const stops = [
     effect(() => {
-      for (const health of store.health.value.values()) recentHealth.add(health);
+      const ended = new Set(store.devices.peek().flatMap(({ id, status }) => (status === "ended" ? [id] : [])));
+      // after its end a file has no further minute: the last one stays
+      for (const health of store.health.value.values()) if (!ended.has(health.device)) recentHealth.add(health);
     }),
     effect(() => store.showIn(frame.value)),
     effect(() => {

@@ -358,7 +358,7 @@ function mountSpark(host: HTMLElement, app: App, id: string): Panel {
       if (!due(now) && !redraw) return;
       redraw = false;
       const gone = app.store.devices.peek().find((device) => device.id === id)?.status === "lost";
-      drawBars(to, rateBars(app.recentHealth.of(id), app.store.serverNow(), 60), gone);
+      drawBars(to, rateBars(app.recentHealth.of(id), app.store.edgeOf(id), 60), gone);
     },
     dispose() {
       to.dispose();

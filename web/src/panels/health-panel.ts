@@ -8,7 +8,7 @@ import { number } from "../ui/format";
 import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { behindHint, behindWords } from "./behind-text";
-import { ageOf, channelsOf, type Deps, recently, selected } from "./panel-context";
+import { ageOf, channelsOf, type Deps, namesOf, recently, selected, usualStep } from "./panel-context";
 import { type Figure, figuresOf, isLeftOut, type Key, timeWords, totals, verdict } from "./health-text";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./health-history";
@@ -124,7 +124,10 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const recent = recently(deps, id);
       const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
       const expected = device?.status !== "ended" && device?.status !== "idle";
-      const figures = figuresOf(health, recent, ageOf(deps, id), dropped, expected, countsLosses(device));
+      const figures = figuresOf(
+        ...([health, recent, ageOf(deps, id), dropped, expected] as const),
+        ...([countsLosses(device, namesOf(deps)), usualStep(deps, id)] as const),
+      );
       cells.get("age")?.set(figures.age);
       if (!all) return;
       for (const [key, row] of rows) row.hidden = isLeftOut(key, device, deps.recording !== undefined);
@@ -134,7 +137,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       reasons.update(health, device);
       const behind = deps.store.behind(id);
       const why = behind.total > 0 ? `${behindWords(behind)} ${behindHint(behind)}` : "";
-      words.set(why || verdict(device, deps.store.events.value, health, dropped, deps.lostLater?.(id)));
+      words.set(why || verdict(device, namesOf(deps), deps.store.events.value, health, dropped, deps.lostLater?.(id)));
       list.title = totals(health);
       words.node.hidden = words.isEmpty;
       uneven.update(health);
@@ -234,7 +237,7 @@ function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, g
     const to = sparks.get(key);
     if (to) how(to);
   };
-  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.serverNow(), SLOTS), gone));
+  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.edgeOf(id), SLOTS), gone));
   // One report in four, the newest at the right, the same scale however short the past is.
   const lately = moments.filter((_, i) => (moments.length - 1 - i) % 4 === 0).slice(-SLOTS);
   const slots = <T>(values: readonly T[]): readonly (T | undefined)[] => [
@@ -279,8 +282,10 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
       const device = selected(deps);
       const expected = device?.status !== "ended";
       const health = deps.store.health.value.get(id);
-      const counted = countsLosses(device);
-      const figures = figuresOf(health, recent, ageOf(deps, id), deps.store.dropped(), expected, counted);
+      const figures = figuresOf(
+        ...([health, recent, ageOf(deps, id), deps.store.dropped(), expected] as const),
+        ...([countsLosses(device, namesOf(deps)), usualStep(deps, id)] as const),
+      );
       for (const { key, value, unit, box } of items) {
         if (box.parentElement) box.parentElement.hidden = isLeftOut(key, device, deps.recording !== undefined);
         const figure = figures[key];

@@ -1,4 +1,5 @@
-import { describe, expect, it } from "vitest";
+import { beforeEach, describe, expect, it } from "vitest";
+import { protocol } from "../testing/capabilities";
 import { capabilities, countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { figuresOf, isLeftOut, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
@@ -7,7 +8,7 @@ const health: DeviceHealth = {
   device: "1",
   time: 100,
   rate: 400,
-  messages: [],
+  messages: [{ name: "MTData2", rate: 400, count: 4000 }],
   gaps: 3,
   lost: 90,
   rejects: 2,
@@ -75,6 +76,21 @@ describe("figuresOf", () => {
     expect(figuresOf(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
     expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
   });
+  it("judges nothing while decoding is behind, and no loss before the first samples", () => {
+    const behind = figuresOf({ ...health, behind: 12 }, quiet, 12, 0);
+    const shown = ["samples", "gaps", "rejects", "age"] as const;
+    expect(shown.map((key) => behind[key].value)).toEqual(["—", "—", "—", "—"]);
+    expect(behind.age.tone).toBe("");
+    expect(behind.bytes.value).not.toBe("—");
+    const found = figuresOf({ ...health, behind: 12 }, { gaps: 1, lost: 72, blind: 0, rejects: 1 }, 12, 0);
+    expect([found.gaps.tone, found.rejects.value]).toEqual(["warn", "1"]);
+    const first = figuresOf({ ...health, messages: [], bytes: 0 }, quiet, undefined, 0);
+    expect([first.gaps.value, first.rejects.value]).toEqual(["—", "—"]);
+  });
+  it("calls a device late by its own usual step", () => {
+    const tone = (old: number, step: number) => figuresOf(health, quiet, old, 0, true, true, step).age.tone;
+    expect([tone(2.5, 0.01), tone(2.5, 2), tone(7, 2), tone(60, Infinity)]).toEqual(["bad", "", "bad", ""]);
+  });
   it("shows nothing before the first report", () => {
     const figures = figuresOf(undefined, quiet, undefined, 0);
     expect(figures.samples.value).toBe("—");
@@ -96,10 +112,10 @@ describe("a device that is known by messages", () => {
 
   it("claims no loss only where its publishers number their messages", () => {
     capabilities.value = { protocols: [], exports: [], links: [link("foxglove", false), link("ros2", true)] };
-    expect(countsLosses(of("ros2"))).toBe(true);
-    expect(verdict(of("ros2"), [], clean, 0)).toMatch(/^No loss/);
-    expect(countsLosses(of("foxglove"))).toBe(false);
-    expect(verdict(of("foxglove"), [], clean, 0)).toMatch(/cannot be counted/);
+    expect(countsLosses(of("ros2"), [])).toBe(true);
+    expect(verdict(of("ros2"), [], [], clean, 0)).toMatch(/^No loss/);
+    expect(countsLosses(of("foxglove"), [])).toBe(false);
+    expect(verdict(of("foxglove"), [], [], clean, 0)).toMatch(/cannot be counted/);
     expect(figuresOf(clean, quiet, 0, 0, true, false).gaps.value).toBe("—");
     capabilities.value = { protocols: [], exports: [], links: [] };
   });
@@ -131,22 +147,54 @@ describe("verdict", () => {
     text: "72 samples lost (180 ms): on the device's side",
   };
   const events = [{ ...gap, t0: 52333, t1: 52333.18, samples: 72, data: {} } as EventInfo];
+  const clean = { ...health, gaps: 0, lost: 0, rejects: 0 };
+  const counting = ["PacketCounter"];
+  const told = (change: Partial<DeviceHealth>, of: Partial<DeviceInfo> = {}, channels = counting): string =>
+    verdict({ ...device, protocol: "xbus", ...of }, channels, [], { ...clean, ...change }, 0);
+
+  beforeEach(() => {
+    const protocols = [
+      protocol({ name: "xbus", counts_losses: true, counter: "PacketCounter" }),
+      protocol({ name: "isb" }),
+    ];
+    capabilities.value = { protocols, exports: [], links: [] };
+    return () => (capabilities.value = { protocols: [], exports: [], links: [] });
+  });
+
   it("names where samples were lost", () => {
-    expect(verdict(device, events, health, 0)).toBe("Gap 14:32:13: 72 samples lost (180 ms): on the device's side.");
-    expect(verdict(device, [], health, 0)).toMatch(/2 frames/);
-    expect(verdict(device, [], health, 7)).toMatch(/this browser/);
-    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/^No loss/);
+    const gap = "Gap 14:32:13: 72 samples lost (180 ms): on the device's side.";
+    expect(verdict(device, counting, events, health, 0)).toBe(gap);
+    const here = "7 samples not sent to this browser because it did not take them in time.";
+    expect(verdict(device, counting, events, health, 7)).toBe(`${here} ${gap}`);
+    expect(told({ rejects: 2 })).toMatch(
+      /^2 frames failed verification .* No sample is missing by the device's counter.$/,
+    );
+    expect(told({})).toBe("No loss since this session began.");
+  });
+  it("claims no loss only where that is known", () => {
+    const rows: [string, string][] = [
+      ["lost before the events in memory", told({ lost: 5, gaps: 1 })],
+      ["Decoding is 12 s behind the data received", told({ behind: 12 })],
+      ["No samples yet: nothing is known about loss.", told({ messages: [] })],
+      ["No samples yet: nothing is known about loss.", told({ messages: [{ name: "a", rate: 0, count: 0 }] })],
+      ["The device does not send PacketCounter: lost samples cannot be counted.", told({}, {}, ["Acceleration"])],
+      ["Samples of this protocol have no numbers: lost ones cannot be counted.", told({}, { protocol: "isb" })],
+      ["discarded. Samples of this protocol have no numbers", told({ rejects: 1 }, { protocol: "isb" })],
+    ];
+    for (const [words, text] of rows) {
+      expect(text.replace("lost since the session began, before", "lost before")).toContain(words);
+      expect(text).not.toContain("No loss");
+    }
   });
   it("does not report a recording as lossless if losses follow later", () => {
-    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toContain("this session");
-    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 0)).toBe("No loss in this recording.");
-    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 165)).toBe(
-      "No loss up to here; 165 samples are missing later.",
-    );
+    const recorded = (later?: number) => verdict({ ...device, protocol: "xbus" }, counting, [], clean, 0, later);
+    expect(recorded()).toContain("this session");
+    expect(recorded(0)).toBe("No loss in this recording.");
+    expect(recorded(165)).toBe("No loss up to here; 165 samples are missing later.");
   });
   it("reports the cause of a lost device first", () => {
     const lost = { ...device, status: "lost", message: "ttyUSB0 is gone.", hint: "Plug it in again." } as DeviceInfo;
-    expect(verdict(lost, events, health, 3)).toBe("ttyUSB0 is gone. Plug it in again.");
+    expect(verdict(lost, counting, events, health, 3)).toBe("ttyUSB0 is gone. Plug it in again.");
   });
 });
 

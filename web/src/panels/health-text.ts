@@ -1,6 +1,7 @@
 /** Words and numbers of the health figures. Pure; shared by the health panel and the phone's strip. */
 import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format";
-import { countsLosses, MESSAGES } from "../wire/capabilities";
+import { behindOf } from "../ui/page-state";
+import { countsLosses, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { TEXT } from "../texts/panels";
 
@@ -40,8 +41,9 @@ export function isLeftOut(key: Key, device: Pick<DeviceInfo, "protocol"> | undef
   return (device?.protocol === MESSAGES && OF_DEVICES.includes(key)) || (isRecording && OF_NOW.includes(key));
 }
 
-/** Beyond this a live device is late: a streaming message slower than once a second is called idle. */
+/** A device is late after this, and after so many of its usual steps. */
 const LATE_S = 1;
+const LATE_STEPS = 3;
 /** A link this full has no room for a burst. */
 const FULL = 0.9;
 
@@ -88,12 +90,14 @@ export function totals(health: DeviceHealth | undefined): string {
 }
 
 /**
- * The figures of one device.
+ * The figures of one device. What is not known is "—": while decoding is behind, its rate and that nothing was lost; before its first
+ * samples, that none was lost.
  *
  * @param recent problems in the last minute, for gaps and rejects; older ones are in `totals`.
  * @param old seconds since the last sample arrived.
- * @param counted whether lost samples are counted at all.
  * @param expected whether samples should be coming: false for a file that has ended, whose age is not a fault.
+ * @param counted whether lost samples are counted at all.
+ * @param step usual time between samples, s; Infinity: unknown, so that no age is too old.
  */
 export function figuresOf(
   health: DeviceHealth | undefined,
@@ -102,17 +106,20 @@ export function figuresOf(
   dropped: number,
   expected = true,
   counted = true,
+  step = 0,
 ): Figures {
+  const known = health !== undefined && behindOf(health) === 0;
+  const late = Math.max(LATE_S, LATE_STEPS * step);
   const share = health?.capacity ? health.bytes_per_s / health.capacity : undefined;
   const jitter = health?.jitter_ms ?? undefined;
   return {
-    samples: plain({ value: number(health?.rate, 1), unit: "/s" }),
+    samples: plain({ value: number(known ? health.rate : undefined, 1), unit: "/s" }),
     gaps:
       recent.gaps > 0
         ? { value: gapWords(recent), unit: "", tone: "warn" }
-        : plain({ value: number(health && counted ? 0 : undefined, 0), unit: TEXT.samplesUnit }),
+        : plain({ value: number(known && counted && hasSamples(health) ? 0 : undefined, 0), unit: TEXT.samplesUnit }),
     rejects: {
-      value: number(health && recent.rejects, 0),
+      value: number(recent.rejects > 0 || (known && health.bytes !== 0) ? recent.rejects : undefined, 0),
       unit: TEXT.framesUnit(recent.rejects),
       tone: recent.rejects > 0 ? "warn" : "",
     },
@@ -124,7 +131,10 @@ export function figuresOf(
       tone: (share ?? 0) > FULL ? "warn" : "",
     },
     jitter: plain({ value: number(jitter, (jitter ?? 0) < 100 ? 2 : 0), unit: TEXT.msP99 }),
-    age: { ...agoOf(old), tone: expected && old !== undefined && old > LATE_S ? "bad" : "" },
+    age: {
+      ...agoOf(health === undefined || known ? old : undefined),
+      tone: expected && known && old !== undefined && old > late ? "bad" : "",
+    },
     dropped: { value: number(dropped, 0), unit: TEXT.samplesUnit, tone: dropped > 0 ? "warn" : "" },
     drift: plain({ value: signed(health?.drift_ppm ?? undefined, 1), unit: "ppm" }),
     uncertainty: boundOf(health),
@@ -154,9 +164,19 @@ function agoOf(old: number | undefined): Quantity {
   return { value, unit: unit ? TEXT.unitAgo(unit) : "" };
 }
 
-/** One sentence: where data was lost last, or that none was. `later`: samples of a recording missing after the reading position. */
+function hasSamples(health: DeviceHealth): boolean {
+  return health.messages.some(({ count }) => count > 0);
+}
+
+/**
+ * Where data was lost last, or that none was; or what prevents to know it.
+ *
+ * @param channels names of what the device sends.
+ * @param later samples of a recording missing after the reading position.
+ */
 export function verdict(
   device: DeviceInfo | undefined,
+  channels: readonly string[],
   events: readonly EventInfo[],
   health: DeviceHealth | undefined,
   dropped: number,
@@ -165,16 +185,37 @@ export function verdict(
   if (!device) return "";
   if (device.status === "lost" || device.status === "denied")
     return [device.message, device.hint].filter(Boolean).join(" ");
-  if (dropped > 0) {
-    return TEXT.droppedVerdict(dropped);
-  }
+  const here = dropped > 0 ? TEXT.droppedVerdict(dropped) : "";
+  return [here, deviceVerdict(device, channels, events, health, later)].filter(Boolean).join(" ");
+}
+
+function deviceVerdict(
+  device: DeviceInfo,
+  channels: readonly string[],
+  events: readonly EventInfo[],
+  health: DeviceHealth | undefined,
+  later: number | undefined,
+): string {
   const gap = events.findLast((event) => event.device === device.id && event.kind === "gap");
   if (gap) return TEXT.gapVerdict(clock(gap.t0 ?? gap.time), sentence(gap.text));
-  if (health && health.rejects > 0) return TEXT.rejectsVerdict(health.rejects);
+  if (health && health.lost > 0) return TEXT.lostBeforeVerdict(health.lost);
+  const behind = age(behindOf(health) || undefined);
+  if (behindOf(health) > 0) return TEXT.behindVerdict(behind.value, behind.unit);
+  const counted = countsLosses(device, channels);
+  if (health && health.rejects > 0)
+    return [TEXT.rejectsVerdict(health.rejects), counted ? TEXT.noneMissing : unknownLosses(device)].join(" ");
   if (later !== undefined && later > 0) return TEXT.lostLaterVerdict(later);
   if (!health) return "";
-  if (!countsLosses(device)) return TEXT.lossesUnknown;
+  if (!hasSamples(health)) return TEXT.noSamplesYet;
+  if (!counted) return unknownLosses(device);
   return later === undefined ? TEXT.noLossInSession : TEXT.noLossInRecording;
+}
+
+/** Why lost samples of a device are not counted, and what to do. */
+function unknownLosses(device: DeviceInfo): string {
+  if (device.protocol === MESSAGES) return TEXT.lossesUnknown;
+  const counter = protocolOf(device.protocol)?.counter;
+  return counter ? TEXT.lossesWithout(counter) : TEXT.lossesUnnumbered;
 }
 
 function sentence(text: string): string {

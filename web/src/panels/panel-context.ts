@@ -109,9 +109,28 @@ export function selected(deps: Pick<Deps, "store" | "viewState">): DeviceInfo | 
   return deps.store.devices.value.find((device) => device.id === id);
 }
 
-/** Problems of a device within the last minute. */
-export function recently(deps: Deps, device: string): Recent {
-  return recentOf(deps.store.events.value, device, deps.store.serverNow());
+/** Names of the channels of the selected device. */
+export function namesOf(deps: Deps): readonly string[] {
+  return channelsOf(deps).map(({ info }) => info.name);
+}
+
+/** Problems of a device within its last minute: the one before now, or before the end of a file. */
+export function recently(deps: Pick<Deps, "store">, device: string): Recent {
+  return recentOf(deps.store.events.value, device, deps.store.edgeOf(device));
+}
+
+/** Samples whose steps are looked at. */
+const STEPS = 8;
+
+/** Usual time between arrivals of the fastest channel of a device, s; Infinity while too few have arrived. */
+export function usualStep(deps: Pick<Deps, "store">, device: string): number {
+  let least = Infinity;
+  for (const { info, ring } of deps.store.channels.value) {
+    const n = Math.min(ring.length, STEPS);
+    if (info.device !== device || n < 3) continue;
+    least = Math.min(least, (ring.arrival(ring.length - 1) - ring.arrival(ring.length - n)) / (n - 1));
+  }
+  return least;
 }
 
 /** Messages sent in turns start in turns: up to this long before its first sample a quantity reads that one, s. Recordings open there. */

@@ -60,7 +60,7 @@ export const TEXT = {
   lastSample: "Last sample",
   lastSampleHelp: "Time since the newest sample arrived at the host",
   droppedHere: "Dropped here",
-  droppedHelp: "Samples not sent to this browser because it could not keep up",
+  droppedHelp: "Samples not sent to this browser because it did not take them in time",
   clockDrift: "Clock drift",
   driftHelp: "Device clock relative to the host clock",
   unevenCause: "Cause",
@@ -108,10 +108,19 @@ export const TEXT = {
   msP99: "ms p99",
   unitAgo: (unit: Value) => `${unit} ago`,
   droppedVerdict: (samples: number) =>
-    `${count(samples, "sample")} not sent to this browser because it could not keep up. No other loss.`,
+    `${count(samples, "sample")} not sent to this browser because it did not take them in time.`,
   gapVerdict: (t0: Value, text: Value) => `Gap ${t0}: ${text}`,
   rejectsVerdict: (frames: number) =>
-    `${count(frames, "frame")} failed verification and ${plural(frames, "was", "were")} discarded; no counter reports missing samples.`,
+    `${count(frames, "frame")} failed verification and ${plural(frames, "was", "were")} discarded.`,
+  noneMissing: "No sample is missing by the device's counter.",
+  lostBeforeVerdict: (samples: number) =>
+    `${count(samples, "sample")} lost since the session began, before the events in memory.`,
+  behindVerdict: (value: Value, unit: Value) =>
+    `Decoding is ${value} ${unit} behind the data received: losses in that time are not known yet. Reduce the load of the server's computer.`,
+  noSamplesYet: "No samples yet: nothing is known about loss.",
+  lossesWithout: (counter: string) =>
+    `The device does not send ${counter}: lost samples cannot be counted. Enable it in its outputs.`,
+  lossesUnnumbered: "Samples of this protocol have no numbers: lost ones cannot be counted.",
   lostLaterVerdict: (samples: number) =>
     `No loss up to here; ${count(samples, "sample is", "samples are")} missing later.`,
   noLossInSession: "No loss since this session began.",

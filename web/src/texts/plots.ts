@@ -32,7 +32,7 @@ export const TEXT = {
   fewerLanes: "Fewer lanes",
   moreLanes: (others: number) => count(others, "more lane"),
   lossHere: (loss: Value) => `Loss: ${loss}`,
-  noLoss: "No loss.",
+  noLoss: "No gap known.",
   gapsInMemory: (losses: number) => `${count(losses, "gap")} in memory.`,
   whenSet: (meaning: Value) => `When set: ${meaning}`,
 

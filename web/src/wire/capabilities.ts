@@ -24,9 +24,14 @@ export function linkNamed(name: string): LinkCapability | undefined {
 /** The protocol of a device that is known by the messages of its driver only: nothing but their numbers. */
 export const MESSAGES = "messages";
 
-/** Whether samples that a device lost are counted; undefined device: yes. */
-export function countsLosses(device: DeviceInfo | undefined): boolean {
-  return device?.protocol !== MESSAGES || (linkNamed(device.link)?.counts_messages ?? false);
+/** Whether samples that a device lost are counted: none lost then means that none are missing. `channels`: names of what it sends. */
+export function countsLosses(
+  device: Pick<DeviceInfo, "protocol" | "link"> | undefined,
+  channels: readonly string[],
+): boolean {
+  if (device?.protocol === MESSAGES) return linkNamed(device.link)?.counts_messages ?? false;
+  const protocol = protocolOf(device?.protocol);
+  return protocol?.counts_losses === true && (!protocol.counter || channels.includes(protocol.counter));
 }
 
 /** Parts of constants that the protocols leave in capitals. */
