@@ -1,9 +1,9 @@
-"""Causes of uneven arrival times, and remedies.
+"""Causes of uneven arrival times, and remedies. A cause that the arrivals do not prove is called likely.
 
     observation                                          name                  remedy
     ──────────────────────────────────────────────────   ───────────────────   ──────────────────────
     the device's clock restarts                          resets                its supply, its cable
-    frames arrive late all at once, none lost            stalls                less load on this host
+    frames arrive late all at once                       stalls                less load on this host
     delays spread evenly over some ms on a wired line    bursts                a latency timer of 1 ms
     delays of ms that thin out, or any over a network    network               a wire
 
@@ -42,7 +42,7 @@ def cause_of(clock: ClockSync, resets: Sequence[float], *, kind: str, port: str,
         return JitterCause(
             "resets",
             f"The device's clock restarted {often} in the last minute; the mapping of its times restarts there.",
-            "Check its supply and its cable: a device restarts when its supply voltage drops.",
+            "If nobody restarted it, check its supply and its cable.",
         )
     stalls = [late for arrival, late in clock.stalls if arrival / 1e9 > now - LATELY_S]
     if stalls:
@@ -64,13 +64,13 @@ def _stall(stalls: Sequence[float], kind: str) -> JitterCause:
     if is_network(kind):
         text = f"No data over the network for {longest:.1f} s{often}, then all at once."
         return JitterCause("stalls", text, "Check the radio link and the load of the other end, or use a cable.")
-    text = f"This host was too busy to read for {longest:.1f} s{often}. No samples were lost."
+    text = f"Nothing was read for {longest:.1f} s{often}, then all at once: this host was likely too busy."
     remedy = "Check its load with `top`; run this server with `nice -n -5` or on another core."
     return JitterCause("stalls", text, remedy)
 
 
 def _network(top_ns: float) -> JitterCause:
-    text = f"The network delivers unevenly: samples arrive up to {top_ns / 1e6:.0f} ms late."
+    text = f"Samples arrive unevenly over the network, up to {top_ns / 1e6:.0f} ms late."
     return JitterCause("network", text, "Device times stay even. A cable instead of a radio link reduces the ±.")
 
 
@@ -79,7 +79,11 @@ def _bursts(top_ns: float, holds_ns: float, port: str) -> JitterCause:
     if 0 < holds_ns <= 1e6:
         text = f"{late}, although the latency timer of the USB adapter is 1 ms: bytes are buffered elsewhere."
         return JitterCause("bursts", text, "Connect the adapter without a hub, or the device to another port.")
-    return JitterCause("bursts", f"{late}: the USB adapter buffers bytes until its latency timer expires.", _set(port))
+    if not holds_ns:
+        return JitterCause(
+            "bursts", f"{late}: likely a USB adapter holds them until its latency timer expires.", _set(port)
+        )
+    return JitterCause("bursts", f"{late}: the USB adapter holds bytes until its latency timer expires.", _set(port))
 
 
 def _timer(holds_ns: float, port: str) -> JitterCause:

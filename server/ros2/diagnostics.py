@@ -1,6 +1,7 @@
 """Diagnostics of a device as diagnostic_msgs/DiagnosticArray: its link, rates, losses, and how well its clock is known.
 
-    level    0 OK, 1 WARN: losses, rejects or a time that is uncertain, 2 ERROR: no data, 3 STALE: not heard of for long
+    level    0 OK, 1 WARN: losses, rejects, a time that is uncertain, no figures yet, decoding behind what has arrived
+             2 ERROR: no data, 3 STALE: not heard of for long
 
 The uncertainty of stamps is among the values: ± of the mapping from the device's time to the host's, ms.
 """
@@ -16,6 +17,7 @@ from server.ros2.type_support import message_class, serialize
 ARRAY, STATUS, VALUE = (f"diagnostic_msgs/msg/{name}" for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue"))
 OK, WARN, ERROR, STALE = range(4)
 UNCERTAIN_MS = 20.0
+BEHIND_S = 0.5  # as on the page
 LEVELS = {"live": OK, "connecting": WARN, "idle": WARN, "lost": ERROR, "denied": ERROR, "ended": STALE}
 
 
@@ -48,6 +50,10 @@ def diagnostics(
             words.append(f"{counts.rejects - last.rejects} frames rejected.")
         if uncertainty is not None and uncertainty > UNCERTAIN_MS:
             words.append(f"Stamps are uncertain by ± {uncertainty:.0f} ms.")
+        if (behind := figures.get("behind") or 0.0) > BEHIND_S:
+            words.append(f"Decoding is {behind:.3g} s behind the data received.")
+        if health is None:
+            words.append("No figures yet.")
         level = WARN if words else OK
     text = " ".join(filter(None, words)) or f"{str(device['status']).capitalize()}, {figures.get('rate') or 0:.1f} Hz"
     values = {
