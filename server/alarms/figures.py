@@ -139,9 +139,9 @@ class HealthJudge:
 
 def behind_words(health: wire.DeviceHealth | None) -> str:
     """By how much decoding is behind, and what to do; "" while it keeps up."""
-    if health is None or health.behind <= BEHIND_S:
+    if health is None or health.behind.decoding <= BEHIND_S:
         return ""
-    return f"Decoding is {health.behind:.3g} s behind the data received. Reduce the load of this computer."
+    return f"Decoding is {health.behind.decoding:.3g} s behind the data received. Reduce the load of this computer."
 
 
 def _are_fewer(received: Mapping[str, int], before: Mapping[str, int]) -> bool:

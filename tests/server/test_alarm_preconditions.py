@@ -31,7 +31,7 @@ class Device:
         self.now, self.lost = BEGIN, 0
         self.arrived: float | None = None
         self.counts: dict[str, int] = {}
-        self.figures: dict[str, Any] = {"rate": 100.0, "drift_ppm": 3.0, "uncertainty_ms": 0.5, "behind": 0.0}
+        self.figures: dict[str, Any] = {"rate": 100.0, "drift_ppm": 3.0, "uncertainty_ms": 0.5, "behind": wire.Behind()}
         self.last = UNKNOWN, 0.0
 
     def run(self, seconds: float, rate: float = 100.0, lost: int = 0, message: str = "MTData2") -> Device:
@@ -75,9 +75,9 @@ OPENING = "The link is being opened. Wait for"
 UNNUMBERED = "The device does not number its samples: lost ones cannot be counted."
 UNJUDGED = [
     *(of("of a file that has ended", Device(one).run(20).set("ended").run(20, 0), ENDED) for one in LIMITS),
-    of("decoding behind", Device("rate").run(20).set(behind=12.0, rate=3.0).run(5), BEHIND),
-    of("decoding behind", Device("loss").run(20, lost=9).set(behind=12.0).run(5), BEHIND),
-    of("decoding behind", Device("silence").run(20).set(behind=12.0).run(12, 0), BEHIND),
+    of("decoding behind", Device("rate").run(20).set(behind=wire.Behind(decoding=12.0), rate=3.0).run(5), BEHIND),
+    of("decoding behind", Device("loss").run(20, lost=9).set(behind=wire.Behind(decoding=12.0)).run(5), BEHIND),
+    of("decoding behind", Device("silence").run(20).set(behind=wire.Behind(decoding=12.0)).run(12, 0), BEHIND),
     *(of("link not open yet", Device(one).set("connecting", rate=0.0).run(20, 0), OPENING) for one in ("rate", "link")),
     of("link not open yet", Device("clock").set("connecting", uncertainty_ms=16.0).run(3, 0), OPENING),
     of("nothing has arrived", Device("silence").set("connecting").run(3, 0), "The silence is not known yet. Wait for"),
@@ -94,7 +94,7 @@ UNJUDGED = [
     of("no samples any more", Device("loss").run(20).set("lost").run(20, 0), "The share of lost samples is not known"),
     of(
         "decoding has caught up",
-        Device("rate").run(9).set(behind=3.0).run(2).set(behind=0.0, rate=9.0).run(1),
+        Device("rate").run(9).set(behind=wire.Behind(decoding=3.0)).run(2).set(behind=wire.Behind(), rate=9.0).run(1),
         "0 s of",
     ),
 ]
@@ -220,7 +220,7 @@ def test_a_figure_that_is_unknown_for_long_is_no_data() -> None:
     alarm, device = Alarm({"kind": "health", "figure": "silence", "limit": 3.0}), Device("silence")
     alarm.instance.feed_health(device.info, device.run(1).health(), BEGIN + 1)
     assert (alarm.state.status, alarm.state.problem) == ("ok", "")
-    health = device.set(behind=12.0).run(1, 0).health()
+    health = device.set(behind=wire.Behind(decoding=12.0)).run(1, 0).health()
     alarm.instance.feed_health(device.info, health, BEGIN + 2)
     assert (alarm.state.status, alarm.state.problem) == ("ok", BEHIND)
     alarm.instance.feed_health(device.info, health, BEGIN + 9)
@@ -232,7 +232,7 @@ def test_a_figure_that_is_unknown_for_long_is_no_data() -> None:
 def test_an_alarm_on_samples_says_that_decoding_is_behind() -> None:
     alarm = Alarm(expression("EulerAngles.yaw > 10 °"))
     alarm.turn(5.0)
-    alarm.instance.feed_health(alarm.info, Device("rate").set(behind=12.0).health(), alarm.now)
+    alarm.instance.feed_health(alarm.info, Device("rate").set(behind=wire.Behind(decoding=12.0)).health(), alarm.now)
     assert alarm.state.problem == BEHIND
     alarm.instance.feed_health(alarm.info, Device("rate").health(), alarm.now)
     assert alarm.state.problem == ""

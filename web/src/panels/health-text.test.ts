@@ -77,12 +77,17 @@ describe("figuresOf", () => {
     expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
   });
   it("judges nothing while decoding is behind, and no loss before the first samples", () => {
-    const behind = figuresOf({ ...health, behind: 12 }, quiet, 12, 0);
+    const behind = figuresOf({ ...health, behind: { link: 0, decoding: 12, reason: "" } }, quiet, 12, 0);
     const shown = ["samples", "gaps", "rejects", "age"] as const;
     expect(shown.map((key) => behind[key].value)).toEqual(["—", "—", "—", "—"]);
     expect(behind.age.tone).toBe("");
     expect(behind.bytes.value).not.toBe("—");
-    const found = figuresOf({ ...health, behind: 12 }, { gaps: 1, lost: 72, blind: 0, rejects: 1 }, 12, 0);
+    const found = figuresOf(
+      { ...health, behind: { link: 0, decoding: 12, reason: "" } },
+      { gaps: 1, lost: 72, blind: 0, rejects: 1 },
+      12,
+      0,
+    );
     expect([found.gaps.tone, found.rejects.value]).toEqual(["warn", "1"]);
     const first = figuresOf({ ...health, messages: [], bytes: 0 }, quiet, undefined, 0);
     expect([first.gaps.value, first.rejects.value]).toEqual(["—", "—"]);
@@ -174,7 +179,7 @@ describe("verdict", () => {
   it("claims no loss only where that is known", () => {
     const rows: [string, string][] = [
       ["lost before the events in memory", told({ lost: 5, gaps: 1 })],
-      ["Decoding is 12 s behind the data received", told({ behind: 12 })],
+      ["Losses in that time are not known yet.", told({ behind: { link: 0, decoding: 12, reason: "" } })],
       ["No samples yet: nothing is known about loss.", told({ messages: [] })],
       ["No samples yet: nothing is known about loss.", told({ messages: [{ name: "a", rate: 0, count: 0 }] })],
       ["The device does not send PacketCounter: lost samples cannot be counted.", told({}, {}, ["Acceleration"])],

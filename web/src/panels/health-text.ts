@@ -1,6 +1,6 @@
 /** Words and numbers of the health figures. Pure; shared by the health panel and the phone's strip. */
 import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format";
-import { behindOf } from "../ui/page-state";
+import { TOLD_S } from "../data/behind";
 import { countsLosses, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { TEXT } from "../texts/panels";
@@ -108,7 +108,7 @@ export function figuresOf(
   counted = true,
   step = 0,
 ): Figures {
-  const known = health !== undefined && behindOf(health) === 0;
+  const known = health !== undefined && !isBehind(health);
   const late = Math.max(LATE_S, LATE_STEPS * step);
   const share = health?.capacity ? health.bytes_per_s / health.capacity : undefined;
   const jitter = health?.jitter_ms ?? undefined;
@@ -164,6 +164,11 @@ function agoOf(old: number | undefined): Quantity {
   return { value, unit: unit ? TEXT.unitAgo(unit) : "" };
 }
 
+/** Whether decoding is behind the data received, so that figures of what was decoded are of before. */
+function isBehind({ behind }: DeviceHealth): boolean {
+  return behind.decoding > TOLD_S;
+}
+
 function hasSamples(health: DeviceHealth): boolean {
   return health.messages.some(({ count }) => count > 0);
 }
@@ -199,8 +204,7 @@ function deviceVerdict(
   const gap = events.findLast((event) => event.device === device.id && event.kind === "gap");
   if (gap) return TEXT.gapVerdict(clock(gap.t0 ?? gap.time), sentence(gap.text));
   if (health && health.lost > 0) return TEXT.lostBeforeVerdict(health.lost);
-  const behind = age(behindOf(health) || undefined);
-  if (behindOf(health) > 0) return TEXT.behindVerdict(behind.value, behind.unit);
+  if (health && isBehind(health)) return TEXT.behindVerdict;
   const counted = countsLosses(device, channels);
   if (health && health.rejects > 0)
     return [TEXT.rejectsVerdict(health.rejects), counted ? TEXT.noneMissing : unknownLosses(device)].join(" ");

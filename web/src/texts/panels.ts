@@ -115,8 +115,7 @@ export const TEXT = {
   noneMissing: "No sample is missing by the device's counter.",
   lostBeforeVerdict: (samples: number) =>
     `${count(samples, "sample")} lost since the session began, before the events in memory.`,
-  behindVerdict: (value: Value, unit: Value) =>
-    `Decoding is ${value} ${unit} behind the data received: losses in that time are not known yet. Reduce the load of the server's computer.`,
+  behindVerdict: "Losses in that time are not known yet.",
   noSamplesYet: "No samples yet: nothing is known about loss.",
   lossesWithout: (counter: string) =>
     `The device does not send ${counter}: lost samples cannot be counted. Enable it in its outputs.`,
