@@ -84,7 +84,7 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
         {"clock": 1, "wait": 4},
         "a reader that is late, a port that opens slowly, a plug that is out",
     ),
-    "load_clients.py": ({"clock": 3, "wait": 2}, "clients of the benchmarks"),
+    "load_clients.py": ({"clock": 4, "wait": 2}, "clients of the benchmarks"),
     "protocols/test_floods.py": (
         {"clock": 2},
         "processor time of this thread; the limit is four times from what it tells apart",

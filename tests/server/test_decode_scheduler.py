@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
+from server.devices.connection_state import ConnectionEvent
 from server.devices.decode_options import DecodeOptions
 from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
 from server.devices.session import Session
@@ -134,10 +135,10 @@ def test_while_bytes_arrive_a_session_looks_for_them_by_itself() -> None:
 class BusyLink(ReadyLink):
     """A link of which bytes wait."""
 
-    waiting = 0
+    waiting: int | None = None
 
     @property
-    def backlog(self) -> int:
+    def waiting_since_ns(self) -> int | None:
         return self.waiting
 
 
@@ -148,12 +149,12 @@ def test_how_far_decoding_is_behind_is_told() -> None:
         clock = FakeClock()
         link = BusyLink("/dev/ttyFAKE", LinkSettings(now_ns=clock.now_ns))
         session = Session("1", link, Telemetry.create(clock).bus, SPEECH, DecodeOptions("fake"))
-        stats = session._stats
-        assert session.health(clock()).behind == 0.0
-        stats.last_arrival, stats.last_sample = 112.0, 100.0
-        assert session.health(clock()).behind == 0.0, "nothing waits: the bytes were no samples"
-        link.waiting = 5000
-        assert session.health(clock()).behind == 12.0
+        session._connection.apply(ConnectionEvent.START)
+        session._connection.apply(ConnectionEvent.OPENED)
+        assert session.health(clock()).behind.decoding == 0.0, "nothing waits"
+        link.waiting = clock.now_ns()
+        clock.move(12)
+        assert session.health(clock()).behind.decoding == 12.0
         await session.close()
 
     virtual_time.run(run())

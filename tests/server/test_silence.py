@@ -48,16 +48,3 @@ def test_a_slow_device_is_not_called_silent() -> None:
         assert stage.status == "lost"
 
     play(test)
-
-
-def test_a_device_is_behind_by_the_age_of_its_oldest_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A server minutes behind looked live."""
-
-    async def test(stage: SessionHarness) -> None:
-        await stage.send(*(sample(k) for k in range(10)))
-        now = stage.telemetry.bus.now()
-        assert stage.session.health(now).behind.decoding == 0
-        monkeypatch.setattr(type(stage.link), "waiting_since_ns", round((now - 53) * 1e9))
-        assert stage.session.health(now).behind.decoding == pytest.approx(53)
-
-    play(test)
