@@ -84,13 +84,20 @@ def allan_curve(runs: Sequence[Floats], rate: float, m: Sequence[int]) -> AllanC
 
 def _sum_of_squares(x: Floats, m: int, n: int) -> float:
     total = 0.0
-    part, other = np.empty(min(BLOCK, n)), np.empty(min(BLOCK, n))
+    size, shared = min(BLOCK, n), m < BLOCK // 2
+    part, other = np.empty(size), np.empty(size + m if shared else size)
     for begin in range(0, n, BLOCK):
         end = min(begin + BLOCK, n)
-        a, b = part[: end - begin], other[: end - begin]
-        np.subtract(x[begin + 2 * m : end + 2 * m], x[begin + m : end + m], out=a)
-        np.subtract(x[begin + m : end + m], x[begin:end], out=b)
-        np.subtract(a, b, out=a)
+        a = part[: end - begin]
+        if shared:  # both differences of a sample are differences of two: one pass instead of two
+            b = other[: end - begin + m]
+            np.subtract(x[begin + m : end + 2 * m], x[begin : end + m], out=b)
+            np.subtract(b[m:], b[: end - begin], out=a)
+        else:
+            b = other[: end - begin]
+            np.subtract(x[begin + 2 * m : end + 2 * m], x[begin + m : end + m], out=a)
+            np.subtract(x[begin + m : end + m], x[begin:end], out=b)
+            np.subtract(a, b, out=a)
         total += float(np.einsum("i,i", a, a))  # a product by BLAS would start threads of its own
     return total
 

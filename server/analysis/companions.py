@@ -62,8 +62,8 @@ class Companions:
     def moving(self) -> list[tuple[float, float]]:
         """Intervals in which one of its sensors shows motion, unix s."""
         return [
-            *moving_intervals(self.gyroscope, TURN_SPREAD, TURN_CHANGE),
-            *moving_intervals(self.accelerometer, FORCE_SPREAD, FORCE_CHANGE),
+            *moving_intervals(self.gyroscope, TURN_SPREAD, TURN_CHANGE, self.steps[0]),
+            *moving_intervals(self.accelerometer, FORCE_SPREAD, FORCE_CHANGE, self.steps[1]),
         ]
 
     @functools.cached_property

@@ -118,7 +118,8 @@ def _variances(values: Floats, length: int) -> Floats:
     centred = windows - windows.mean(axis=1, keepdims=True)
     ramp = np.arange(length) - (length - 1) / 2
     slope = centred @ ramp / float(ramp @ ramp)
-    variance: Floats = np.square(centred).mean(axis=1) - np.square(slope) * float(ramp @ ramp) / length
+    squares = np.einsum("ij,ij->i", centred, centred)
+    variance: Floats = (squares - np.square(slope) * float(ramp @ ramp)) / length
     return variance
 
 

@@ -19,6 +19,7 @@ from server.errors import DomainError
 GAP = 1.5  # a step longer than this many usual ones …
 SCATTER = 6.0  # … and by this many standard deviations of the usual ones: jitter makes no gaps
 UNEVEN = 0.1  # of a step: larger jitter is noted
+MANY, STRETCHES = 1 << 18, 64  # steps that are enough for their median, and the stretches that they are taken from
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +70,15 @@ def sampling_of(signal: Signal, least: int) -> Sampling:
         hint = f"Request a longer range; at least {least} samples are needed."
         raise DomainError("no-result", f"{signal.name} has only {counted(n, 'sample')} in that range.", hint)
     steps = np.diff(signal.time)
-    usual = float(np.median(steps))
+    some = _stretches(steps)
+    usual = float(np.median(some))
     if not usual > 0:
         hint = "Use the time of the device instead of arrival."
         raise DomainError("no-result", f"Most samples of {signal.name} share the time of another one.", hint)
-    scatter = 1.4826 * float(np.median(np.abs(steps - usual)))
+    scatter = 1.4826 * float(np.median(np.abs(some - usual)))
     at = np.flatnonzero(steps > GAP * usual + SCATTER * scatter) + 1
     edges = [0, *at.tolist(), n]
-    within = np.delete(steps, at - 1)
+    within = np.delete(steps, at - 1) if len(at) else steps
     mean = float(within.mean())
     return Sampling(
         rate=1 / mean,
@@ -85,6 +87,15 @@ def sampling_of(signal: Signal, least: int) -> Sampling:
         missing=float(steps[at - 1].sum() - len(at) * mean),
         jitter=float(within.std()),
     )
+
+
+def _stretches(steps: Floats) -> Floats:
+    """Steps of stretches all over the signal, enough for their median; stretches, as steps may come in patterns."""
+    length = MANY // STRETCHES
+    if len(steps) <= 2 * MANY:
+        return steps
+    begins = np.linspace(0, len(steps) - length, STRETCHES).astype(np.int64)
+    return np.concatenate([steps[begin : begin + length] for begin in begins.tolist()])
 
 
 def unwrapped(signal: Signal) -> Floats:

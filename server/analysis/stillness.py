@@ -166,7 +166,9 @@ def mean_and_uncertainty(means: StepMeans) -> tuple[Floats, Floats]:
     return mean, found
 
 
-def moving_intervals(samples: Samples, spread: float, change: float) -> list[tuple[float, float]]:
+def moving_intervals(
+    samples: Samples, spread: float, change: float, means: StepMeans | None = None
+) -> list[tuple[float, float]]:
     """Intervals of motion, unix s; they may overlap. Where samples are missing, nothing is said.
 
     White noise of any level is no motion: for a sensor so noisy that its means scatter by a quarter of a limit, the
@@ -175,8 +177,9 @@ def moving_intervals(samples: Samples, spread: float, change: float) -> list[tup
     Args:
         spread: limit of the spread of the means of 0.1 s within a window of 1 s.
         change: limit of the change from one window to the next.
+        means: of the samples, if they are known.
     """
-    means = step_means(samples)
+    means = step_means(samples) if means is None else means
     if len(means) < WINDOW_STEPS:
         return []
     grow = max(1.0, 4 * _white(samples) / math.sqrt(float(np.median(means.counts))) / spread)

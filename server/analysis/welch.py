@@ -21,6 +21,7 @@ DETRENDING = ("constant", "linear", "none")
 SCALES = ("power", "amplitude")
 SEGMENTS = 8  # of the automatic length, at half overlap
 MIN_LENGTH, MAX_LENGTH = 16, 1 << 16
+BLOCK = 1 << 18  # samples transformed together
 
 OPTIONS = (
     AnalysisOption("length", 0, 0, 1 << 22, "samples", "Length of a segment; 0 chooses one."),
@@ -104,17 +105,23 @@ def segments_for(sampling: Sampling, settings: Mapping[str, float], wanted: int 
 
 def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: Segments) -> tuple[Floats, Floats]:
     """Frequencies, and the mean over all segments of all runs."""
-    from scipy.signal import welch
+    from scipy.fft import rfft, rfftfreq
+    from scipy.signal import detrend
 
-    frequency, power = np.empty(0), np.zeros(segments.length // 2 + 1)
+    squares = np.zeros(2 * (segments.length // 2 + 1))
+    together = max(1, BLOCK // segments.length)
     for values, count in zip(runs, counts, strict=True):
-        if count:
-            frequency, part = welch(
-                values,
-                rate,
-                segments.window,
-                noverlap=segments.overlap,
-                detrend=segments.detrend,
-            )
-            power += count * part
-    return frequency, power / sum(counts)
+        if not count:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(values, segments.length)[:: segments.step]
+        for begin in range(0, count, together):
+            block = windows[begin : min(begin + together, count)]
+            if segments.detrend == "constant":
+                block = block - block.mean(axis=1, keepdims=True)
+            elif segments.detrend:
+                block = detrend(block, axis=1, type=segments.detrend)
+            parts = rfft(block * segments.window, axis=1).view(np.float64)
+            squares += np.einsum("ij,ij->j", parts, parts)
+    power = (squares[0::2] + squares[1::2]) / (sum(counts) * rate * float(np.square(segments.window).sum()))
+    power[1 : (segments.length + 1) // 2] *= 2  # one-sided; 0 Hz and half the rate have no other side
+    return rfftfreq(segments.length, 1 / rate), power
