@@ -170,18 +170,23 @@ async def _recorded(side: ComparedSide, letter: str, services: Services) -> _Dev
         raise DomainError("not-found", f"Source {side.source:.80} not found.", hint) from None
     except RecordingError as error:
         raise DomainError("cannot-open", error.message, error.hint) from None
+    entry = services.catalogue.library.get(side.source)
+    recording = entry.title or entry.name
     recorded = store.manifest["snapshots"]
+    if not side.device and len(recorded) > 1:
+        message = f"{letter}: “{recording}” holds the settings of several devices."
+        raise DomainError("which-device", message, f"Name one: {', '.join(recorded):.400}.")
     device = side.device or next(iter(recorded), "")
     body = recorded.get(device, {})
     values = body.get("values")
     if not isinstance(values, dict) or not values:
-        message = f"{letter}: the recording holds no settings of {_recorded_name(store, device)}."
+        message = f"{letter}: “{recording}” holds no settings of {_recorded_name(store, device)}."
         hint = "They are recorded once the device has been read: read it on Configure, and record again."
         raise DomainError("not-read", message, hint)
     texts = [str(body.get(name) or "") for name in ("protocol", "product", "serial_number", "firmware")]
     missing = body.get("missing")
     own = ComparedValues(
-        f"{letter}: {texts[1] or device}, as recorded",
+        f"{letter}: {texts[1] or device}, as recorded in “{recording}”",
         _wire_values(values),
         missing if isinstance(missing, dict) else {},
         from_device=True,

@@ -309,8 +309,12 @@ def test_settings_as_recorded_and_as_read_now_are_compared(tmp_path: Path) -> No
         assert rows == {"LocationID": ("0", "42")}
         assert found["same"] > 20
         assert found["left"].startswith("A: MTi-")
-        assert found["left"].endswith(", as recorded")
+        [entry] = [one for one in client.get("/api/recordings").json() if one["id"] == recording]
+        assert found["left"].endswith(f", as recorded in “{entry['title']}”")
         assert found["right"].startswith("B: MTi-")
         assert found["changes"] == {}  # it is for reading; Configure writes
+        unknown = client.post(f"{URL}/settings", json={"a": {"source": recording, "device": "7"}, "b": live})
+        assert_problem(unknown, 409, "not-read")
+        assert f"A: “{entry['title']}” holds no settings" in unknown.json()["message"]  # of two recordings, which?
         both = client.post(f"{URL}/settings", json={"a": sides["a"], "b": sides["a"]}).json()
         assert both["rows"] == []

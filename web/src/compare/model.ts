@@ -4,6 +4,7 @@ import { signalNames } from "../analysis/figures";
 import type { Channel } from "../data/channels";
 import { isOpening, server } from "../recordings/api";
 import { titleOf } from "../recordings/library-filter";
+import { listName } from "../wire/device-name";
 import type { RecordingDetail, RecordingInfo } from "../recordings/types";
 import { type Problem, request } from "../ui/http";
 import type { ComparedSide, ComparisonAnswer, ComparisonRequest } from "../wire/routes";
@@ -112,11 +113,16 @@ function likelySignals(
   return { signal: first, signalB: others.includes(first) ? "" : (others[0] ?? "") };
 }
 
-/** Title of a source. */
+/** Title of a source; of recordings with the same title the time at which each began, too. */
 export function sourceTitle(app: App, recordings: readonly RecordingInfo[] | undefined, source: string): string {
   const live = app.store.devices.value.find(({ id }) => id === source);
   const recording = recordings?.find(({ id }) => id === source);
-  return live?.name ?? (recording ? titleOf(recording) : source);
+  if (live) return listName(live);
+  if (recording === undefined) return source;
+  const title = titleOf(recording);
+  const isAlone = recordings?.every((one) => one === recording || titleOf(one) !== title);
+  const began = new Date((recording.started ?? 0) * 1000).toISOString().slice(0, 19).replace("T", " ");
+  return isAlone || recording.started === null ? title : `${title} · ${began}`;
 }
 
 /** Begin and end of what a side can show, unix s. */

@@ -178,6 +178,18 @@ test("settings that agree are one sentence", async () => {
   expect(await screen.findByText("The settings agree.")).toBeTruthy();
 });
 
+/** Regression: recordings of one device without titles of their own were all called like it. */
+test("recordings of one title are told apart by their times", async () => {
+  const devices = [{ id: "1", name: "MTi-630", product: "MTi-630" }];
+  const recordings = [1_760_000_000, 1_760_000_060].map((started, id) => ({
+    ...{ id: String(id + 7), title: "", file: "", devices, started, deleted: null, recording: false },
+  }));
+  open("a=1&al=30&b=2&bl=30&signal=Quaternion", { "GET /api/recordings": recordings });
+  const begun = (time: string) => screen.findAllByRole("option", { name: `MTi-630 · 2025-10-09 08:${time}` });
+  expect(await begun("53:20")).toHaveLength(2); // to choose as A, and as B
+  expect(await begun("54:20")).toHaveLength(2);
+});
+
 test("a refused comparison says why", async () => {
   const problem = { kind: "no-result", message: "No offset stands out.", hint: "Choose another range." };
   open("a=1&al=30&b=2&bl=30&signal=Quaternion", {
