@@ -28,7 +28,7 @@ from protocols.transactions import (
     WriteResult,
 )
 from server.configuration import commanding, cut_off, settings_procedures
-from server.configuration.budget import OVER_HINT, overload
+from server.configuration.budget import overload_error
 from server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
@@ -139,9 +139,9 @@ class Jobs:
             changed = settings_procedures.changed_elsewhere(controller.driver, rows, found.values, base, todo)
             if changed:
                 raise JobError(f"{changed} was changed by another client since it was last shown.", CHANGED_HINT)
-            why = overload(replace(controller.present, values=found.values), todo)
-            if why:
-                raise JobError(why, f"Nothing was written. {OVER_HINT}")
+            over = overload_error(replace(controller.present, values=found.values), todo)
+            if over is not None:
+                raise JobError(over.message, f"Nothing was written. {over.hint}")
             titles = ", ".join(rows[name].title or name for name in todo)
             task.job.snapshot = await self._reader.save_snapshot(
                 controller, found, "Before this change", reason or f"Before writing {titles}."

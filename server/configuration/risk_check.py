@@ -14,7 +14,7 @@ from protocols.layouts import EncodeError
 from protocols.schema import Command, Setting
 from protocols.transactions import RequiresState, Values
 from server.configuration.api_models import FieldProblem
-from server.configuration.budget import OVER_HINT, overload
+from server.configuration.budget import overload_error
 from server.configuration.checks import problems_of, unlike
 from server.configuration.dangers import UNASKED, Risk, dangers_of_write
 from server.configuration.device_controller import DeviceController
@@ -91,9 +91,8 @@ def plan_changes(
         if _check(controller, row, values, past):
             reported.add(name)
         risks += dangers_of(controller, row, values)
-    why = overload(controller.present, wanted)
-    if why:
-        raise DomainError("too-much", why, OVER_HINT)
+    if (error := overload_error(controller.present, wanted)) is not None:
+        raise error
     titles = [rows[name].title or name for name in changes]
     title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
     return ChangeRequest(title, risks + discarded(controller), wanted, changes=True, current=frozenset(reported))
@@ -174,9 +173,8 @@ def plan_command(controller: DeviceController, name: str, values: Mapping[str, A
         return _instead(controller, row, *other)
     setting = _written_by(controller, name, values)
     if setting is not None:
-        why = overload(controller.present, {setting.name: values})
-        if why:
-            raise DomainError("too-much", why, OVER_HINT)
+        if (error := overload_error(controller.present, {setting.name: values})) is not None:
+            raise error
         title = f"Write {setting.title or setting.name}"
         risks = dangers_of(controller, setting, values) + discarded(controller)
         return ChangeRequest(title, risks, {setting.name: dict(values)}, setting.name, True)

@@ -352,7 +352,7 @@ def program(machine: Machine) -> Iterator[Finding]:
     if jit_cache.is_there(machine.data):
         yield Finding("ok", "compiled code", "The decoders are compiled.")
     else:
-        words = "Not available yet: the next start compiles the decoders, which takes some seconds, once."
+        words = "Not available yet: the next start compiles the decoders, once; on a busy computer that takes minutes."
         yield Finding("ok", "compiled code", words)
     page = Path(jit_cache.__file__).parent / "page" / "index.html"
     if not page.is_file():

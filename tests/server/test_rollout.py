@@ -11,7 +11,7 @@ from protocols.isb.driver import IsbDriver
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
-from server.configuration.budget import overload
+from server.configuration.budget import overload, overload_error
 from server.configuration.preview import DevicePresentState, SerialLine
 from server.configuration.products import base_name, mismatch, same_product
 from server.configuration.settings_diff import ComparedValues, compare
@@ -51,6 +51,21 @@ def test_an_excessive_load_is_reported_and_a_reduced_one_is_not() -> None:
     assert overload(replace(mti({}), line=SerialLine()), {"OutputConfiguration": high}) == "", (
         "a network has no such limit"
     )
+
+
+def test_a_rate_that_no_line_allows_is_not_refused_for_the_line() -> None:
+    """The hint was to use fewer outputs or a higher baud rate, which cannot help."""
+
+    def pimu(period: int) -> dict[str, Any]:
+        return {"streams": {"streams": [{"did": 3, "period": period, "size": 40, "source_ms": 10.0}]}}
+
+    imx = DevicePresentState(IsbDriver(), DeviceContext(product="IMX-5", baud=921_600), LINE, pimu(1))
+    error = overload_error(imx, pimu(2))
+    assert error is not None
+    assert error.kind == "bad-value"
+    assert "sent at every navigation update" in error.message
+    assert "the rate that it had" in error.hint
+    assert overload_error(imx, pimu(1)) is None
 
 
 def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -> None:
