@@ -70,7 +70,7 @@ class SampleCondition(Protocol):
 
     @property
     def obstacle(self) -> str:
-        """What prevents a verdict while all samples are UNKNOWN, and what to do."""
+        """Obstacle to a verdict while all samples are UNKNOWN, and what to do."""
 
     def judge(self, rows: Rows) -> Judged:
         """Judge new samples; those that wait for another channel are judged later."""
@@ -159,7 +159,7 @@ class ExpressionJudge:
 
     @property
     def obstacle(self) -> str:
-        """What prevents a verdict while no sample can be judged."""
+        """Obstacle to a verdict while no sample can be judged."""
         if any(part.window for part in self._along.parts.values()):
             return "A moving window is not full yet; it begins anew after a gap. Wait until it is."
         return "The samples hold no values that can be compared. Check what the device sends for the signals."

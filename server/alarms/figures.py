@@ -82,7 +82,7 @@ class HealthJudge:
         return (BETWEEN if (value - clear) * self.direction > 0 else WITHIN), value
 
     def _obstacle(self, info: wire.DeviceInfo, health: wire.DeviceHealth | None, now: float) -> str:
-        """What prevents a verdict, and what to do."""
+        """Obstacle to a verdict, and what to do."""
         figure = self._condition.figure
         if info.status == "ended":
             return "The source has ended. Play it again, or disable the alarm."
