@@ -48,7 +48,7 @@ def output_list() -> str:
         titles.setdefault(one.suffix, one.title)
     titles[".html"] = "evidence: plots, figures, events and settings in one file"
     formats = ", ".join(f"{suffix} ({title})" for suffix, title in titles.items())
-    return f"file whose suffix selects the format: {formats}; CSV and Parquet: a file per message, OUT_MTData2.csv"
+    return f"file whose suffix selects the format: {formats}; CSV and Parquet: a file per message, OUT_MESSAGE.csv"
 
 
 def analysis_list() -> str:
