@@ -36,8 +36,8 @@ from server.version import VERSION
 ROOT = Path(__file__).resolve().parents[1]
 VARIABLE = "NUMBA_CACHE_DIR"
 COMPILING = (
-    "Compiling the decoders; this is done once, and takes minutes on a busy computer. Until then fast streams may be shown late, but "
-    "nothing is lost."
+    "Compiling the decoders; this is done once, and takes minutes on a busy computer. Until then fast streams may be "
+    "shown late, but nothing is lost."
 )
 _COMPILE = """
 import os
