@@ -25,7 +25,7 @@ COPY . .
 RUN uv sync --frozen --no-dev --no-editable
 # Compile the hot loops now, for any CPU of this architecture. Started from / so that the installed package is meant.
 ENV NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
-RUN cd / && /app/bin/python -c "from server.commands.common import warm; warm(None)" && ls /app/numba/*/*.nbi
+RUN cd / && /app/bin/python -c "from imuscope.server.commands.common import warm; warm(None)" && ls /app/numba/*/*.nbi
 
 FROM python:3.13.12-slim-bookworm
 COPY --from=build /app /app

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clock_sync import ClockSync, TimedRows
 
 Floats = NDArray[np.float64]
 

@@ -53,8 +53,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.clock_rows import host_times
-from protocols.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
+from imuscope.protocols.clock_rows import host_times
+from imuscope.protocols.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
 

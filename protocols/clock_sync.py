@@ -31,10 +31,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.chunk_boundaries import ChunkBoundaries
-from protocols.clock_model import ClockModel
-from protocols.clock_rows import decreases, delays_of
-from protocols.delay_stats import FEWEST, DelaySpread, DelayStatistics
+from imuscope.protocols.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.clock_model import ClockModel
+from imuscope.protocols.clock_rows import decreases, delays_of
+from imuscope.protocols.delay_stats import FEWEST, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.schema import Command, Field
-from protocols.transactions import DeviceContext, DeviceDriver
+from imuscope.protocols.schema import Command, Field
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver
 
 FrameRecord = Mapping[str, Any]
 """A frame as `imuscope inspect` prints it."""

@@ -13,8 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.missing_numbers import count_missing
-from protocols.tick_unwrap import ARRIVAL, LATE_RUN, NEAR_SHARE, NEWEST, OPEN_FROM, OPEN_TO, RESET, STATES, WRAP, follow
+from imuscope.protocols.missing_numbers import count_missing
+from imuscope.protocols.tick_unwrap import (
+    ARRIVAL,
+    LATE_RUN,
+    NEAR_SHARE,
+    NEWEST,
+    OPEN_FROM,
+    OPEN_TO,
+    RESET,
+    STATES,
+    WRAP,
+    follow,
+)
 
 Array = NDArray[Any]
 Times = NDArray[np.int64]

@@ -14,8 +14,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from protocols import nmea, rtcm, ubx
-from protocols.nmea import ParsedMessage
+from imuscope.protocols import nmea, rtcm, ubx
+from imuscope.protocols.nmea import ParsedMessage
 
 STARTS = re.compile(nmea.STARTS.pattern + b"|" + re.escape(ubx.SYNC) + b"|" + rtcm.SYNC + b"[\x00-\x03]")
 _STARTS = re.compile(b"[" + ubx.SYNC[:1] + rtcm.SYNC + b"]")

@@ -21,7 +21,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.schema import Message
+from imuscope.protocols.schema import Message
 
 Array = NDArray[Any]
 

@@ -14,17 +14,17 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.composer import ProtocolComposer
-from protocols.decode_options import DecodeOption, settings_of
-from protocols.editor_choices import RateTable
-from protocols.events import Batch, Decoder, Reply
-from protocols.framing import Bytes, Ints, Scan
-from protocols.mounting import MountingSetting
-from protocols.schema import Message
-from protocols.sensor_properties import SensorProperties
-from protocols.simulator.family import SimulatorInfo
-from protocols.support import SupportTable
-from protocols.transactions import DeviceContext, DeviceDriver, Transaction, Values
+from imuscope.protocols.composer import ProtocolComposer
+from imuscope.protocols.decode_options import DecodeOption, settings_of
+from imuscope.protocols.editor_choices import RateTable
+from imuscope.protocols.events import Batch, Decoder, Reply
+from imuscope.protocols.framing import Bytes, Ints, Scan
+from imuscope.protocols.mounting import MountingSetting
+from imuscope.protocols.schema import Message
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.simulator.family import SimulatorInfo
+from imuscope.protocols.support import SupportTable
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Transaction, Values
 
 
 class FrameLister(Protocol):

@@ -15,8 +15,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
-from protocols.layouts import EncodeError
-from protocols.schema import Bits, Field
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Bits, Field
 
 ALL = ("ON", "ALL")
 FEW = 6

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
-from protocols.events import RejectedFrame, Text
-from protocols.framing import OFFSET, SIZE, Ints
+from imuscope.protocols.events import RejectedFrame, Text
+from imuscope.protocols.framing import OFFSET, SIZE, Ints
 
 FrameLine = dict[str, Any]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from protocols.schema import Bits, Field
+from imuscope.protocols.schema import Bits, Field
 
 
 def jsonable(value: Any) -> Any:

@@ -17,12 +17,12 @@ from collections import Counter
 
 import numpy as np
 
-from protocols.events import RejectedFrame, Text
-from protocols.family import ProtocolInfo
-from protocols.framing import OFFSET, SIZE, Ints, Scan
-from protocols.nmea import ParsedMessage
-from protocols.registry import PROTOCOLS
-from protocols.stream_parser import StreamParser
+from imuscope.protocols.events import RejectedFrame, Text
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.framing import OFFSET, SIZE, Ints, Scan
+from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.stream_parser import StreamParser
 
 FEW = 3  # frames of another protocol; fewer may be chance
 

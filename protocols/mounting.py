@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.transactions import Values
+from imuscope.protocols.transactions import Values
 
 Floats = NDArray[np.float64]
 

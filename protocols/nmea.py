@@ -29,8 +29,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.events import LazyMapping
-from protocols.schema import Field, Message
+from imuscope.protocols.events import LazyMapping
+from imuscope.protocols.schema import Field, Message
 
 LONGEST = 192  # the standard says 82; $PSONCMS needs 132
 _BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r?\n)?")  # printable, no other start

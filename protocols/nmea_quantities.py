@@ -23,9 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch, Text
-from protocols.nmea import SENTENCES
-from protocols.schema import Field, Message
+from imuscope.protocols.events import Batch, Text
+from imuscope.protocols.nmea import SENTENCES
+from imuscope.protocols.schema import Field, Message
 
 _XYZ = ("x", "y", "z")
 _NED = ("north", "east", "down")

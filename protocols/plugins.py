@@ -1,7 +1,7 @@
 """Protocol families, found through the entry-point group `imuscope.protocols`.
 
     [project.entry-points."imuscope.protocols"]
-    name = "package.module:FAMILY"              a protocols.family.ProtocolInfo whose name is the same
+    name = "package.module:FAMILY"              a imuscope.protocols.family.ProtocolInfo whose name is the same
 
 The families that come with imuscope are declared in its own pyproject.toml in the same way. In a checkout whose
 installation is older than that file, or that was never installed, they are read from the file.
@@ -20,7 +20,7 @@ from pathlib import Path
 
 GROUP = "imuscope.protocols"
 PACKAGE = "imuscope"
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).resolve().parents[1]
 log = logging.getLogger("imuscope.plugins")
 
 

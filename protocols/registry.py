@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from protocols.decode_options import DecodeOption, merged
-from protocols.events import Batch, Decoder, Reply
-from protocols.family import FrameLister, LogFormat, PositionFix, ProtocolInfo, RejectRemedy
-from protocols.messages.family import MESSAGES
-from protocols.plugins import ProtocolPlugin, protocol_plugins
+from imuscope.protocols.decode_options import DecodeOption, merged
+from imuscope.protocols.events import Batch, Decoder, Reply
+from imuscope.protocols.family import FrameLister, LogFormat, PositionFix, ProtocolInfo, RejectRemedy
+from imuscope.protocols.messages.family import MESSAGES
+from imuscope.protocols.plugins import ProtocolPlugin, protocol_plugins
 
 __all__ = ["PROBLEMS", "PROTOCOLS", "Detection", "FrameLister", "ProtocolInfo", "detect"]
 

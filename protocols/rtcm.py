@@ -19,9 +19,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from protocols.checksums import crc24q
-from protocols.nmea import ParsedMessage
-from protocols.ubx import WAIT, Wait
+from imuscope.protocols.checksums import crc24q
+from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.ubx import WAIT, Wait
 
 SYNC = b"\xd3"
 HEADER, TRAILER = 3, 3

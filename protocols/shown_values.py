@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from protocols.layouts import EncodeError
-from protocols.schema import Field
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Field
 
 NEAR = 1e-6  # of a step: a decimal fraction is not exact in binary
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clock_sync import ClockSync, TimedRows
 
 Floats = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from protocols.events import Decoder, RejectedFrame, Text
-from protocols.framing import (
+from imuscope.protocols.events import Decoder, RejectedFrame, Text
+from imuscope.protocols.framing import (
     OFFSET,
     REASONS,
     SIZE,
@@ -35,8 +35,8 @@ from protocols.framing import (
     one_number,
     scan_all,
 )
-from protocols.jit import INTERPRETED_BYTES, load_for
-from protocols.nmea import ParsedMessage
+from imuscope.protocols.jit import INTERPRETED_BYTES, load_for
+from imuscope.protocols.nmea import ParsedMessage
 
 Find = Callable[..., tuple[list[ParsedMessage], int]]
 """find(data, final=…) -> (messages found, where bytes must be kept from); see protocols/embedded_protocols.py."""

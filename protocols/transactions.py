@@ -30,9 +30,9 @@ from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
-from protocols.events import Event
-from protocols.layouts import EncodeError
-from protocols.schema import Caution, Command, Setting
+from imuscope.protocols.events import Event
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Caution, Command, Setting
 
 T = TypeVar("T")
 NO_STATES: Mapping[str, str] = {}
@@ -260,7 +260,7 @@ class DeviceDriver(ABC):
 
     What a family leaves out is that of a device without settings, states and load, whose rate nothing changes.
 
-    Every method with values raises protocols.layouts.EncodeError with the field's path, the value and the allowed range
+    Every method with values raises protocols/layouts.py `EncodeError` with the field, the value and the allowed range
     if they cannot be sent. Transactions raise DeviceRejectedError and NoReplyError.
     """
 

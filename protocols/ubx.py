@@ -19,8 +19,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from protocols.checksums import fletcher16
-from protocols.nmea import ParsedMessage
+from imuscope.protocols.checksums import fletcher16
+from imuscope.protocols.nmea import ParsedMessage
 
 Wait = Literal["wait"]
 WAIT: Final = "wait"

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from protocols.layouts import EncodeError, is_open
-from protocols.schema import Field
-from protocols.shown_values import is_scaled, shown_number
+from imuscope.protocols.layouts import EncodeError, is_open
+from imuscope.protocols.schema import Field
+from imuscope.protocols.shown_values import is_scaled, shown_number
 
 MAX_LISTED = 40  # choices in an error; a longer list hides the error
 _FIXED = {"fp1220": 2.0**11, "fp1632": 2.0**15}

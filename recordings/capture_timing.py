@@ -29,9 +29,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from protocols.dates import UNKNOWN
-from protocols.events import Batch, ClockStep, Decoder, Event, Reply
-from protocols.framing import Ints
+from imuscope.protocols.dates import UNKNOWN
+from imuscope.protocols.events import Batch, ClockStep, Decoder, Event, Reply
+from imuscope.protocols.framing import Ints
 
 BLOCK_BYTES = 1 << 16
 BLIND_BYTES = 1 << 16

@@ -25,10 +25,10 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
-from protocols.framing import Ints
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, McapChannel
-from recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending
-from recordings.mcap_writer import PROFILE
+from imuscope.protocols.framing import Ints
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, McapChannel
+from imuscope.recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending
+from imuscope.recordings.mcap_writer import PROFILE
 
 HEAD = MESSAGE_HEAD.size  # of a message record, before its data
 SMALLEST, LARGEST = 1 << 14, 1 << 20  # bytes of a chunk before compression

@@ -33,8 +33,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings import atomic_write
-from recordings.downsampling import FAR, LEVELS, level_offsets, padding, reduce
+from imuscope.recordings import atomic_write
+from imuscope.recordings.downsampling import FAR, LEVELS, level_offsets, padding, reduce
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

@@ -23,15 +23,15 @@ from typing import BinaryIO
 
 import numpy as np
 
-from protocols.framing import Ints
-from recordings import atomic_write, file_lock
-from recordings.bounds import TooLong, bounded, bounded_by
-from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
-from recordings.mcap_records import message
-from recordings.mcap_writer import RecordingError, disk_error
-from recordings.parent_death import die_with_parent
-from recordings.regular_file import open_regular
+from imuscope.protocols.framing import Ints
+from imuscope.recordings import atomic_write, file_lock
+from imuscope.recordings.bounds import TooLong, bounded, bounded_by
+from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
+from imuscope.recordings.mcap_records import message
+from imuscope.recordings.mcap_writer import RecordingError, disk_error
+from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.regular_file import open_regular
 
 MEMORY = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
 TEMPORARY_SUFFIX = ".packing"  # suffix of the temporary file beside the other
@@ -189,7 +189,7 @@ def write_recording(
 
 
 def main() -> int:
-    """`python -m recordings.compaction FILE …`: compact each, at low priority.
+    """`python -m imuscope.recordings.compaction FILE …`: compact each, at low priority.
 
     Reports each as a line of JSON: path, packed, and the error message. One that exceeds its memory or time ends the
     process.

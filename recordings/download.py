@@ -20,16 +20,16 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex
 
-from protocols.framing import Ints
-from recordings import sidecar
-from recordings.compaction import write_compacted, write_recording
-from recordings.importers import open_file
-from recordings.library import LibraryEntry
-from recordings.mcap_reader import MAGIC, McapChannel, McapReader
-from recordings.mcap_records import bytes_of
-from recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
-from recordings.regular_file import open_regular
-from recordings.sources import Source
+from imuscope.protocols.framing import Ints
+from imuscope.recordings import sidecar
+from imuscope.recordings.compaction import write_compacted, write_recording
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.mcap_reader import MAGIC, McapChannel, McapReader
+from imuscope.recordings.mcap_records import bytes_of
+from imuscope.recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
+from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import Source
 
 BOM = b"\xef\xbb\xbf"
 _RECORD = 9  # opcode, length

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from recordings.mcap_writer import SUFFIX
+from imuscope.recordings.mcap_writer import SUFFIX
 
 _LONGEST = 40
 

@@ -22,16 +22,16 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from protocols.family import Damage, LogFormat, ProtocolInfo
-from protocols.registry import PROTOCOLS, detect, permissive_decoder
-from recordings import vendor_logs
-from recordings.capture_timing import CaptureTiming
-from recordings.mcap_reader import MAGIC, FileDamage, McapReader
-from recordings.mcap_writer import READABLE, RecordingError
-from recordings.message_source import MessageSource
-from recordings.regular_file import open_regular, read_regular, readable_name
-from recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
-from recordings.tabular import CsvSource
+from imuscope.protocols.family import Damage, LogFormat, ProtocolInfo
+from imuscope.protocols.registry import PROTOCOLS, detect, permissive_decoder
+from imuscope.recordings import vendor_logs
+from imuscope.recordings.capture_timing import CaptureTiming
+from imuscope.recordings.mcap_reader import MAGIC, FileDamage, McapReader
+from imuscope.recordings.mcap_writer import READABLE, RecordingError
+from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.regular_file import open_regular, read_regular, readable_name
+from imuscope.recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
+from imuscope.recordings.tabular import CsvSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5

@@ -29,16 +29,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recordings import atomic_write, file_lock, sidecar, vendor_logs
-from recordings.column_store import ColumnStore
-from recordings.importers import SUFFIXES, open_file
-from recordings.mcap_writer import RecordingError, disk_error
-from recordings.probe import ALWAYS_LISTED, ProbedDevice, RecordingProbe, probe
-from recordings.quota import BIN
-from recordings.regular_file import read_regular, readable_name
-from recordings.sidecar import Edits, Marker
-from recordings.summary import is_summary, summarize
-from recordings.upload_names import clean_name
+from imuscope.recordings import atomic_write, file_lock, sidecar, vendor_logs
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import SUFFIXES, open_file
+from imuscope.recordings.mcap_writer import RecordingError, disk_error
+from imuscope.recordings.probe import ALWAYS_LISTED, ProbedDevice, RecordingProbe, probe
+from imuscope.recordings.quota import BIN
+from imuscope.recordings.regular_file import read_regular, readable_name
+from imuscope.recordings.sidecar import Edits, Marker
+from imuscope.recordings.summary import is_summary, summarize
+from imuscope.recordings.upload_names import clean_name
 
 INDEX, INCOMING = ".index", ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin

@@ -34,11 +34,11 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 
-from protocols.framing import Bytes, Ints
-from protocols.jit import BYTES, FOUR, INT, TABLE, compiled, load_for
-from recordings.mcap_writer import PROFILE, READABLE, RecordingError
-from recordings.regular_file import open_regular
-from recordings.tolerant_json import loads
+from imuscope.protocols.framing import Bytes, Ints
+from imuscope.protocols.jit import BYTES, FOUR, INT, TABLE, compiled, load_for
+from imuscope.recordings.mcap_writer import PROFILE, READABLE, RecordingError
+from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.tolerant_json import loads
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)

@@ -46,9 +46,9 @@ from typing import Any, Literal
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
-from protocols.messages.records import HEAD, Definitions, MessageChannel, records_of
-from recordings import file_lock
-from recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending, message, messages
+from imuscope.protocols.messages.records import HEAD, Definitions, MessageChannel, records_of
+from imuscope.recordings import file_lock
+from imuscope.recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending, message, messages
 
 Direction = Literal["rx", "tx"]
 ChannelKey = str | tuple[str, MessageChannel]

@@ -10,12 +10,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from protocols.messages.decoder import reader_of
-from protocols.messages.family import NAME
-from recordings.mcap_reader import FileDamage, McapChannel, McapReader
-from recordings.mcap_writer import RecordingError
-from recordings.messages import MessageBlocks, channel_of, preamble
-from recordings.sources import ChunkBlock, SourceDevice
+from imuscope.protocols.messages.decoder import reader_of
+from imuscope.protocols.messages.family import NAME
+from imuscope.recordings.mcap_reader import FileDamage, McapChannel, McapReader
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.messages import MessageBlocks, channel_of, preamble
+from imuscope.recordings.sources import ChunkBlock, SourceDevice
 
 DEVICE = "1"
 

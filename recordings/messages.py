@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from protocols.framing import Ints
-from protocols.messages.records import MESSAGE_HEAD, MessageChannel, definition
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapChannel, McapReader, MessageBlock
-from recordings.mcap_writer import DEVICE_KEY
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.messages.records import MESSAGE_HEAD, MessageChannel, definition
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapChannel, McapReader, MessageBlock
+from imuscope.recordings.mcap_writer import DEVICE_KEY
 
 _HEAD = MESSAGE_HEAD.size
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import ChannelLayout, ExactRows
+from imuscope.recordings.column_store import ChannelLayout, ExactRows
 
 NAME = "payloads.bin"
 SHAPE = ChannelLayout(("u8", "u4"), (False, False))

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
-from protocols.registry import detect
-from recordings import sidecar, vendor_logs
-from recordings.importers import GUESS_BYTES, GUESS_SCORE, paced
-from recordings.mcap_reader import MAGIC, TIME, McapReader
-from recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
-from recordings.messages import recorded_device
-from recordings.regular_file import open_regular, readable_name
+from imuscope.protocols.registry import detect
+from imuscope.recordings import sidecar, vendor_logs
+from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, paced
+from imuscope.recordings.mcap_reader import MAGIC, TIME, McapReader
+from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
+from imuscope.recordings.messages import recorded_device
+from imuscope.recordings.regular_file import open_regular, readable_name
 
 ALWAYS_LISTED = (".mcap", *vendor_logs.log_suffixes(), ".bin", ".csv")  # listed even if nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."

@@ -14,10 +14,10 @@ import shutil
 from collections.abc import Collection
 from pathlib import Path
 
-from recordings import file_lock, sidecar
-from recordings.mcap_reader import MAGIC, McapReader
-from recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
-from recordings.regular_file import open_regular
+from imuscope.recordings import file_lock, sidecar
+from imuscope.recordings.mcap_reader import MAGIC, McapReader
+from imuscope.recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
+from imuscope.recordings.regular_file import open_regular
 
 BIN = ".bin"
 RESERVE_BYTES, RESERVE_SHARE = 2 * 10**9, 20  # a disk with less of it free, and less than one part in so many, is short

@@ -26,8 +26,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from protocols.messages.records import Definitions
-from recordings.mcap_writer import Direction, McapWriter, RecordingError
+from imuscope.protocols.messages.records import Definitions
+from imuscope.recordings.mcap_writer import Direction, McapWriter, RecordingError
 
 log = logging.getLogger("imuscope.recording")
 

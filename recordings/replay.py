@@ -23,8 +23,8 @@ from typing import Literal
 
 import numpy as np
 
-from recordings.message_source import MessageSource
-from recordings.sources import ChunkBlock, McapSource, Source
+from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.sources import ChunkBlock, McapSource, Source
 
 SPEEDS = (0.1, 50.0)
 TURN_NS = 100_000_000  # between two turns of a loop: plot lines break there

@@ -21,10 +21,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recordings import atomic_write
-from recordings.mcap_writer import RecordingError, check_format_version
-from recordings.regular_file import read_regular
-from recordings.tolerant_json import loads
+from imuscope.recordings import atomic_write
+from imuscope.recordings.mcap_writer import RecordingError, check_format_version
+from imuscope.recordings.regular_file import read_regular
+from imuscope.recordings.tolerant_json import loads
 
 SUFFIX = ".json"
 VERSION = 1

@@ -17,11 +17,11 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from protocols.framing import Ints
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, FileDamage, McapReader, MessageBlock
-from recordings.mcap_writer import DEVICE, RECORDING, check_format_version
-from recordings.messages import MessageBlocks, preamble, recorded_device
-from recordings.tolerant_json import loads
+from imuscope.protocols.framing import Ints
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, FileDamage, McapReader, MessageBlock
+from imuscope.recordings.mcap_writer import DEVICE, RECORDING, check_format_version
+from imuscope.recordings.messages import MessageBlocks, preamble, recorded_device
+from imuscope.recordings.tolerant_json import loads
 
 
 @dataclass(frozen=True, slots=True)

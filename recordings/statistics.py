@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import ColumnStore
+from imuscope.recordings.column_store import ColumnStore
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from recordings.column_store import ColumnStore, ExactRows
+from imuscope.recordings.column_store import ColumnStore, ExactRows
 
 BUCKETS = 64
 FINE = 32  # summaries for each bucket

@@ -28,11 +28,11 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.plural import counted, plural
-from recordings.mcap_reader import FileDamage
-from recordings.mcap_writer import RecordingError
-from recordings.regular_file import open_regular
-from recordings.sources import ChunkBlock, SourceDevice
+from imuscope.protocols.plural import counted, plural
+from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import ChunkBlock, SourceDevice
 
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
     import pyarrow as pa

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.messages.own_schema import LETTERS, letters
+from imuscope.protocols.messages.own_schema import LETTERS, letters
 
 if TYPE_CHECKING:  # imported where many rows are encoded, so that a server starts sooner
     import pyarrow as pa

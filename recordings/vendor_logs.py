@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from protocols.family import LogFormat, LogName, ProtocolInfo
-from protocols.framing import Ints
-from protocols.registry import log_formats
-from recordings.regular_file import read_regular
+from imuscope.protocols.family import LogFormat, LogName, ProtocolInfo
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.registry import log_formats
+from imuscope.recordings.regular_file import read_regular
 
 MARKER_BYTES = 16  # at most
 

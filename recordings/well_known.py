@@ -18,9 +18,9 @@ import numpy as np
 from foxglove.messages import FrameTransform, LocationFix, Log, LogLevel, Quaternion, Timestamp, Vector3
 from numpy.typing import NDArray
 
-from recordings.rotations import ENU_FROM, READ, multiply
-from recordings.rrd.entities import Attitude, PositionEntity
-from recordings.rrd.enu import is_place
+from imuscope.recordings.rotations import ENU_FROM, READ, multiply
+from imuscope.recordings.rrd.entities import Attitude, PositionEntity
+from imuscope.recordings.rrd.enu import is_place
 
 __all__ = ["ATTITUDE", "POSITION", "FrameTransform", "LocationFix", "Log", "fixes", "heights", "logged", "transforms"]
 

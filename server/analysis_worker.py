@@ -1,4 +1,4 @@
-"""`python -m server.analysis_worker MEMORY_MB TIME_S`: run analyses, each in a process of its own, within these limits.
+"""`python -m imuscope.server.analysis_worker MEMORY_MB TIME_S`: run each analysis in its own process, within limits.
 
 It is a fork server (server/fork_server.py): it imports what analyses need once, and has no threads. The answer of a job
 has the facts {"media"}, or {"kind", "message", "hint"} of an error.
@@ -13,20 +13,20 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from recordings.bounds import TooLong, bounded, memory_in_use, memory_of_one
-from recordings.priority import lower_priority
-from server.analysis.jobs import AnalysisJob
-from server.analysis.limits import AnalysisLimits
-from server.analysis.registry import load_analyses
-from server.errors import DomainError
-from server.fork_server import JobAnswer, serve
+from imuscope.recordings.bounds import TooLong, bounded, memory_in_use, memory_of_one
+from imuscope.recordings.priority import lower_priority
+from imuscope.server.analysis.jobs import AnalysisJob
+from imuscope.server.analysis.limits import AnalysisLimits
+from imuscope.server.analysis.registry import load_analyses
+from imuscope.server.errors import DomainError
+from imuscope.server.fork_server import JobAnswer, serve
 
 USED = (
     "scipy.fft",
     "scipy.ndimage",
     "scipy.signal",
-    "server.alarms.preview",
-    "server.calibration.stretch",
+    "imuscope.server.alarms.preview",
+    "imuscope.server.calibration.stretch",
 )  # imported late by others, or unpickled
 OWN_MB = 128  # of memory besides the limit, for stacks of threads, and for the text of the answer
 

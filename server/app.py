@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
-from server.api import (
+from imuscope.server.api import (
     alarms,
     analysis,
     calibration,
@@ -49,20 +49,20 @@ from server.api import (
     websocket,
     workspaces,
 )
-from server.auth import Access, Guard
-from server.config import Config
-from server.devices.protocol_detection import ProtocolSet
-from server.devices.sessions import OpenLink
-from server.fleet.fleet_server import FleetServer
-from server.fleet.robots import Robots
-from server.links import open_link
-from server.page_files import Files
-from server.previous_names import PreviousPaths
-from server.rate_limit import RateLimiter
-from server.security_headers import Heads
-from server.services import build_services
-from server.timings import ViewerTimings
-from server.version import VERSION
+from imuscope.server.auth import Access, Guard
+from imuscope.server.config import Config
+from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.devices.sessions import OpenLink
+from imuscope.server.fleet.fleet_server import FleetServer
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.links import open_link
+from imuscope.server.page_files import Files
+from imuscope.server.previous_names import PreviousPaths
+from imuscope.server.rate_limit import RateLimiter
+from imuscope.server.security_headers import Heads
+from imuscope.server.services import build_services
+from imuscope.server.timings import ViewerTimings
+from imuscope.server.version import VERSION
 
 ROUTED = (
     devices,

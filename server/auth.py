@@ -41,11 +41,11 @@ from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from server.config import Config, is_loopback
-from server.errors import DomainError, status_of
-from server.login_throttle import UNGUESSABLE, LoginThrottle
-from server.previous_names import path_of
-from server.security_headers import WEBHOOK_HEADER, with_defaults
+from imuscope.server.config import Config, is_loopback
+from imuscope.server.errors import DomainError, status_of
+from imuscope.server.login_throttle import UNGUESSABLE, LoginThrottle
+from imuscope.server.previous_names import path_of
+from imuscope.server.security_headers import WEBHOOK_HEADER, with_defaults
 
 log = logging.getLogger("imuscope.auth")
 

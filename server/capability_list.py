@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from protocols.decode_options import DecodeOption
-from protocols.family import ProtocolInfo
-from protocols.registry import PROTOCOLS
-from recordings.exporters import FORMATS
-from server.capabilities import (
+from imuscope.protocols.decode_options import DecodeOption
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.recordings.exporters import FORMATS
+from imuscope.server.capabilities import (
     Capabilities,
     DecodeOptionChoice,
     DecodeOptionInput,
@@ -16,7 +16,7 @@ from server.capabilities import (
     ProtocolCapability,
     SourceExample,
 )
-from server.links.registry import link_kinds
+from imuscope.server.links.registry import link_kinds
 
 
 def list_capabilities() -> Capabilities:

@@ -19,8 +19,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from server.commands.arguments import COMMANDS, parse, parser
-from server.commands.common import (
+from imuscope.server.commands.arguments import COMMANDS, parse, parser
+from imuscope.server.commands.common import (
     UsageError,
     check_protocol,
     check_sources,
@@ -36,10 +36,10 @@ from server.commands.common import (
     seekable,
     size_of,
 )
-from server.config import ConfigError, load
-from server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, secret_text
-from server.jit_cache import BackgroundLoad
-from server.printable import printable
+from imuscope.server.config import ConfigError, load
+from imuscope.server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, secret_text
+from imuscope.server.jit_cache import BackgroundLoad
+from imuscope.server.printable import printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -104,14 +104,14 @@ def _silence() -> None:
 
 def _ports(options: argparse.Namespace) -> None:
     prepare(options.data)
-    from server.links.ports import print_ports
+    from imuscope.server.links.ports import print_ports
 
     print_ports(sys.stdout)
 
 
 def _doctor(options: argparse.Namespace) -> int:
-    from server.commands import doctor
-    from server.diagnostics.checks import Machine, run_checks
+    from imuscope.server.commands import doctor
+    from imuscope.server.diagnostics.checks import Machine, run_checks
 
     if options.udev_rule and options.systemd_unit:
         raise UsageError("--udev-rule and --systemd-unit print one file each; give one of the two")
@@ -129,7 +129,7 @@ def _doctor(options: argparse.Namespace) -> int:
 def _inspect(options: argparse.Namespace) -> None:
     path = readable(options.file)
     prepare_decoders(options.data, size_of(path))
-    from server.commands.inspect import inspect_file
+    from imuscope.server.commands.inspect import inspect_file
 
     decode_options = decode_options_of(options, "auto")
     how = {name: getattr(options, name) for name in ("direction", "format", "rejects", "device")}
@@ -147,7 +147,7 @@ def _compose(options: argparse.Namespace) -> None:
     if options.jsonl not in (None, "-"):
         readable(options.jsonl)
     prepare(options.data)
-    from server.commands.compose import ComposeError, composers, context_of, find_composer, frame_of, frames_of
+    from imuscope.server.commands.compose import ComposeError, composers, context_of, find_composer, frame_of, frames_of
 
     decode_options = decode_options_of(options)
     all_composers = composers(decode_options)
@@ -174,8 +174,8 @@ def _send(options: argparse.Namespace) -> None:
     import asyncio
 
     prepare(options.data)
-    from server.commands.compose import ComposeError
-    from server.commands.send import SendError, SendRequest, send
+    from imuscope.server.commands.compose import ComposeError
+    from imuscope.server.commands.send import SendError, SendRequest, send
 
     source, decode_options = parse_source_options(options.source, decode_options_of(options))
     decode_options = checked_protocol(decode_options)
@@ -190,8 +190,8 @@ def _commands(options: argparse.Namespace) -> None:
     decode_options = decode_options_of(options)
     check_protocol(decode_options.protocol)
     prepare(options.data)
-    from server.commands.commands import manual
-    from server.commands.compose import ComposeError
+    from imuscope.server.commands.commands import manual
+    from imuscope.server.commands.compose import ComposeError
 
     try:
         for line in manual(decode_options, options.name):
@@ -201,7 +201,7 @@ def _commands(options: argparse.Namespace) -> None:
 
 
 def _rearm(options: argparse.Namespace) -> None:
-    from server.commands.rearm import RearmError, RearmRequest, rearm
+    from imuscope.server.commands.rearm import RearmError, RearmRequest, rearm
 
     token = secret_text(options.token, "token") if options.token else ""
     data = load(data=options.data).data
@@ -212,7 +212,7 @@ def _rearm(options: argparse.Namespace) -> None:
 
 
 def _hold(options: argparse.Namespace) -> None:
-    from server.commands.hold import hold
+    from imuscope.server.commands.hold import hold
 
     hold(options.source, options.shares)
 
@@ -221,8 +221,8 @@ def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
     data = prepare(options.data)
-    from server.commands.record import RecordError, RecordRequest, record
-    from server.links.base import LinkError
+    from imuscope.server.commands.record import RecordError, RecordRequest, record
+    from imuscope.server.links.base import LinkError
 
     given = decode_options_of(options)
     named = normalized_sources(options.sources)
@@ -240,7 +240,7 @@ def _decode(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
     prepare_decoders(options.data, size_of(file))
-    from server.commands.decode import DecodedPart, DecodeError, decode_file
+    from imuscope.server.commands.decode import DecodedPart, DecodeError, decode_file
 
     decode_options = checked_protocol(decode_options)
     part = DecodedPart(
@@ -258,7 +258,14 @@ def _analyse(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
     prepare_decoders(options.data, size_of(file))
-    from server.commands.analyse import AnalyseError, AnalyseRequest, analyse_file, print_json, print_table, print_text
+    from imuscope.server.commands.analyse import (
+        AnalyseError,
+        AnalyseRequest,
+        analyse_file,
+        print_json,
+        print_table,
+        print_text,
+    )
 
     decode_options = checked_protocol(decode_options)
     if options.analysis == "comparison":
@@ -279,8 +286,8 @@ def _analyse(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOptions) -> None:
-    from server.commands.analyse import AnalyseError
-    from server.commands.compare import FileComparison, compare_files, print_comparison, print_json
+    from imuscope.server.commands.analyse import AnalyseError
+    from imuscope.server.commands.compare import FileComparison, compare_files, print_comparison, print_json
 
     if options.other is None:
         raise UsageError("a comparison needs two files; give the other one with --with B")
@@ -310,7 +317,7 @@ def _calibrate(options: argparse.Namespace) -> None:
         if not 0 <= getattr(options, name) <= most:
             raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
     prepare_decoders(options.data, size_of(file))
-    from server.commands.calibrate import CalibrateError, CalibrateRequest, calibrate_file, format_of, text_of
+    from imuscope.server.commands.calibrate import CalibrateError, CalibrateRequest, calibrate_file, format_of, text_of
 
     decode_options = checked_protocol(decode_options)
     facts = (options.field, options.gravity, options.square, options.vertical)
@@ -335,7 +342,7 @@ def _upload(options: argparse.Namespace) -> None:
     file = readable(options.file)
     decode_options = decode_options_of(options)
     prepare_decoders(options.data, size_of(file))
-    from server.commands.upload import UploadError, UploadRequest, upload_file
+    from imuscope.server.commands.upload import UploadError, UploadRequest, upload_file
 
     decode_options = checked_protocol(decode_options)
     try:
@@ -347,7 +354,7 @@ def _upload(options: argparse.Namespace) -> None:
 
 
 def _query(options: argparse.Namespace) -> None:
-    from server.commands.query import QueryCommandError, QueryRequest, answer, question_of
+    from imuscope.server.commands.query import QueryCommandError, QueryRequest, answer, question_of
 
     try:
         sql = question_of(options.sql, options.question or "")
@@ -362,7 +369,7 @@ def _query(options: argparse.Namespace) -> None:
 
 
 def _compact(options: argparse.Namespace) -> None:
-    from server.commands.compact import CompactError, compact_store
+    from imuscope.server.commands.compact import CompactError, compact_store
 
     try:
         compact_store(options.store, options.remove_unused, sys.stdout)
@@ -371,7 +378,7 @@ def _compact(options: argparse.Namespace) -> None:
 
 
 def _fleet(options: argparse.Namespace) -> None:
-    from server.commands.fleet import fleet
+    from imuscope.server.commands.fleet import fleet
 
     fleet(options)
 
@@ -384,8 +391,8 @@ def _replay(options: argparse.Namespace) -> None:
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
     prepare_decoders(options.data, size_of(Path(options.file)))
-    from server import logging_setup
-    from server.commands import replay
+    from imuscope.server import logging_setup
+    from imuscope.server.commands import replay
 
     for name in given_options(options):
         logging_setup.print_or_log(f"imuscope: --{name.replace('_', '-')} is not needed: the bytes are sent unchanged.")
@@ -403,20 +410,20 @@ def _replay(options: argparse.Namespace) -> None:
 
 
 def _completion(options: argparse.Namespace) -> None:
-    from server.commands.completion import script
+    from imuscope.server.commands.completion import script
 
     sys.stdout.write(script(parser().commands, options.shell))
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from server.commands.serve import serve
+    from imuscope.server.commands.serve import serve
 
     serve(options)
 
 
 def _simulate(options: argparse.Namespace) -> None:
     prepare(options.data)
-    from server.commands import replay, simulate
+    from imuscope.server.commands import replay, simulate
 
     try:
         device = simulate.options_of(options.device)

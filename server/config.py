@@ -51,21 +51,21 @@ from urllib.parse import urlsplit
 
 import platformdirs
 
-from server import previous_names
-from server.devices.decode_options import (
+from imuscope.server import previous_names
+from imuscope.server.devices.decode_options import (
     DecodeOptions,
     checked_options,
     declared_options,
     option_text,
     source_options,
 )
-from server.fleet_settings import FleetServerSettings, FleetSettings
-from server.holder.shares import ShareAddress, ShareError
-from server.logging_setup import LEVELS, STYLES
-from server.ros2.domain import usual_domain
-from server.ros2.key_expressions import MAX_DOMAIN, is_name
-from server.ros2.session import DEFAULT_ROUTER, is_router_address
-from server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings, hours_of
+from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.logging_setup import LEVELS, STYLES
+from imuscope.server.ros2.domain import usual_domain
+from imuscope.server.ros2.key_expressions import MAX_DOMAIN, is_name
+from imuscope.server.ros2.session import DEFAULT_ROUTER, is_router_address
+from imuscope.server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings, hours_of
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080

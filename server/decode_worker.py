@@ -1,4 +1,4 @@
-"""`python -m server.decode_worker`: decode one recording in a subprocess, for server/library/column_cache.py.
+"""`python -m imuscope.server.decode_worker`: decode one recording in a subprocess, for server/library/column_cache.py.
 
 The request comes on standard input, one JSON object: path, store, and decode options (DecodeOptions.values; a key is
 never on a command line). The output are JSON lines: {"progress": 0..1},
@@ -14,17 +14,17 @@ import select
 import sys
 from pathlib import Path
 
-from protocols import jit
-from recordings.bounds import TooLong, bounded, bounded_by
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from recordings.parent_death import die_with_parent
-from server import jit_cache
-from server.analysis.recorded_signals import add_computed_signals
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.library.decode import decode
-from server.library.store_source import write_source
+from imuscope.protocols import jit
+from imuscope.recordings.bounds import TooLong, bounded, bounded_by
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.parent_death import die_with_parent
+from imuscope.server import jit_cache
+from imuscope.server.analysis.recorded_signals import add_computed_signals
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.decode import decode
+from imuscope.server.library.store_source import write_source
 
 STEP = 0.005
 

@@ -38,8 +38,8 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-from recordings.parent_death import die_with_parent
-from server.workers import Worker
+from imuscope.recordings.parent_death import die_with_parent
+from imuscope.server.workers import Worker
 
 IDLE_S = 300.0
 MAX_LINE = 1 << 20

@@ -5,7 +5,8 @@
 
 A client names a route, and its parameters, body and answer are type-checked (web/src/ui/http.ts). In a body, fields
 with a default may be left out. A body or an answer that is not JSON is a Blob, text is a string, no content is
-undefined. `python -m server.generate_ts_types` writes the file. A schema without a rule here is an error, not a guess.
+undefined. `python -m imuscope.server.generate_ts_types` writes the file. A schema without a rule here is an error, not
+a guess.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from server.app import create_app
-from server.auth import Access, Guard
-from server.config import Config
+from imuscope.server.app import create_app
+from imuscope.server.auth import Access, Guard
+from imuscope.server.config import Config
 
 Schema = Mapping[str, Any]
 Sources = Mapping[str, str]
@@ -213,5 +214,7 @@ def generate(sources: Sources) -> str:
     Args:
         sources: types that other files export.
     """
-    about = "Routes of the HTTP API. Generated from its OpenAPI document by `python -m server.generate_ts_types`"
+    about = (
+        "Routes of the HTTP API. Generated from its OpenAPI document by `python -m imuscope.server.generate_ts_types`"
+    )
     return f"/** {about}; do not edit. */\n\n" + _Writer(document(), sources).text()

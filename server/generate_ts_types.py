@@ -1,10 +1,10 @@
-"""`python -m server.generate_ts_types`: all TypeScript files generated from the server.
+"""`python -m imuscope.server.generate_ts_types`: all TypeScript files generated from the server.
 
 server/wire/ and the models of two pages ─> web/src/{wire,forms,recordings}/types.ts   server/reference/typescript.py
 /openapi.json                              ─> web/src/wire/routes.ts                     server/generate_route_types.py
 
-python -m server.generate_ts_types            write the files
-python -m server.generate_ts_types --check    exit status 1 when one is stale
+python -m imuscope.server.generate_ts_types            write the files
+python -m imuscope.server.generate_ts_types --check    exit status 1 when one is stale
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 import re
 import sys
 
-from server import generate_route_types
-from server.reference.typescript import PAGE, TARGETS, generate
+from imuscope.server import generate_route_types
+from imuscope.server.reference.typescript import PAGE, TARGETS, generate
 
 ROUTES = PAGE / "wire" / "routes.ts"
 _EXPORT = re.compile(r"^export (?:interface|type) (\w+)", re.MULTILINE)
@@ -38,7 +38,7 @@ def main(arguments: list[str]) -> int:
             path.write_text(text, encoding="utf-8")
             print(path)
         elif not path.exists() or path.read_text(encoding="utf-8") != text:
-            print(f"{path} is stale: run python -m server.generate_ts_types", file=sys.stderr)
+            print(f"{path} is stale: run python -m imuscope.server.generate_ts_types", file=sys.stderr)
             stale = 1
     return stale
 

@@ -17,7 +17,7 @@ import asyncio
 import ssl
 from collections.abc import Callable
 
-from server.connections import Connections
+from imuscope.server.connections import Connections
 
 
 class Handshake(asyncio.Protocol):

@@ -36,15 +36,15 @@ from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
 
-from server import shutdown as ending
-from server.config import Config
-from server.connections import ConnectionLimits, connections_of
-from server.errors import status_of
-from server.handshakes import Handshake
-from server.wire import Problem
+from imuscope.server import shutdown as ending
+from imuscope.server.config import Config
+from imuscope.server.connections import ConnectionLimits, connections_of
+from imuscope.server.errors import status_of
+from imuscope.server.handshakes import Handshake
+from imuscope.server.wire import Problem
 
 if TYPE_CHECKING:
-    from server.tls import CertificateManager
+    from imuscope.server.tls import CertificateManager
 
 log = logging.getLogger("imuscope.serving")
 
@@ -299,7 +299,7 @@ def keeper_of(config: Config) -> CertificateManager | None:
     """
     if config.scheme == "http":
         return None
-    from server.tls import CertificateManager
+    from imuscope.server.tls import CertificateManager
 
     return CertificateManager(config)
 

@@ -30,10 +30,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from protocols.plugins import protocol_plugins
-from server.version import VERSION
+from imuscope.protocols.plugins import protocol_plugins
+from imuscope.server.version import VERSION
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).absolute().parents[2]  # holds imuscope/
 VARIABLE = "NUMBA_CACHE_DIR"
 COMPILING = (
     "Compiling the decoders; this is done once, and takes minutes on a busy computer. Until then fast streams may be "
@@ -41,15 +41,18 @@ COMPILING = (
 )
 _COMPILE = """
 import os
-from recordings.parent_death import die_with_parent
+from imuscope.recordings.parent_death import die_with_parent
 die_with_parent()
 os.nice(10)  # devices come first
-from protocols import jit
+from imuscope.protocols import jit
 import {modules}
 jit.load()
 """
 _POLL_S = 0.1
-OTHERS = ("recordings.mcap_reader", "server.links.read_loop")  # modules with loops, beside those of the families
+OTHERS = (
+    "imuscope.recordings.mcap_reader",
+    "imuscope.server.links.read_loop",
+)  # modules with loops, beside those of the families
 
 
 def prepare_cache(data: Path) -> list[str]:
@@ -58,7 +61,7 @@ def prepare_cache(data: Path) -> list[str]:
     Returns:
         messages for the user.
     """
-    from protocols import jit  # imports numpy
+    from imuscope.protocols import jit  # imports numpy
 
     if jit.DISABLED:
         return []
@@ -99,9 +102,9 @@ def load(*, report: Callable[[str], None], stop: Callable[[], bool] = lambda: Fa
         report: receives messages for the user if it takes longer than a second.
         stop: called periodically; compilation ends when it returns true.
     """
-    from protocols import jit, registry  # noqa: F401 (its modules have the loops)
-    from recordings import mcap_reader  # noqa: F401
-    from server.links import read_loop  # noqa: F401
+    from imuscope.protocols import jit, registry  # noqa: F401 (its modules have the loops)
+    from imuscope.recordings import mcap_reader  # noqa: F401
+    from imuscope.server.links import read_loop  # noqa: F401
 
     if jit.DISABLED or jit.is_loaded():
         return
@@ -161,7 +164,7 @@ class BackgroundLoad:
 
     def start(self) -> None:
         """Start the thread; returns at once."""
-        from protocols import jit
+        from imuscope.protocols import jit
 
         jit.automatic = False
         self._thread.start()

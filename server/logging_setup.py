@@ -22,8 +22,8 @@ import time
 from collections.abc import Collection, Mapping
 from typing import Any, TextIO
 
-from server.limiters import PeriodLimit
-from server.printable import json_text, printable
+from imuscope.server.limiters import PeriodLimit
+from imuscope.server.printable import json_text, printable
 
 STYLES = ("text", "json")
 LEVELS = ("debug", "info", "warning", "error")
@@ -32,7 +32,7 @@ PER_PERIOD = 5
 SHORTEST = 8  # characters of a secret
 _MAX_KEYS = 256
 _PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
-_OURS = ("imuscope", "server")
+_OURS = ("imuscope",)
 
 
 class RateLimitFilter(logging.Filter):

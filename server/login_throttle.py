@@ -25,8 +25,8 @@ import ipaddress
 import time
 from collections.abc import Callable
 
-from server.config import Config
-from server.limiters import TokenBuckets
+from imuscope.server.config import Config
+from imuscope.server.limiters import TokenBuckets
 
 MAX_FAILURES = 10
 WITHIN_S = 60.0

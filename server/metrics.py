@@ -25,12 +25,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from server import wire
-from server.devices.session import Session
-from server.prometheus_text import PrometheusText
-from server.streaming.bus import TelemetryBus
-from server.streaming.clients import ClientStatistics
-from server.version import VERSION
+from imuscope.server import wire
+from imuscope.server.devices.session import Session
+from imuscope.server.prometheus_text import PrometheusText
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.clients import ClientStatistics
+from imuscope.server.version import VERSION
 
 STATES = get_args(wire.DeviceStatus)
 _PROC = Path("/proc/self")

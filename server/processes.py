@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ OWN = "imuscope"
 ROOT = Path("/")
 MOST_COMM = 15  # characters of a program's name that the kernel keeps
 SHARED_PATH = "/run/imuscope/imu0"  # an example
+MODULE = re.compile(r" -m imuscope(\.server\.(cli|holder))?( |$)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ def program_of(folder: Path) -> Program:
         line, name = "", "another program"
     words = line.split()
     started = {Path(word).name.rstrip(":") for word in words[:2]}  # others may run from a folder of that name
-    is_own = OWN in started or any(word.startswith(("server.cli", "server.holder")) for word in words)
+    is_own = OWN in started or MODULE.search(line) is not None
     return Program(int(folder.name), OWN if is_own else name)
 
 
@@ -70,7 +72,7 @@ def way_on(place: str, name: str) -> tuple[str, ...]:
     Args:
         name: of the program.
     """
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     path = SHARED_PATH
     known = [(head, words) for one in PROTOCOLS.values() for head, words in one.host_drivers.items()]

@@ -25,10 +25,10 @@ from weakref import WeakKeyDictionary
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from server.auth import refuse
-from server.errors import DomainError
-from server.limiters import TokenBuckets
-from server.login_throttle import client_group
+from imuscope.server.auth import refuse
+from imuscope.server.errors import DomainError
+from imuscope.server.limiters import TokenBuckets
+from imuscope.server.login_throttle import client_group
 
 PER_S = 200.0
 AT_ONCE = 1000.0

@@ -12,58 +12,58 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from recordings.library import Library
-from server import shutdown
-from server.alarms.service import AlarmService
-from server.analysis.derived_channels import DerivedChannels
-from server.analysis.limits import AnalysisLimits
-from server.analysis.service import AnalysisService
-from server.analysis.signal_definitions import SignalDefinitions
-from server.auth import Access
-from server.calibration.session import CalibrationSessions
-from server.capabilities import Capabilities
-from server.capability_list import list_capabilities
-from server.config import Config
-from server.configuration.controllers import ControllerRegistry
-from server.configuration.correction_manager import CorrectionManager
-from server.configuration.port_shares import PortShares
-from server.configuration.timings import ConfigurationTimings
-from server.devices.byte_memory import ByteMemory
-from server.devices.decode_options import DecodeOptions
-from server.devices.device_names import DeviceNames
-from server.devices.protocol_detection import ProtocolSet
-from server.devices.protocol_set import all_protocols, sensors_of
-from server.devices.protocol_set import protocols as installed_protocols
-from server.devices.sequence_store import SequenceStore
-from server.devices.sessions import OpenLink, Sessions
-from server.fleet.fleet_server import FleetServer
-from server.fleet.known_settings import KnownSettings
-from server.fleet.publisher import FleetPublisher
-from server.fleet.question_service import QuestionService
-from server.fleet.raised_alarms import raised_alarms
-from server.fleet.robots import Robots
-from server.fleet.uploads import UploadService
-from server.integrations.foxglove import Foxglove
-from server.integrations.map_tiles import TileSource
-from server.integrations.rerun import Rerun
-from server.integrations.ros2 import Ros2
-from server.integrations.viser import Viser
-from server.jit_cache import BackgroundLoad
-from server.library.catalogue import Catalogue
-from server.library.cleanup import DataFolderLock
-from server.library.column_cache import ColumnCache
-from server.library.compaction_worker import CompactionWorker
-from server.library.export_jobs import ExportJobs
-from server.library.recorder import FOLDER, Recorder, plan_of
-from server.links.base import LinkSettings, steady_clock
-from server.links.simulated_device import default_sources
-from server.metrics import Metrics
-from server.page_files import Files
-from server.reference.pages import ReferencePages
-from server.streaming.event_logging import EventLogger
-from server.streaming.telemetry import Telemetry
-from server.timings import ViewerTimings
-from server.workspaces import WorkspaceStore
+from imuscope.recordings.library import Library
+from imuscope.server import shutdown
+from imuscope.server.alarms.service import AlarmService
+from imuscope.server.analysis.derived_channels import DerivedChannels
+from imuscope.server.analysis.limits import AnalysisLimits
+from imuscope.server.analysis.service import AnalysisService
+from imuscope.server.analysis.signal_definitions import SignalDefinitions
+from imuscope.server.auth import Access
+from imuscope.server.calibration.session import CalibrationSessions
+from imuscope.server.capabilities import Capabilities
+from imuscope.server.capability_list import list_capabilities
+from imuscope.server.config import Config
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.correction_manager import CorrectionManager
+from imuscope.server.configuration.port_shares import PortShares
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.devices.byte_memory import ByteMemory
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.devices.protocol_set import all_protocols, sensors_of
+from imuscope.server.devices.protocol_set import protocols as installed_protocols
+from imuscope.server.devices.sequence_store import SequenceStore
+from imuscope.server.devices.sessions import OpenLink, Sessions
+from imuscope.server.fleet.fleet_server import FleetServer
+from imuscope.server.fleet.known_settings import KnownSettings
+from imuscope.server.fleet.publisher import FleetPublisher
+from imuscope.server.fleet.question_service import QuestionService
+from imuscope.server.fleet.raised_alarms import raised_alarms
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.fleet.uploads import UploadService
+from imuscope.server.integrations.foxglove import Foxglove
+from imuscope.server.integrations.map_tiles import TileSource
+from imuscope.server.integrations.rerun import Rerun
+from imuscope.server.integrations.ros2 import Ros2
+from imuscope.server.integrations.viser import Viser
+from imuscope.server.jit_cache import BackgroundLoad
+from imuscope.server.library.catalogue import Catalogue
+from imuscope.server.library.cleanup import DataFolderLock
+from imuscope.server.library.column_cache import ColumnCache
+from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.library.export_jobs import ExportJobs
+from imuscope.server.library.recorder import FOLDER, Recorder, plan_of
+from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.links.simulated_device import default_sources
+from imuscope.server.metrics import Metrics
+from imuscope.server.page_files import Files
+from imuscope.server.reference.pages import ReferencePages
+from imuscope.server.streaming.event_logging import EventLogger
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.timings import ViewerTimings
+from imuscope.server.workspaces import WorkspaceStore
 
 
 @dataclass(frozen=True, slots=True)

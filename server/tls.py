@@ -37,8 +37,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from recordings.atomic_write import write_atomic
-from server.config import Config, ConfigError
+from imuscope.recordings.atomic_write import write_atomic
+from imuscope.server.config import Config, ConfigError
 
 FOLDER = "tls"
 CIPHERS = "ECDHE+AESGCM:ECDHE+CHACHA20"  # of TLS 1.2: forward secrecy, and no CBC; TLS 1.3 has no others

@@ -16,7 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.wire import FLAG_HISTORY, HEADER, OPCODE_SAMPLES, BrowserText, Interval, Ping, ServerText, Subscribe
+from imuscope.server.wire import (
+    FLAG_HISTORY,
+    HEADER,
+    OPCODE_SAMPLES,
+    BrowserText,
+    Interval,
+    Ping,
+    ServerText,
+    Subscribe,
+)
 
 _DROPPED_AT = 12
 _SAFE = 2**53 - 1  # JavaScript's Number.MAX_SAFE_INTEGER

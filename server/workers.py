@@ -17,9 +17,9 @@ from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from recordings.mcap_writer import RecordingError
+from imuscope.recordings.mcap_writer import RecordingError
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).absolute().parents[2]  # holds imuscope/
 MAX_LINE = 1024 * 1024
 
 

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recordings import atomic_write
-from recordings.regular_file import read_regular
-from server.errors import DomainError
+from imuscope.recordings import atomic_write
+from imuscope.recordings.regular_file import read_regular
+from imuscope.server.errors import DomainError
 
 log = logging.getLogger("imuscope.workspaces")
 

@@ -28,8 +28,8 @@ from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
-from protocols import jit
-from recordings import priority
+from imuscope.protocols import jit
+from imuscope.recordings import priority
 from tests import browser_engine, chromium, each_row, fork_server, forked_workers, server_process
 from tests.cache_folder import compiled_code
 from tests.checking import machine
@@ -74,7 +74,7 @@ if PROFILE == "fast":
     providers._get_local_constants = providers.Constants
 
 
-COMPILE = "from server import jit_cache; jit_cache.load(report=print)"
+COMPILE = "from imuscope.server import jit_cache; jit_cache.load(report=print)"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -84,8 +84,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Compile before the tests, and before several workers would do it beside each other."""
     each_row.only = config.getoption("row")
-    from protocols import registry  # noqa: F401 (its modules have the functions)
-    from server.links import read_loop  # noqa: F401
+    from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
+    from imuscope.server.links import read_loop  # noqa: F401
 
     if not jit.is_stored(Path(os.environ["NUMBA_CACHE_DIR"])):
         subprocess.run([sys.executable, "-c", COMPILE], cwd=ROOT, check=False)
@@ -96,8 +96,8 @@ def pytest_before_workers() -> None:
     """Load once what each worker would load: compiled functions, what is known of the sources, and what servers are
     forked from.
     """
-    from protocols import registry  # noqa: F401 (its modules have the functions)
-    from server.library.sources import decoding_mark
+    from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
+    from imuscope.server.library.sources import decoding_mark
 
     jit.load(checked=True)
     decoding_mark()
@@ -119,7 +119,7 @@ def pytest_worker_ends() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def machine_code() -> None:
     """Compiled functions for all tests, with checks of each call's argument types."""
-    from protocols import registry  # noqa: F401 (its modules have the functions)
+    from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
 
     jit.load(checked=True)
 
@@ -138,7 +138,7 @@ def patient_shutdown() -> Iterator[None]:
     found as a leaked process by a later test.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("server.shutdown.PART_S", PATIENCE_S)
+        patch.setattr("imuscope.server.shutdown.PART_S", PATIENCE_S)
         yield
 
 
@@ -269,7 +269,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
 @pytest.fixture(autouse=True)
 def logging_as_before() -> Iterator[None]:
     """Levels and handlers of the log as they were: a command that ran within the test sets its own."""
-    loggers = [logging.getLogger(name) for name in ("", "imuscope", "server")]
+    loggers = [logging.getLogger(name) for name in ("", "imuscope")]
     before = [(logger, logger.level, logger.handlers[:]) for logger in loggers]
     yield
     for logger, level, handlers in before:

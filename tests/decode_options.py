@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from protocols.idtp.custom_payloads import written
-from server.devices.decode_options import DecodeOptions, checked_options
+from imuscope.protocols.idtp.custom_payloads import written
+from imuscope.server.devices.decode_options import DecodeOptions, checked_options
 
 
 def decode_options(protocol: str = "", *, schema: Any = None, **given: bytes | str | bool) -> DecodeOptions:

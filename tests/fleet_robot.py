@@ -8,10 +8,10 @@ from types import TracebackType
 
 import zenoh
 
-from server.fleet import keys
-from server.fleet.bus import BusCredentials, client_settings, open_bus
-from server.fleet.journal import Journal
-from server.fleet.reports import ReportedDevice, RobotEvent, RobotStatus
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.fleet.journal import Journal
+from imuscope.server.fleet.reports import ReportedDevice, RobotEvent, RobotStatus
 
 
 class FleetRobot:

@@ -3,7 +3,7 @@
     test processes ── a socket each ──> nursery: has imported the server, opened and served nothing; one thread
          │                                │ fork, for every command line that is asked for
          │  files, pipes                  ▼
-         └───────────────────────────── `server.cli.main([...])`, in a session of its own
+         └───────────────────────────── `imuscope.server.cli.main([...])`, in a session of its own
 
 What runs from there on is what `imuscope …` runs. What an import may leave behind in one process is not seen this way,
 and neither is the command line in the process's title: tests of these, and of the start, ask for a start of their own
@@ -201,10 +201,10 @@ def _finish(process: subprocess.Popen[bytes], owner: socket.socket, folder: str)
 
 def _learn_to_serve() -> None:
     """Import what serving imports."""
-    from server.commands.common import prepare_decoders
+    from imuscope.server.commands.common import prepare_decoders
 
     prepare_decoders(ROOT / "artifacts")  # first, because it sets the folder of compiled code
-    importlib.import_module("server.library.sources").decoding_mark()  # of the sources as they are now
+    importlib.import_module("imuscope.server.library.sources").decoding_mark()  # of the sources as they are now
     _learn(*LEARNT, *WORKERS)
 
 
@@ -345,7 +345,7 @@ def _settle(nursery: int, env: dict[str, str], streams: Sequence[int]) -> None:
 
 def _run(request: _Request) -> int:
     """Run a command line or a module; its exit status, as the interpreter has it."""
-    from server.cli import main
+    from imuscope.server.cli import main
     from tests.forked_workers import install
 
     install(ForkServer(request.nursery))

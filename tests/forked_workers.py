@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from server.workers import Worker
+from imuscope.server.workers import Worker
 from tests.fork_server import Child, ForkServer
 from tests.nursery_modules import VIEWERS, WORKERS, worker_name
 

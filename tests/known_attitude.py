@@ -12,9 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from protocols.idtp.frames import build as idtp_frame
-from protocols.isb.frames import DATA
-from protocols.isb.frames import build as isb_frame
+from imuscope.protocols.idtp.frames import build as idtp_frame
+from imuscope.protocols.isb.frames import DATA
+from imuscope.protocols.isb.frames import build as isb_frame
 
 HEADING, NOSE_UP, RIGHT_DOWN = 70.0, 12.0, 20.0
 PLACE = (52.22, 6.89)

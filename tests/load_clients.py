@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
-from server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL
+from imuscope.server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL
 from tests.timeouts import connecting
 
 TCP_ESTABLISHED = 1

@@ -32,8 +32,8 @@ from tests.checking.affected import affected_tests
 from tests.source_files import ROOT, python_files
 
 FOLDERS = ("protocols", "server/configuration")
-COPIED = ("protocols", "recordings", "server", "tests", "docs", "web/src", "pyproject.toml", "README.md")
-OURS = ("protocols", "recordings", "server", "tests")
+COPIED = ("imuscope", "protocols", "recordings", "server", "tests", "docs", "web/src", "pyproject.toml", "README.md")
+OURS = ("imuscope", "tests")
 TESTS_S = 8.0  # of tests for each mistake
 NEAREST = 3  # files of tests for each mistake
 PLACES = ("tests/protocols/", "tests/server/test_")  # without those that start processes and devices
@@ -120,9 +120,11 @@ class Tree:
         self.folder = folder
         self._well: set[str] = set()  # files of tests that pass without a mistake
         for name in COPIED:
-            copy = shutil.copytree if (root / name).is_dir() else shutil.copy
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            copy(root / name, folder / name)
+            if (root / name).is_dir():
+                shutil.copytree(root / name, folder / name, symlinks=True)  # those of the package
+            else:
+                shutil.copy(root / name, folder / name)
 
     def catches(self, mistake: Mistake, tests: Sequence[str]) -> bool:
         """Whether a test fails with the mistake.

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 LEARNT = (
-    *("server.app", "server.commands.serve", "server.links.simulator", "protocols.simulator.trajectory"),
+    *(
+        "imuscope.server.app",
+        "imuscope.server.commands.serve",
+        "imuscope.server.links.simulator",
+        "imuscope.protocols.simulator.trajectory",
+    ),
     *("uvicorn.loops.auto", "uvicorn.protocols.http.auto", "uvicorn.lifespan.on", "anyio._backends._asyncio"),
 )
 WORKERS = (
-    *("server.decode_worker", "server.library.export_worker", "server.library.export_sizes", "server.evidence.worker"),
-    *("server.fleet.query_worker", "server.fleet.upload_worker", "server.analysis_worker"),
+    *(
+        "imuscope.server.decode_worker",
+        "imuscope.server.library.export_worker",
+        "imuscope.server.library.export_sizes",
+        "imuscope.server.evidence.worker",
+    ),
+    *("imuscope.server.fleet.query_worker", "imuscope.server.fleet.upload_worker", "imuscope.server.analysis_worker"),
 )
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
-recordings.compaction, which imports little and may have little memory.
+imuscope.recordings.compaction, which imports little and may have little memory.
 """
 VIEWERS = {
-    "server.integrations.foxglove_worker": (),
-    "server.integrations.rerun_worker": (),
-    "server.integrations.ros2_worker": ("zenoh",),
-    "server.integrations.rrd_stream_worker": ("recordings.rrd.writer",),
-    "server.integrations.viser_worker": ("server.integrations.scene",),
+    "imuscope.server.integrations.foxglove_worker": (),
+    "imuscope.server.integrations.rerun_worker": (),
+    "imuscope.server.integrations.ros2_worker": ("zenoh",),
+    "imuscope.server.integrations.rrd_stream_worker": ("imuscope.recordings.rrd.writer",),
+    "imuscope.server.integrations.viser_worker": ("imuscope.server.integrations.scene",),
 }
 """Processes that feed viewers of others, and what they import late. Their libraries take a second each to import, which
 the nursery does when the first one is asked for.

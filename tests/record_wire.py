@@ -22,7 +22,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-from server.wire import SUBPROTOCOL
+from imuscope.server.wire import SUBPROTOCOL
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, connect
 from tests.wire_scenes import SCENES

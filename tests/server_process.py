@@ -83,7 +83,7 @@ def begun(
         child.stderr = errors[0] if errors else None
         return child
     return subprocess.Popen(
-        [*prefix, *tied([sys.executable, "-m", module or "server.cli", *words])],
+        [*prefix, *tied([sys.executable, "-m", module or "imuscope.server.cli", *words])],
         cwd=ROOT,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
         stdin=subprocess.DEVNULL,
@@ -111,7 +111,7 @@ def imuscope(
         if by is not None and not fresh:
             status = by.start(words, asked.fileno(), out.fileno(), err.fileno()).wait(PATIENCE_S)
         else:
-            command = [sys.executable, "-m", "server.cli", *words]
+            command = [sys.executable, "-m", "imuscope.server.cli", *words]
             status = subprocess.run(
                 command, cwd=ROOT, stdin=asked, stdout=out, stderr=err, timeout=PATIENCE_S
             ).returncode

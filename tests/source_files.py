@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = "imuscope"  # its folders are links to those at the top level
+OWN = f"{PACKAGE}."
 BLOCKS = ("body", "orelse", "handlers", "finalbody", "cases")
 
 
@@ -37,7 +39,7 @@ class SourceFacts:
     """What the statements of a file say.
 
     Args:
-        imports: line and full name of every module imported anywhere.
+        imports: line and full name of every module imported anywhere; of our own without `imuscope.`, as their folders.
         classes: line and name.
         docstrings: line of the module, class or function, and text.
         prose: lines of docstrings, and of other texts that are statements.
@@ -59,12 +61,16 @@ def facts_of(path: Path) -> SourceFacts:
     for node in _statements(tree_of(path)):
         match node:
             case ast.Import():
-                imports += ((node.lineno, alias.name) for alias in node.names)
+                imports += ((node.lineno, alias.name.removeprefix(OWN)) for alias in node.names)
             case ast.ImportFrom():
                 package = path.relative_to(ROOT).with_suffix("").parts[:-1]
                 above = package[: len(package) - node.level + 1] if node.level else ()
                 base = ".".join([*above, *([node.module] if node.module else [])])
-                imports += [(node.lineno, base), *((node.lineno, f"{base}.{alias.name}") for alias in node.names)]
+                base = "" if base == PACKAGE else base.removeprefix(OWN)
+                imports += [
+                    (node.lineno, base),
+                    *((node.lineno, f"{base}.{alias.name}".lstrip(".")) for alias in node.names),
+                ]
             case ast.ClassDef():
                 classes.append((node.lineno, node.name))
             case ast.Expr(value=ast.Constant(value=str())):

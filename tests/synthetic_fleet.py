@@ -13,9 +13,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from server.config import Config
-from server.fleet.robots import Robots
-from server.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
+from imuscope.server.config import Config
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 

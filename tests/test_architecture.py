@@ -20,10 +20,10 @@ from pathlib import Path
 
 import pytest
 
-from protocols.plugins import protocol_plugins
-from protocols.registry import PROTOCOLS
-from protocols.transactions import DeviceContext
-from server.reference.blocks import anchor
+from imuscope.protocols.plugins import protocol_plugins
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.reference.blocks import anchor
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, PAINTERS
 from tests.each_row import each_row
 from tests.source_files import ROOT, facts_of, python_files, text_of, tree_of
@@ -213,7 +213,7 @@ def code_lines(path: Path, pattern: re.Pattern[str]) -> Iterator[str]:
 
 def code_outside_families(pattern: re.Pattern[str]) -> list[str]:
     """Lines of Python of the program, outside the folders of the families."""
-    inside = [ROOT.joinpath(*plugin.module.split(".")[:-1]) for plugin in protocol_plugins() if not plugin.package]
+    inside = [ROOT.joinpath(*plugin.module.split(".")[1:-1]) for plugin in protocol_plugins() if not plugin.package]
     return [
         line
         for path in python_files(*HOUSES)

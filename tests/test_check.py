@@ -98,12 +98,12 @@ def test_processor_time_is_that_of_everything_a_part_began() -> None:
 def test_the_nearest_tests_are_taken_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sources = {
         "server/clock.py": "",
-        "server/device.py": "from server import clock",
+        "server/device.py": "from imuscope.server import clock",
         "server/other.py": "",
-        "tests/test_clock.py": "from server.clock import (\n    tick,\n)",
-        "tests/test_device.py": "import server.device as device",
-        "tests/test_other.py": "from server.other import thing",
-        "tests/bench/test_speed.py": "from server import clock",
+        "tests/test_clock.py": "from imuscope.server.clock import (\n    tick,\n)",
+        "tests/test_device.py": "import imuscope.server.device as device",
+        "tests/test_other.py": "from imuscope.server.other import thing",
+        "tests/bench/test_speed.py": "from imuscope.server import clock",
     }
     for name, text in sources.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -121,7 +121,8 @@ def test_the_nearest_tests_are_taken_first(tmp_path: Path, monkeypatch: pytest.M
 def test_imports_are_read_without_parsing(tmp_path: Path) -> None:
     path = tmp_path / "module.py"
     path.write_text(
-        "import os, server.app as app\nfrom tests import (\n    a,\n    b as c,\n)\ndef f():\n    from x.y import z\n"
+        "import os, imuscope.server.app as app\nfrom tests import (\n    a,\n    b as c,\n)\n"
+        "def f():\n    from x.y import z\n"
     )
     assert affected.imports_of(path) == {"os", "server.app", "tests", "tests.a", "tests.b", "x.y", "x.y.z"}
 

@@ -24,18 +24,18 @@ PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
 PROBE = """
 import sys
 from pathlib import Path
-from server.commands.common import prepare_decoders
+from imuscope.server.commands.common import prepare_decoders
 prepare_decoders(Path(sys.argv[1]))
-from protocols import jit
+from imuscope.protocols import jit
 print(jit.is_loaded(), jit.recompiled())
 """
 
 START = """
 import sys
 from pathlib import Path
-from server.commands.common import prepare
+from imuscope.server.commands.common import prepare
 prepare(Path(sys.argv[1]))
-from protocols.registry import detect
+from imuscope.protocols.registry import detect
 print(detect(bytes.fromhex("fa ff 36 05 10 20 02 00 01 93" * 20))[0].protocol)
 """
 
@@ -55,8 +55,8 @@ def seal(folder: Path, mode: int) -> None:
 def image(tmp_path: Path) -> Iterator[Path]:
     """The packages, as an image would hold them: their own copy, with a folder of compiled loops beside it."""
     folder = tmp_path / "image"
-    for name in ("protocols", "recordings", "server"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "page"))
+    for name in ("imuscope", "protocols", "recordings", "server"):
+        shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "page"))
     shutil.copy(ROOT / "pyproject.toml", folder)  # the version, where the package is not installed
     yield folder
     seal(folder, 0o644)
@@ -147,5 +147,15 @@ def test_the_dockerfile_keeps_its_promises() -> None:
     assert re.findall(r"^COPY --from=build (\S+) (\S+)$", last, re.MULTILINE) == [("/app", "/app")]
     ignored = (ROOT / ".dockerignore").read_text().split()
     shipped = {line[1:] for line in ignored if line.startswith("!")}
-    needed = {"pyproject.toml", "uv.lock", "README.md", "LICENSE", "protocols", "recordings", "server", "web"}
+    needed = {
+        "pyproject.toml",
+        "uv.lock",
+        "README.md",
+        "LICENSE",
+        "imuscope",
+        "protocols",
+        "recordings",
+        "server",
+        "web",
+    }
     assert needed <= shipped

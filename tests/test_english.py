@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from protocols.plural import counted, plural
+from imuscope.protocols.plural import counted, plural
 from tests.each_row import each_row
 from tests.source_files import ROOT, facts_of, module_docstring, python_files, text_of
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from server.errors import KINDS
+from imuscope.server.errors import KINDS
 from tests.error_catalog import ErrorText, everything, kinds
 
 MAX_LENGTH = 200  # characters, with values filled in

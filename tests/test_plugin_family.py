@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect
 
-from protocols.events import Batch
-from protocols.plugins import GROUP
-from protocols.registry import ProtocolInfo, load_families
-from protocols.simulator.family import SimulatorRequest
-from recordings.importers import open_file
+from imuscope.protocols.events import Batch
+from imuscope.protocols.plugins import GROUP
+from imuscope.protocols.registry import ProtocolInfo, load_families
+from imuscope.protocols.simulator.family import SimulatorRequest
+from imuscope.recordings.importers import open_file
 from tests import fork_server
 from tests.each_row import each_row
 from tests.fork_server import ForkServer
@@ -243,10 +243,13 @@ def test_a_package_that_cannot_be_loaded_is_reported_and_stops_nothing(server: S
 
 
 def test_duplicate_names_and_invalid_families() -> None:
-    from protocols.plugins import ProtocolPlugin
+    from imuscope.protocols.plugins import ProtocolPlugin
 
     families, problems = load_families(
-        [ProtocolPlugin("xbus", "protocols.xbus.family:FAMILY"), ProtocolPlugin("xbus", "json:loads", "other 1")]
+        [
+            ProtocolPlugin("xbus", "imuscope.protocols.xbus.family:FAMILY"),
+            ProtocolPlugin("xbus", "json:loads", "other 1"),
+        ]
     )
     assert (list(families), problems) == (
         ["xbus"],

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from protocols.registry import PROTOCOLS
-from recordings.exporters.registry import ExportFormat, register_exporter
-from server.links.registry import LinkDefinition, link_kinds, register_link
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.recordings.exporters.registry import ExportFormat, register_exporter
+from imuscope.server.links.registry import LinkDefinition, link_kinds, register_link
 from tests import fork_server
 from tests.fork_server import ForkServer
 from tests.server_process import ServerProcess, imuscope
@@ -23,7 +23,7 @@ from tests.waiting import block_until
 
 FRAMES = PROTOCOLS["xbus"].sample
 EXPORTER = """
-from recordings.exporters.registry import ExportFormat, register_exporter
+from imuscope.recordings.exporters.registry import ExportFormat, register_exporter
 
 def write(wish, out, step):
     out.write_text("".join(f"{info['name']}\\n" for info in wish.infos))
@@ -33,7 +33,7 @@ def write(wish, out, step):
 register_exporter(ExportFormat("names", "Names", ".names", write, words="names of the channels"))
 """
 ANALYSIS = """
-from server.analysis.registry import Analysis, AnalysisOption, register_analysis
+from imuscope.server.analysis.registry import Analysis, AnalysisOption, register_analysis
 
 def run(signal, options):
     above = signal.values > options["level"]
@@ -48,8 +48,8 @@ register_analysis(
 """
 LINK = """
 import asyncio
-from server.links.base import Chunk, Link, LinkError
-from server.links.registry import LinkDefinition, link_kinds, register_link
+from imuscope.server.links.base import Chunk, Link, LinkError
+from imuscope.server.links.registry import LinkDefinition, link_kinds, register_link
 
 class RepeatLink(Link):
     kind = "repeat"

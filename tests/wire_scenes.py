@@ -20,12 +20,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from protocols.idtp.frames import build as idtp_frame
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.compaction import compact
-from recordings.mcap_writer import McapWriter
+from imuscope.protocols.idtp.frames import build as idtp_frame
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.mcap_writer import McapWriter
 from tests import known_attitude
 from tests.bench.serial_device import frame
 from tests.server_process import ServerProcess

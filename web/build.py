@@ -39,7 +39,7 @@ except ImportError:  # called by hand: there is no build going on
     BuildHookInterface = object
 
 WEB = Path(__file__).resolve().parent
-PAGE = WEB.parent / "server" / "page"
+PAGE = WEB.parent / "imuscope" / "server" / "page"  # server/page; a source distribution has the files here
 STAMP = PAGE / ".sources"
 MODULES = WEB / "node_modules"
 MODULES_STAMP = MODULES / ".lock"

@@ -1,6 +1,6 @@
 """IDTP 2.1: the Inertial Measurement Unit Data Transfer Protocol.
 
-    from protocols.idtp.decoder import IdtpDecoder
+    from imuscope.protocols.idtp.decoder import IdtpDecoder
 
     decoder = IdtpDecoder(key=bytes.fromhex("0001…"))       # without a key, Secure frames are rejected as no_key
     decoder.feed(chunk, arrival_ns)

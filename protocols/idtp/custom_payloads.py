@@ -34,10 +34,10 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.idtp.frames import MAX_PAYLOAD
-from protocols.idtp.messages import BY_NAME
-from protocols.layouts import size_of
-from protocols.schema import Field, Message
+from imuscope.protocols.idtp.frames import MAX_PAYLOAD
+from imuscope.protocols.idtp.messages import BY_NAME
+from imuscope.protocols.layouts import size_of
+from imuscope.protocols.schema import Field, Message
 
 TYPES: Mapping[str, str] = {
     **{f"{kind}{8 * size}": f"<{kind}{size}" for kind in "iu" for size in (2, 4, 8)},

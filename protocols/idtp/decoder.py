@@ -30,9 +30,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from protocols.counters import TickUnwrapper
-from protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap
-from protocols.framing import (
+from imuscope.protocols.counters import TickUnwrapper
+from imuscope.protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap
+from imuscope.protocols.framing import (
     BAD_VERSION,
     BODY,
     OFFSET,
@@ -45,16 +45,26 @@ from protocols.framing import (
     Ints,
     one_number,
 )
-from protocols.grouping import group
-from protocols.idtp.custom_payloads import Schema
-from protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
-from protocols.idtp.payloads import DecodedPayload, Payload, Rotation
-from protocols.idtp.replay_guard import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TAKEN_BACK, TIMESTAMP, key_of, source_of
-from protocols.idtp.stream_parser import ClassifiedFrames, IdtpStream
-from protocols.idtp.units import UNITS, UnitWatch
-from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
-from protocols.schema import Direction, Message
-from protocols.stream_parser import StreamDecoder
+from imuscope.protocols.grouping import group
+from imuscope.protocols.idtp.custom_payloads import Schema
+from imuscope.protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
+from imuscope.protocols.idtp.payloads import DecodedPayload, Payload, Rotation
+from imuscope.protocols.idtp.replay_guard import (
+    FAR,
+    KEY,
+    LOST,
+    MODE,
+    SOURCE_SHIFT,
+    TAKEN_BACK,
+    TIMESTAMP,
+    key_of,
+    source_of,
+)
+from imuscope.protocols.idtp.stream_parser import ClassifiedFrames, IdtpStream
+from imuscope.protocols.idtp.units import UNITS, UnitWatch
+from imuscope.protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
+from imuscope.protocols.schema import Direction, Message
+from imuscope.protocols.stream_parser import StreamDecoder
 
 WRAP = 2**32
 KNOWN_MINOR = 1

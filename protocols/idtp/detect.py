@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 
-from protocols.framing import BAD_VERSION, ID, REASONS, SIZE, SUCCESSOR
-from protocols.idtp.frames import MAJOR, version_at
-from protocols.idtp.messages import BY_ID, MODE_NAMES
-from protocols.idtp.replay_guard import MODE
-from protocols.idtp.stream_parser import IdtpStream
+from imuscope.protocols.framing import BAD_VERSION, ID, REASONS, SIZE, SUCCESSOR
+from imuscope.protocols.idtp.frames import MAJOR, version_at
+from imuscope.protocols.idtp.messages import BY_ID, MODE_NAMES
+from imuscope.protocols.idtp.replay_guard import MODE
+from imuscope.protocols.idtp.stream_parser import IdtpStream
 
 
 def detection_score(data: bytes) -> tuple[float, str]:

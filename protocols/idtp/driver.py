@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.events import Batch, Event, Reply
-from protocols.idtp import annotate as annotated
-from protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
-from protocols.idtp.custom_payloads import Schema
-from protocols.idtp.json_codec import frame_from_json
-from protocols.idtp.messages import MESSAGES
-from protocols.layouts import EncodeError
-from protocols.schema import Command
-from protocols.transactions import (
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.idtp import annotate as annotated
+from imuscope.protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
+from imuscope.protocols.idtp.custom_payloads import Schema
+from imuscope.protocols.idtp.json_codec import frame_from_json
+from imuscope.protocols.idtp.messages import MESSAGES
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Command
+from imuscope.protocols.transactions import (
     ByteRange,
     DeviceContext,
     DeviceDriver,
@@ -32,7 +32,7 @@ ALIVE_S = 1.5
 
 
 class IdtpDriver(DeviceDriver):
-    """See protocols.transactions.DeviceDriver.
+    """See imuscope.protocols.transactions.DeviceDriver.
 
     Args:
         schema: rows of the vendor's own payload types, see custom_payloads.py.

@@ -6,28 +6,28 @@ import secrets
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.composer import FrameRecord, ProtocolComposer
-from protocols.family import FamilyHints, PayloadDefinition, ProtocolInfo
-from protocols.idtp.custom_payloads import TEMPLATE
-from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.detect import detection_score
-from protocols.idtp.driver import IdtpDriver
-from protocols.idtp.frames import LITE, build, scanner
-from protocols.idtp.inspect import IdtpFrameLister
-from protocols.idtp.options import LISTED, MODES, OPTIONS, REMEDIES, UNPROTECTED
-from protocols.idtp.security import protection
-from protocols.idtp.supported import supported
-from protocols.schema import Message
-from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from imuscope.protocols.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.family import FamilyHints, PayloadDefinition, ProtocolInfo
+from imuscope.protocols.idtp.custom_payloads import TEMPLATE
+from imuscope.protocols.idtp.decoder import IdtpDecoder
+from imuscope.protocols.idtp.detect import detection_score
+from imuscope.protocols.idtp.driver import IdtpDriver
+from imuscope.protocols.idtp.frames import LITE, build, scanner
+from imuscope.protocols.idtp.inspect import IdtpFrameLister
+from imuscope.protocols.idtp.options import LISTED, MODES, OPTIONS, REMEDIES, UNPROTECTED
+from imuscope.protocols.idtp.security import protection
+from imuscope.protocols.idtp.supported import supported
+from imuscope.protocols.schema import Message
+from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 
 CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
 SECURE_BYTES = 56  # a sample's two frames are this much longer in Secure than in Safety mode
 
 
 def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
-    from protocols.idtp.commands import DATA, HEADER, reading_fields
-    from protocols.idtp.json_codec import frame_from_json
-    from protocols.idtp.messages import MESSAGES
+    from imuscope.protocols.idtp.commands import DATA, HEADER, reading_fields
+    from imuscope.protocols.idtp.json_codec import frame_from_json
+    from imuscope.protocols.idtp.messages import MESSAGES
 
     key, schema = settings.get("key"), settings.get("schema")
     rows = {**{row.name: row for row in MESSAGES}, **{row.name: row for row in (schema or {}).values()}}
@@ -40,7 +40,7 @@ def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
 
 
 def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
-    from protocols.idtp.simulator import IdtpSimulator
+    from imuscope.protocols.idtp.simulator import IdtpSimulator
 
     mode = request.options["mode"]
     return [
@@ -86,7 +86,7 @@ SIMULATOR = SimulatorInfo(
 
 
 def _rows() -> tuple[Message, ...]:
-    from protocols.idtp.messages import MESSAGES
+    from imuscope.protocols.idtp.messages import MESSAGES
 
     return MESSAGES
 
@@ -101,7 +101,7 @@ FAMILY = ProtocolInfo(
     scanner(None, LITE, show_unverified=True),
     short="IDTP",
     counts=True,
-    frame_size="protocols.idtp.frame_size",
+    frame_size="imuscope.protocols.idtp.frame_size",
     options=OPTIONS,
     payload_definition=PayloadDefinition("schema", TEMPLATE, (("i16", 2), ("u8", 1))),
     permissive={"show_unverified": True, "replay_check": False},

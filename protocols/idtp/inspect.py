@@ -14,14 +14,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from protocols.frame_lines import FrameLine, frame_lines
-from protocols.framing import Ints
-from protocols.idtp.custom_payloads import Schema
-from protocols.idtp.frames import SECURE, VERSION
-from protocols.idtp.json_codec import frame_to_json
-from protocols.idtp.messages import QUATERNION, WIRE
-from protocols.idtp.payloads import UNIT_TOLERANCE, row_of
-from protocols.idtp.stream_parser import IdtpStream
+from imuscope.protocols.frame_lines import FrameLine, frame_lines
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.idtp.custom_payloads import Schema
+from imuscope.protocols.idtp.frames import SECURE, VERSION
+from imuscope.protocols.idtp.json_codec import frame_to_json
+from imuscope.protocols.idtp.messages import QUATERNION, WIRE
+from imuscope.protocols.idtp.payloads import UNIT_TOLERANCE, row_of
+from imuscope.protocols.idtp.stream_parser import IdtpStream
 
 
 class IdtpFrameLister:

@@ -20,12 +20,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.idtp.custom_payloads import Schema
-from protocols.idtp.frames import HEADER, HEADER_SIZE, LITE, MAJOR, SECURE, VERSION, build
-from protocols.idtp.messages import BY_NAME, SECTION, WIRE
-from protocols.idtp.payloads import row_of
-from protocols.layouts import EncodeError, pack, size_of, unpack
-from protocols.schema import Field, Message
+from imuscope.protocols.idtp.custom_payloads import Schema
+from imuscope.protocols.idtp.frames import HEADER, HEADER_SIZE, LITE, MAJOR, SECURE, VERSION, build
+from imuscope.protocols.idtp.messages import BY_NAME, SECTION, WIRE
+from imuscope.protocols.idtp.payloads import row_of
+from imuscope.protocols.layouts import EncodeError, pack, size_of, unpack
+from imuscope.protocols.schema import Field, Message
 
 Plain = dict[str, Any]
 

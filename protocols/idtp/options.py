@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.decode_options import DecodeOption
-from protocols.family import RejectRemedy
-from protocols.idtp.custom_payloads import parse, written
+from imuscope.protocols.decode_options import DecodeOption
+from imuscope.protocols.family import RejectRemedy
+from imuscope.protocols.idtp.custom_payloads import parse, written
 
 MODES = ("lite", "safety", "secure")
 FORMAT = """schema file (TOML), describing vendor payload types:

@@ -20,9 +20,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.framing import Bytes, Ints
-from protocols.idtp.custom_payloads import Schema
-from protocols.idtp.messages import (
+from imuscope.protocols.framing import Bytes, Ints
+from imuscope.protocols.idtp.custom_payloads import Schema
+from imuscope.protocols.idtp.messages import (
     BY_ID,
     NOT_FINITE,
     NOT_UNIT,
@@ -34,9 +34,9 @@ from protocols.idtp.messages import (
     rest,
     status_of,
 )
-from protocols.jit import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
-from protocols.layouts import Layout, LazyColumns, element, size_of
-from protocols.schema import Field, Message
+from imuscope.protocols.jit import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
+from imuscope.protocols.layouts import Layout, LazyColumns, element, size_of
+from imuscope.protocols.schema import Field, Message
 
 Array = NDArray[Any]
 Rotation = Literal["enu_from_body", "body_from_enu"]

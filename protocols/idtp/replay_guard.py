@@ -41,9 +41,34 @@ from typing import Any
 
 import numpy as np
 
-from protocols.framing import FAR_AHEAD, FRAME, ID, INT64, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints, ScanCapacity
-from protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
-from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, STRIDED, TABLE, compiled, inlined, unsigned
+from imuscope.protocols.framing import (
+    FAR_AHEAD,
+    FRAME,
+    ID,
+    INT64,
+    LENGTH,
+    OFFSET,
+    SENDER,
+    STALE,
+    Bytes,
+    Ints,
+    ScanCapacity,
+)
+from imuscope.protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
+from imuscope.protocols.jit import (
+    BYTES,
+    FLAG,
+    FOUR,
+    INT,
+    INTS,
+    NOTHING,
+    PAIR,
+    STRIDED,
+    TABLE,
+    compiled,
+    inlined,
+    unsigned,
+)
 
 FAR = 1 << 16
 HALF = 1 << 31

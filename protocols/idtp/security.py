@@ -5,9 +5,9 @@ Lite, CRC-8 of the header alone · Safety, CRC-32 · Secure, verified · Secure,
 
 from __future__ import annotations
 
-from protocols.events import Batch
-from protocols.idtp.frames import LITE, SECURE
-from protocols.idtp.messages import MODE_NAMES, status_name
+from imuscope.protocols.events import Batch
+from imuscope.protocols.idtp.frames import LITE, SECURE
+from imuscope.protocols.idtp.messages import MODE_NAMES, status_name
 
 _CHECKS = {LITE: "CRC-8 of the header alone"}
 

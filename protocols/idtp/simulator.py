@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.idtp.frames import MODES, SAFETY, SECURE, build
-from protocols.idtp.messages import ACCELERATION, BY_NAME, FIELD, PRESSURE, QUATERNION, RATE
-from protocols.schema import Message
-from protocols.simulator import trajectory
+from imuscope.protocols.idtp.frames import MODES, SAFETY, SECURE, build
+from imuscope.protocols.idtp.messages import ACCELERATION, BY_NAME, FIELD, PRESSURE, QUATERNION, RATE
+from imuscope.protocols.schema import Message
+from imuscope.protocols.simulator import trajectory
 
 Array = NDArray[Any]
 Output = tuple[str, int]

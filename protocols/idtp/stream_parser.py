@@ -18,13 +18,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from protocols.events import RejectedFrame
-from protocols.framing import OFFSET, REASONS, SENDER, SIZE, Ints
-from protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
-from protocols.idtp.replay_guard import LOST, MASK, TAKEN_BACK, ReplayGuard, ReplayVerdict
-from protocols.nmea import ParsedMessage
-from protocols.stream_parser import ParseResult as Whole
-from protocols.stream_parser import StreamParser
+from imuscope.protocols.events import RejectedFrame
+from imuscope.protocols.framing import OFFSET, REASONS, SENDER, SIZE, Ints
+from imuscope.protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
+from imuscope.protocols.idtp.replay_guard import LOST, MASK, TAKEN_BACK, ReplayGuard, ReplayVerdict
+from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.stream_parser import ParseResult as Whole
+from imuscope.protocols.stream_parser import StreamParser
 
 
 @dataclass(slots=True)

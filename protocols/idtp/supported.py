@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from protocols.idtp.messages import MESSAGES, MODE_NAMES
-from protocols.schema import Field
-from protocols.support import SupportTable
+from imuscope.protocols.idtp.messages import MESSAGES, MODE_NAMES
+from imuscope.protocols.schema import Field
+from imuscope.protocols.support import SupportTable
 
 CHECKS = {0: "CRC-8", 1: "CRC-32", 2: "HMAC-SHA256; requires the device's key"}
 

@@ -1,6 +1,6 @@
 """Inertial Sense IMX, GPX and EVB: the ISB binary protocol 2.x.
 
-    from protocols.isb.decoder import IsbDecoder
+    from imuscope.protocols.isb.decoder import IsbDecoder
 
     decoder = IsbDecoder()
     decoder.feed(chunk, arrival_ns)
@@ -33,9 +33,9 @@
 Source: Inertial Sense binary protocol document; inertial-sense-sdk 2.7.1.
 """
 
-from protocols.isb import sentences
-from protocols.labels import add_acronyms
-from protocols.nmea import add_sentences
+from imuscope.protocols.isb import sentences
+from imuscope.protocols.labels import add_acronyms
+from imuscope.protocols.nmea import add_sentences
 
 add_sentences(sentences.ROWS, sentences.PAIRS)
 add_acronyms("GPX", "IMX")

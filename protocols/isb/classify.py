@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS, Bytes, Ints
-from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
-from protocols.isb.time_base import (
+from imuscope.protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS, Bytes, Ints
+from imuscope.protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
+from imuscope.protocols.isb.time_base import (
     DATED,
     FIX,
     GTIME,
@@ -43,7 +43,7 @@ from protocols.isb.time_base import (
     up_time,
     update_time,
 )
-from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
+from imuscope.protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
 
 VIEW = STRIDED  # a scan's table is the filled part of a larger one
 

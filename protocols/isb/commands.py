@@ -22,11 +22,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from protocols.isb.dataset_loader import SOURCE, TABLES
-from protocols.isb.field_docs import SENTENCES
-from protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
-from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX
-from protocols.isb.stored_settings import (
+from imuscope.protocols.isb.dataset_loader import SOURCE, TABLES
+from imuscope.protocols.isb.field_docs import SENTENCES
+from imuscope.protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
+from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX
+from imuscope.protocols.isb.stored_settings import (
     DATA_SETS,
     G_CAL,
     G_NMEA,
@@ -39,9 +39,9 @@ from protocols.isb.stored_settings import (
     fields_of,
     select,
 )
-from protocols.isb.streams import GPX_PRESETS, PRESETS
-from protocols.labels import constant_label
-from protocols.schema import Caution, Command, Field
+from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
+from imuscope.protocols.labels import constant_label
+from imuscope.protocols.schema import Caution, Command, Field
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
 NMEA_SOURCE = "Inertial Sense user manual, NMEA 0183 (ASCII) protocol"

@@ -18,8 +18,8 @@ import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from protocols.layouts import element
-from protocols.schema import Bits, Field
+from imuscope.protocols.layouts import element
+from imuscope.protocols.schema import Bits, Field
 
 FILE = Path(__file__).with_name("datasets.txt")
 SOURCE = "inertial-sense-sdk 2.7.1, data_sets.h"

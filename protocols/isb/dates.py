@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocols.dates import UNKNOWN, Ints
-from protocols.events import Batch
-from protocols.isb.time_base import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
+from imuscope.protocols.dates import UNKNOWN, Ints
+from imuscope.protocols.events import Batch
+from imuscope.protocols.isb.time_base import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
 
 DATED_NS = (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S  # up-times are far smaller
 

@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from protocols.embedded_protocols import STARTS, find
-from protocols.events import Batch, ClockStep, Event, LazyMapping, Reply
-from protocols.framing import BODY, OFFSET, SIZE, UINT8, Ints, ScanCapacity, one_number
-from protocols.grouping import group
-from protocols.isb import messages
-from protocols.isb.classify import (
+from imuscope.protocols.embedded_protocols import STARTS, find
+from imuscope.protocols.events import Batch, ClockStep, Event, LazyMapping, Reply
+from imuscope.protocols.framing import BODY, OFFSET, SIZE, UINT8, Ints, ScanCapacity, one_number
+from imuscope.protocols.grouping import group
+from imuscope.protocols.isb import messages
+from imuscope.protocols.isb.classify import (
     ABOUT,
     BY,
     FAMILIES,
@@ -43,12 +43,12 @@ from protocols.isb.classify import (
     gather,
     sort,
 )
-from protocols.isb.dataset_loader import VERSIONS
-from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
-from protocols.isb.json_codec import values_of
-from protocols.isb.time_base import NO_STEP, STEPS, store_offset
-from protocols.schema import Direction, Message
-from protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
+from imuscope.protocols.isb.dataset_loader import VERSIONS
+from imuscope.protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
+from imuscope.protocols.isb.json_codec import values_of
+from imuscope.protocols.isb.time_base import NO_STEP, STEPS, store_offset
+from imuscope.protocols.schema import Direction, Message
+from imuscope.protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
 
 RULES = messages.rules()
 VERSION_NUMBERS = messages.version_numbers()

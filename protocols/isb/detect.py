@@ -13,11 +13,11 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-from protocols.embedded_protocols import STARTS, find
-from protocols.framing import ID, SIZE
-from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, TYPES, scan
-from protocols.isb.messages import ROWS
-from protocols.stream_parser import ParseResult, StreamParser
+from imuscope.protocols.embedded_protocols import STARTS, find
+from imuscope.protocols.framing import ID, SIZE
+from imuscope.protocols.isb.frames import DATA, FLAGS, TYPE_MASK, TYPES, scan
+from imuscope.protocols.isb.messages import ROWS
+from imuscope.protocols.stream_parser import ParseResult, StreamParser
 
 _OLD = re.compile(rb"\xff(?:[^\x0a\x24\xb5\xd3\xfd\xfe\xff]|\xfd[\xf5\xdb\x4a\x2c\x02\x01\x00]){7,2100}\xfe")
 _SEARCH_BYTES = 1 << 16

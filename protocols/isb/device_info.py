@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.events import Reply
-from protocols.isb.messages import ROWS
+from imuscope.protocols.events import Reply
+from imuscope.protocols.isb.messages import ROWS
 
 FAMILIES = {1: "uINS", 2: "EVB", 3: "IMX", 4: "GPX"}
 FIRST_IMX = 5  # from this hardware version on the same board is called IMX

@@ -24,12 +24,12 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from protocols.events import Event, Reply, Text
-from protocols.isb import annotate as annotated
-from protocols.isb import bandwidth as budget
-from protocols.isb import frames, stream_discovery
-from protocols.isb.baud_change import line_change
-from protocols.isb.commands import (
+from imuscope.protocols.events import Event, Reply, Text
+from imuscope.protocols.isb import annotate as annotated
+from imuscope.protocols.isb import bandwidth as budget
+from imuscope.protocols.isb import frames, stream_discovery
+from imuscope.protocols.isb.baud_change import line_change
+from imuscope.protocols.isb.commands import (
     COMMAND_ROWS,
     DEV_INFO,
     NMEA_PERIODS,
@@ -38,10 +38,10 @@ from protocols.isb.commands import (
     SOFTWARE_RESET,
     SYS_CMD,
 )
-from protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS
-from protocols.isb.device_info import identity
-from protocols.isb.effects import alters
-from protocols.isb.encoder import (
+from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS
+from imuscope.protocols.isb.device_info import identity
+from imuscope.protocols.isb.effects import alters
+from imuscope.protocols.isb.encoder import (
     NMEA_NAMES,
     chosen,
     did_of,
@@ -52,17 +52,17 @@ from protocols.isb.encoder import (
     system_command,
     touched,
 )
-from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
-from protocols.isb.harm import harm
-from protocols.isb.messages import COMMANDS, SET_PREFIX
-from protocols.isb.settings_diff import SAVED, differences
-from protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
-from protocols.isb.stream_discovery import ListeningTimes, to_wire
-from protocols.isb.streams import STREAMS
-from protocols.isb.undisturbed import undisturbed
-from protocols.json_values import jsonable
-from protocols.schema import Command, Setting
-from protocols.transactions import (
+from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
+from imuscope.protocols.isb.harm import harm
+from imuscope.protocols.isb.messages import COMMANDS, SET_PREFIX
+from imuscope.protocols.isb.settings_diff import SAVED, differences
+from imuscope.protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
+from imuscope.protocols.isb.stream_discovery import ListeningTimes, to_wire
+from imuscope.protocols.isb.streams import STREAMS
+from imuscope.protocols.isb.undisturbed import undisturbed
+from imuscope.protocols.json_values import jsonable
+from imuscope.protocols.schema import Command, Setting
+from imuscope.protocols.transactions import (
     BaudChange,
     ByteRange,
     DeviceContext,
@@ -168,7 +168,7 @@ def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, require
 
 
 class IsbDriver(DeviceDriver):
-    """See protocols.transactions.DeviceDriver.
+    """See imuscope.protocols.transactions.DeviceDriver.
 
     Args:
         listening: how long the streams of a device are listened to.

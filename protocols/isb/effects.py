@@ -15,9 +15,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from protocols.isb.commands import COMMAND_ROWS, SYSTEM_COMMANDS
-from protocols.isb.messages import SET_PREFIX
-from protocols.isb.stored_settings import GET_PREFIX, STREAMS_SETTING
+from imuscope.protocols.isb.commands import COMMAND_ROWS, SYSTEM_COMMANDS
+from imuscope.protocols.isb.messages import SET_PREFIX
+from imuscope.protocols.isb.stored_settings import GET_PREFIX, STREAMS_SETTING
 
 _SENTENCES, _GPX_STREAMS, _CALIBRATION = "DID_NMEA_BCAST_PERIOD", "DID_GPX_RMC", "DID_MAG_CAL"
 _STREAMS = (STREAMS_SETTING, _GPX_STREAMS)
@@ -27,7 +27,7 @@ _OF_PORT = ("STOP_BROADCASTS_CURRENT_PORT", "STOP_BROADCASTS_ALL_PORTS", "STPB",
 
 
 def alters(command: str, values: Mapping[str, Any], settings: Iterable[str]) -> Collection[str]:
-    """See protocols.transactions.DeviceDriver.alters.
+    """See imuscope.protocols.transactions.DeviceDriver.alters.
 
     Args:
         settings: names of the device's settings.

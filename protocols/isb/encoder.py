@@ -18,19 +18,27 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols import validation
-from protocols.isb import frames
-from protocols.isb.commands import ASCE_FIELDS, COMMAND_ROWS, INVERSE, NMEA_PERIODS, RMC, SYS_CMD, SYSTEM_COMMANDS
-from protocols.isb.dataset_loader import CURRENT, SETS
-from protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
-from protocols.isb.json_codec import frame_from_json
-from protocols.isb.messages import BY_NAME, SET_PREFIX, places
-from protocols.isb.settings_diff import same_pace
-from protocols.isb.stored_settings import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
-from protocols.isb.streams import GPX_PRESETS, PRESETS
-from protocols.layouts import EncodeError, pack
-from protocols.nmea import sentence
-from protocols.schema import Field
+from imuscope.protocols import validation
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.commands import (
+    ASCE_FIELDS,
+    COMMAND_ROWS,
+    INVERSE,
+    NMEA_PERIODS,
+    RMC,
+    SYS_CMD,
+    SYSTEM_COMMANDS,
+)
+from imuscope.protocols.isb.dataset_loader import CURRENT, SETS
+from imuscope.protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
+from imuscope.protocols.isb.json_codec import frame_from_json
+from imuscope.protocols.isb.messages import BY_NAME, SET_PREFIX, places
+from imuscope.protocols.isb.settings_diff import same_pace
+from imuscope.protocols.isb.stored_settings import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
+from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
+from imuscope.protocols.layouts import EncodeError, pack
+from imuscope.protocols.nmea import sentence
+from imuscope.protocols.schema import Field
 
 Values = Mapping[str, Any]
 GPX_RMC = 126

@@ -5,36 +5,36 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.composer import ProtocolComposer
-from protocols.editor_choices import RateRow, RateTable
-from protocols.events import Batch
-from protocols.family import CorrectionInput, FamilyHints, LogFormat, PositionFix, ProtocolInfo
-from protocols.isb import logs
-from protocols.isb.bandwidth import periods_ms
-from protocols.isb.commands import NMEA_MESSAGES
-from protocols.isb.dates import utc_of
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.detect import detection_score
-from protocols.isb.device_info import identity
-from protocols.isb.driver import IsbDriver
-from protocols.isb.frames import DATA, build, get_data, scan, stop
-from protocols.isb.inspect import IsbFrameLister
-from protocols.isb.mounting import MOUNTING
-from protocols.isb.sensors import sensors_of
-from protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
-from protocols.isb.supported import supported
-from protocols.schema import Message
-from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
-from protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
-from protocols.transactions import DeviceContext, Values
+from imuscope.protocols.composer import ProtocolComposer
+from imuscope.protocols.editor_choices import RateRow, RateTable
+from imuscope.protocols.events import Batch
+from imuscope.protocols.family import CorrectionInput, FamilyHints, LogFormat, PositionFix, ProtocolInfo
+from imuscope.protocols.isb import logs
+from imuscope.protocols.isb.bandwidth import periods_ms
+from imuscope.protocols.isb.commands import NMEA_MESSAGES
+from imuscope.protocols.isb.dates import utc_of
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.detect import detection_score
+from imuscope.protocols.isb.device_info import identity
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.isb.frames import DATA, build, get_data, scan, stop
+from imuscope.protocols.isb.inspect import IsbFrameLister
+from imuscope.protocols.isb.mounting import MOUNTING
+from imuscope.protocols.isb.sensors import sensors_of
+from imuscope.protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
+from imuscope.protocols.isb.supported import supported
+from imuscope.protocols.schema import Message
+from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
+from imuscope.protocols.transactions import DeviceContext, Values
 
 DRIVER = IsbDriver()
 POSITION_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")
 
 
 def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
-    from protocols.isb.json_codec import frame_from_json
-    from protocols.isb.messages import BY_NAME, COMMANDS, set_row
+    from imuscope.protocols.isb.json_codec import frame_from_json
+    from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, set_row
 
     messages = {name: row.fields for name, row in BY_NAME.items()}
     messages |= {row.name: row.fields for row in map(set_row, range(256))}
@@ -91,8 +91,8 @@ def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
-    from protocols.isb.simulator.device import IsbSimulator
-    from protocols.isb.simulator.gpx import GpxSimulator
+    from imuscope.protocols.isb.simulator.device import IsbSimulator
+    from imuscope.protocols.isb.simulator.gpx import GpxSimulator
 
     made = GpxSimulator if request.product.startswith("GPX") else IsbSimulator
     return [
@@ -131,7 +131,7 @@ SIMULATOR = SimulatorInfo(
 
 
 def _rows() -> list[Message]:
-    from protocols.isb.messages import COMMANDS, ROWS
+    from imuscope.protocols.isb.messages import COMMANDS, ROWS
 
     return [*ROWS.values(), *COMMANDS.values()]
 
@@ -145,8 +145,8 @@ FAMILY = ProtocolInfo(
     2 * build(DATA, 58, bytes(36)) + stop(),
     scan,
     short="ISB",
-    frame_size="protocols.isb.frame_size",
-    configuration_frames="protocols.isb.configuration_frames",
+    frame_size="imuscope.protocols.isb.frame_size",
+    configuration_frames="imuscope.protocols.isb.configuration_frames",
     host_drivers={
         "inertial_sense_": "`port` in its parameter file (YAML)",
         "cltool": "`-c` of cltool",

@@ -31,8 +31,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 
-from protocols.checksums import fletcher16
-from protocols.framing import (
+from imuscope.protocols.checksums import fletcher16
+from imuscope.protocols.framing import (
     BAD_CHECKSUM,
     BAD_SIZE,
     BAD_TYPE,
@@ -48,7 +48,7 @@ from protocols.framing import (
     Bytes,
     Ints,
 )
-from protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
+from imuscope.protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
 
 FIRST, SECOND = 0xEF, 0x49
 HEADER, TRAILER = 6, 2

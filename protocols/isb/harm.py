@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.isb.stored_settings import settings_of
-from protocols.transactions import Harm
+from imuscope.protocols.isb.stored_settings import settings_of
+from imuscope.protocols.transactions import Harm
 
 Values = Mapping[str, Any]
 _FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla")
@@ -49,7 +49,7 @@ def _of_navigation(before: Values, changed: Values, product: str) -> list[Harm]:
 
 
 def harm(setting: str, old: Values | None, new: Values, product: str = "") -> list[Harm]:
-    """See protocols.transactions.DeviceDriver.risks."""
+    """See imuscope.protocols.transactions.DeviceDriver.risks."""
     before = old or {}
     changed = {name: value for name, value in new.items() if name not in before or before[name] != value}
     row = settings_of().get(setting)

@@ -5,15 +5,15 @@ Structures follow the firmware version in an earlier device information of the c
 
 from __future__ import annotations
 
-from protocols.embedded_protocols import STARTS, find
-from protocols.frame_lines import FrameLine, frame_lines
-from protocols.framing import BODY, ID, LENGTH
-from protocols.isb.classify import FAMILY, FIRMWARE_AT, version_of
-from protocols.isb.dataset_loader import VERSIONS
-from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET, scan
-from protocols.isb.json_codec import frame_to_json
-from protocols.isb.messages import DEVICE_INFOS, rules, version_numbers
-from protocols.stream_parser import ParseResult, StreamParser
+from imuscope.protocols.embedded_protocols import STARTS, find
+from imuscope.protocols.frame_lines import FrameLine, frame_lines
+from imuscope.protocols.framing import BODY, ID, LENGTH
+from imuscope.protocols.isb.classify import FAMILY, FIRMWARE_AT, version_of
+from imuscope.protocols.isb.dataset_loader import VERSIONS
+from imuscope.protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET, scan
+from imuscope.protocols.isb.json_codec import frame_to_json
+from imuscope.protocols.isb.messages import DEVICE_INFOS, rules, version_numbers
+from imuscope.protocols.stream_parser import ParseResult, StreamParser
 
 _FAMILIES = rules()[:, FAMILY]
 _NUMBERS = version_numbers()

@@ -27,10 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from protocols.isb.classify import EVENT_TEXT, variant_of
-from protocols.isb.dataset_loader import VERSIONS
-from protocols.isb.frames import DATA, HEADER, SET_DATA, TRAILER, TYPE_MASK, TYPES, WITH_OFFSET, build
-from protocols.isb.messages import (
+from imuscope.protocols.isb.classify import EVENT_TEXT, variant_of
+from imuscope.protocols.isb.dataset_loader import VERSIONS
+from imuscope.protocols.isb.frames import DATA, HEADER, SET_DATA, TRAILER, TYPE_MASK, TYPES, WITH_OFFSET, build
+from imuscope.protocols.isb.messages import (
     BY_NAME,
     COMMANDS,
     EVENT_SET,
@@ -43,9 +43,9 @@ from protocols.isb.messages import (
     set_row,
     version_for,
 )
-from protocols.json_values import flag_names, jsonable
-from protocols.layouts import EncodeError, pack, size_of, unpack
-from protocols.schema import Field
+from imuscope.protocols.json_values import flag_names, jsonable
+from imuscope.protocols.layouts import EncodeError, pack, size_of, unpack
+from imuscope.protocols.schema import Field
 
 Plain = dict[str, Any]
 

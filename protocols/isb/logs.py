@@ -30,9 +30,9 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from protocols.family import Damage, LogName
-from protocols.framing import Ints
-from protocols.isb.frames import DATA, build
+from imuscope.protocols.family import Damage, LogName
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.isb.frames import DATA, build
 
 MARKER = bytes.fromhex("32EA05FC")
 HEADER = struct.Struct("<4sBBBB4s4sIIIIHH4B")

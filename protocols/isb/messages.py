@@ -29,13 +29,22 @@ from functools import lru_cache
 
 import numpy as np
 
-from protocols.framing import Ints
-from protocols.isb import classify
-from protocols.isb.dataset_loader import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size, title_of
-from protocols.isb.frames import ACK, GET_DATA, NACK, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
-from protocols.isb.time_base import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
-from protocols.layouts import Layout, size_of
-from protocols.schema import Bits, Field, Message
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.isb import classify
+from imuscope.protocols.isb.dataset_loader import (
+    CURRENT,
+    SETS,
+    SOURCE,
+    TABLES,
+    VERSIONS,
+    DataSet,
+    element_size,
+    title_of,
+)
+from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
+from imuscope.protocols.isb.time_base import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
+from imuscope.protocols.layouts import Layout, size_of
+from imuscope.protocols.schema import Bits, Field, Message
 
 Place = tuple[Field, int]
 """A field with its shape closed, and its offset in a payload."""

@@ -8,8 +8,8 @@ Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t; ISB document, "S
 
 from __future__ import annotations
 
-from protocols.mounting import Floats, MountingSetting, frame_angles
-from protocols.transactions import Values
+from imuscope.protocols.mounting import Floats, MountingSetting, frame_angles
+from imuscope.protocols.transactions import Values
 
 
 def _values(matrix: Floats, present: Values) -> Values:

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.isb.stored_settings import PERSISTENT, STREAMS_SETTING
+from imuscope.protocols.isb.stored_settings import PERSISTENT, STREAMS_SETTING
 
 Values = Mapping[str, Any]
 MEANINGLESS = ("checksum", "options")

@@ -14,11 +14,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from protocols.isb.dataset_loader import CURRENT, SETS, SOURCE, as_written
-from protocols.isb.field_docs import noted
-from protocols.isb.messages import SET_PREFIX, places
-from protocols.isb.streams import OF_GPX, STREAMS
-from protocols.schema import Bits, Field, Setting
+from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, SOURCE, as_written
+from imuscope.protocols.isb.field_docs import noted
+from imuscope.protocols.isb.messages import SET_PREFIX, places
+from imuscope.protocols.isb.streams import OF_GPX, STREAMS
+from imuscope.protocols.schema import Bits, Field, Setting
 
 GET_PREFIX = "GET_"
 ISB_SOURCE = "Inertial Sense binary protocol document"

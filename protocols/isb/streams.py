@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from protocols.isb.dataset_loader import SETS, TABLES, title_of
+from imuscope.protocols.isb.dataset_loader import SETS, TABLES, title_of
 
 NAV, IMU, SLOW, GNSS, FAST, EVENT = "nav", "imu", "slow", "gnss", "fast", "event"
 DEFAULT_MS: Mapping[str, float] = {NAV: 7, IMU: 14, SLOW: 20, GNSS: 200, FAST: 1, EVENT: 0}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from protocols.isb.commands import COMMAND_ROWS
-from protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS, DataSet
-from protocols.isb.device_info import FAMILIES
-from protocols.isb.messages import ROWS
-from protocols.isb.stored_settings import STORED
-from protocols.isb.streams import STREAMS
-from protocols.support import SupportTable
+from imuscope.protocols.isb.commands import COMMAND_ROWS
+from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS, DataSet
+from imuscope.protocols.isb.device_info import FAMILIES
+from imuscope.protocols.isb.messages import ROWS
+from imuscope.protocols.isb.stored_settings import STORED
+from imuscope.protocols.isb.streams import STREAMS
+from imuscope.protocols.support import SupportTable
 
 RESERVED = ("DID_NULL", "DID_UNUSED")
 

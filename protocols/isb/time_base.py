@@ -31,8 +31,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocols.framing import Bytes
-from protocols.jit import FLAG, INT, compiled, inlined, several, unsigned
+from imuscope.protocols.framing import Bytes
+from imuscope.protocols.jit import FLAG, INT, compiled, inlined, several, unsigned
 
 LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 

@@ -24,13 +24,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from protocols.events import Event
-from protocols.isb import frames
-from protocols.isb.commands import RMC, SYS_CMD
-from protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
-from protocols.isb.stream_discovery import Ask, ObservedStreams
-from protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
-from protocols.transactions import (
+from imuscope.protocols.events import Event
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.commands import RMC, SYS_CMD
+from imuscope.protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
+from imuscope.protocols.isb.stream_discovery import Ask, ObservedStreams
+from imuscope.protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
+from imuscope.protocols.transactions import (
     Act,
     DeviceRejectedError,
     NoReplyError,

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.messages.ros2msg import StructField, StructType
+from imuscope.protocols.messages.ros2msg import StructField, StructType
 
 Array = NDArray[Any]
 

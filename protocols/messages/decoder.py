@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.counters import SequenceCounter
-from protocols.events import Batch, Event, RejectedFrame, SampleGap
-from protocols.framing import StreamBuffer
-from protocols.messages.cdr import MOST_COLUMNS, CdrReader
-from protocols.messages.own_schema import columns_of, own_quantity
-from protocols.messages.quantities import MessageQuantity, absent_quantities, quantities_of, unknown_rows
-from protocols.messages.records import (
+from imuscope.protocols.counters import SequenceCounter
+from imuscope.protocols.events import Batch, Event, RejectedFrame, SampleGap
+from imuscope.protocols.framing import StreamBuffer
+from imuscope.protocols.messages.cdr import MOST_COLUMNS, CdrReader
+from imuscope.protocols.messages.own_schema import columns_of, own_quantity
+from imuscope.protocols.messages.quantities import MessageQuantity, absent_quantities, quantities_of, unknown_rows
+from imuscope.protocols.messages.records import (
     HEAD,
     LONGEST,
     MESSAGE,
@@ -40,9 +40,9 @@ from protocols.messages.records import (
     Definitions,
     MessageChannel,
 )
-from protocols.messages.ros2msg import parse
-from protocols.messages.walkers import SENSELESS, STAMPS, NumericMessage, json_reader, protobuf_reader
-from protocols.schema import Message
+from imuscope.protocols.messages.ros2msg import parse
+from imuscope.protocols.messages.walkers import SENSELESS, STAMPS, NumericMessage, json_reader, protobuf_reader
+from imuscope.protocols.schema import Message
 
 Array = NDArray[Any]
 Ints = NDArray[np.int64]

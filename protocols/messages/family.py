@@ -4,12 +4,12 @@ simulated, and it is never searched for in the bytes of a port.
 
 from __future__ import annotations
 
-from protocols.events import Batch
-from protocols.family import PositionFix, ProtocolInfo
-from protocols.framing import Bytes, Ints
-from protocols.messages.decoder import MessageDecoder
-from protocols.messages.listing import MessageLister
-from protocols.messages.records import MessageChannel, definition, message_record
+from imuscope.protocols.events import Batch
+from imuscope.protocols.family import PositionFix, ProtocolInfo
+from imuscope.protocols.framing import Bytes, Ints
+from imuscope.protocols.messages.decoder import MessageDecoder
+from imuscope.protocols.messages.listing import MessageLister
+from imuscope.protocols.messages.records import MessageChannel, definition, message_record
 
 NAME = "messages"
 

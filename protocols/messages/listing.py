@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from protocols.events import Batch, RejectedFrame
-from protocols.frame_lines import FrameLine
-from protocols.messages.decoder import MessageDecoder
-from protocols.messages.records import HEAD, LONGEST, PLAUSIBLE
+from imuscope.protocols.events import Batch, RejectedFrame
+from imuscope.protocols.frame_lines import FrameLine
+from imuscope.protocols.messages.decoder import MessageDecoder
+from imuscope.protocols.messages.records import HEAD, LONGEST, PLAUSIBLE
 
 
 class MessageLister:

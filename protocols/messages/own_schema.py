@@ -10,8 +10,8 @@ import json
 import re
 from dataclasses import dataclass
 
-from protocols.messages.quantities import MessageQuantity
-from protocols.schema import Field
+from imuscope.protocols.messages.quantities import MessageQuantity
+from imuscope.protocols.schema import Field
 
 LETTERS = str.maketrans(
     {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_"}

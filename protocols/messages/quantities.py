@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.schema import Field
+from imuscope.protocols.schema import Field
 
 Array = NDArray[Any]
 

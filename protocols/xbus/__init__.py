@@ -1,6 +1,6 @@
 """Xsens MTi: the Xbus protocol (MT low-level communication protocol).
 
-    from protocols.xbus.decoder import XbusDecoder
+    from imuscope.protocols.xbus.decoder import XbusDecoder
 
     decoder = XbusDecoder()
     decoder.feed(chunk, arrival_ns)

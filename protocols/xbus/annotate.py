@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from protocols.layouts import size_of, unpack
-from protocols.schema import Bits, Field
-from protocols.transactions import ByteRange
-from protocols.xbus.data_identifiers import COORDINATES, item
-from protocols.xbus.frames import EXTENDED, MTDATA2, items
-from protocols.xbus.messages import form_of
-from protocols.xbus.output_configuration import ALWAYS, OUTPUTS
+from imuscope.protocols.layouts import size_of, unpack
+from imuscope.protocols.schema import Bits, Field
+from imuscope.protocols.transactions import ByteRange
+from imuscope.protocols.xbus.data_identifiers import COORDINATES, item
+from imuscope.protocols.xbus.frames import EXTENDED, MTDATA2, items
+from imuscope.protocols.xbus.messages import form_of
+from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS
 
 RESTORE = 0xDE
 _PRECISIONS = ("Float32", "Fp12.20", "Fp16.32", "Float64")

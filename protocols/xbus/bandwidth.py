@@ -22,11 +22,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.transactions import LinkLoad, OutputLoad
-from protocols.xbus.annotate import identifier_words
-from protocols.xbus.enums import STRING_TYPES
-from protocols.xbus.frames import MAX_SENT, MAX_STANDARD
-from protocols.xbus.output_configuration import (
+from imuscope.protocols.transactions import LinkLoad, OutputLoad
+from imuscope.protocols.xbus.annotate import identifier_words
+from imuscope.protocols.xbus.enums import STRING_TYPES
+from imuscope.protocols.xbus.frames import MAX_SENT, MAX_STANDARD
+from imuscope.protocols.xbus.output_configuration import (
     ALWAYS,
     OUTPUTS,
     OutputStream,
@@ -36,7 +36,7 @@ from protocols.xbus.output_configuration import (
     output_of,
     streams,
 )
-from protocols.xbus.products import Model, as_built
+from imuscope.protocols.xbus.products import Model, as_built
 
 MAX_ENTRIES = 32
 ECEF = 0x5030

@@ -21,10 +21,10 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Literal
 
-from protocols.schema import Caution, Command, Field, Message, Setting
-from protocols.xbus.messages import BY_NAME, ROWS, answers
-from protocols.xbus.product_options import fitted
-from protocols.xbus.products import ALL, CLASSIC, FILTER, NOBODY, ONE, RTK, SIX, Model, has, model_of
+from imuscope.protocols.schema import Caution, Command, Field, Message, Setting
+from imuscope.protocols.xbus.messages import BY_NAME, ROWS, answers
+from imuscope.protocols.xbus.product_options import fitted
+from imuscope.protocols.xbus.products import ALL, CLASSIC, FILTER, NOBODY, ONE, RTK, SIX, Model, has, model_of
 
 CommandState = Literal["config", "measuring", "any"]
 
@@ -61,7 +61,7 @@ class CommandRow:
         products: products that have it.
         state: state in which it is valid; ResetOrientation and IccCommand decide by their argument (see `state_of`).
         name: of the command, if different from the message's: one action of several messages (driver.py).
-        harmless_values: as in protocols.schema.Command.
+        harmless_values: as in imuscope.protocols.schema.Command.
     """
 
     message: str
@@ -403,7 +403,7 @@ def continues(row: CommandRow) -> bool:
 
 
 def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
-    """See protocols.transactions.DeviceDriver.unfinished (5.3.7)."""
+    """See imuscope.protocols.transactions.DeviceDriver.unfinished (5.3.7)."""
     if command in ("ResetOrientation", RESET_AND_STORE):
         stored = command == RESET_AND_STORE or values.get("code") == 0
         return "" if stored else _NOT_STORED

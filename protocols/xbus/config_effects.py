@@ -9,10 +9,10 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from protocols.transactions import BaudChange, DeviceContext, Values
-from protocols.xbus.enums import SEND_LATEST
-from protocols.xbus.output_configuration import ALWAYS
-from protocols.xbus.products import Model, model_of
+from imuscope.protocols.transactions import BaudChange, DeviceContext, Values
+from imuscope.protocols.xbus.enums import SEND_LATEST
+from imuscope.protocols.xbus.output_configuration import ALWAYS
+from imuscope.protocols.xbus.products import Model, model_of
 
 BAUD_RATES: Mapping[int, int] = {  # table 7, with its errata
     **{0x0D: 4_000_000, 0x0E: 3_500_000, 0x0C: 2_000_000, 0x80: 921_600, 0x0A: 921_600, 0x00: 460_800, 0x01: 230_400},
@@ -98,7 +98,7 @@ def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) 
 
 
 def rates(values: Mapping[str, Values], known: DeviceContext) -> tuple[int, ...]:
-    """See protocols.transactions.DeviceDriver.rates."""
+    """See imuscope.protocols.transactions.DeviceDriver.rates."""
     codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
     codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
     found = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)

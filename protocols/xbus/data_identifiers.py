@@ -24,9 +24,9 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
-from protocols.layouts import form_for_size
-from protocols.schema import Field
-from protocols.xbus.enums import (
+from imuscope.protocols.layouts import form_for_size
+from imuscope.protocols.schema import Field
+from imuscope.protocols.xbus.enums import (
     GNSS_FIXES,
     GNSS_FLAGS,
     GNSS_SYSTEMS,

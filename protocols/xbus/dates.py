@@ -12,9 +12,9 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from protocols.dates import UNKNOWN, Ints, utc_ns
-from protocols.events import Batch, Reply
-from protocols.xbus.frames import FIX_2D
+from imuscope.protocols.dates import UNKNOWN, Ints, utc_ns
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.xbus.frames import FIX_2D
 
 UTC_VALID = 4
 DATE_AND_TIME_VALID = 3

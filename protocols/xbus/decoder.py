@@ -48,14 +48,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.counters import SequenceCounter, TickUnwrapper
-from protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap
-from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, UINT8, Bytes, Ints, one_number
-from protocols.layouts import Layout, Place, unpack
-from protocols.schema import Direction, Message
-from protocols.stream_parser import StreamDecoder
-from protocols.xbus.data_identifiers import RAW_BLOB, form_words, is_known, item
-from protocols.xbus.frames import (
+from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
+from imuscope.protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap
+from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, UINT8, Bytes, Ints, one_number
+from imuscope.protocols.layouts import Layout, Place, unpack
+from imuscope.protocols.schema import Direction, Message
+from imuscope.protocols.stream_parser import StreamDecoder
+from imuscope.protocols.xbus.data_identifiers import RAW_BLOB, form_words, is_known, item
+from imuscope.protocols.xbus.frames import (
     ABOUT,
     ARRIVALS,
     COARSE,
@@ -76,9 +76,9 @@ from protocols.xbus.frames import (
     items,
     walk,
 )
-from protocols.xbus.messages import MTDATA2_ROW, form_of
-from protocols.xbus.sample_time import COARSE_CLOCK, FINE_CLOCK, NO_CLOCK, UTC, select_clock
-from protocols.xbus.stream_parser import ParseResult, XbusStreamParser
+from imuscope.protocols.xbus.messages import MTDATA2_ROW, form_of
+from imuscope.protocols.xbus.sample_time import COARSE_CLOCK, FINE_CLOCK, NO_CLOCK, UTC, select_clock
+from imuscope.protocols.xbus.stream_parser import ParseResult, XbusStreamParser
 
 TICK_NS = 100_000
 WRAP = 2**32

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections import Counter
 
-from protocols.framing import ID, SIZE
-from protocols.xbus.messages import ROWS
-from protocols.xbus.stream_parser import XbusStreamParser
+from imuscope.protocols.framing import ID, SIZE
+from imuscope.protocols.xbus.messages import ROWS
+from imuscope.protocols.xbus.stream_parser import XbusStreamParser
 
 
 def detection_score(data: bytes) -> tuple[float, str]:

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from protocols.events import Reply
-from protocols.labels import device_label
+from imuscope.protocols.events import Reply
+from imuscope.protocols.labels import device_label
 
 _IS_LONG = 0x8000_0000
 

@@ -1,4 +1,4 @@
-"""Driver of an MTi: tables, frames and transactions of section 5.3, behind protocols.transactions.DeviceDriver.
+"""Driver of an MTi: tables, frames and transactions of section 5.3, behind protocols/transactions.py `DeviceDriver`.
 
     within(body)    GoToConfig … body … GoToMeasurement, also when the body fails or is stopped
     read(setting)   its request; the answer's fields
@@ -21,11 +21,11 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
-from protocols import validation
-from protocols.events import Batch, Event, Reply
-from protocols.layouts import EncodeError
-from protocols.schema import Command, Setting
-from protocols.transactions import (
+from imuscope.protocols import validation
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Command, Setting
+from imuscope.protocols.transactions import (
     AT_REST,
     BaudChange,
     ByteRange,
@@ -44,14 +44,14 @@ from protocols.transactions import (
     WaitFor,
     WriteResult,
 )
-from protocols.xbus import annotate, commands, config_effects, frames, requests
-from protocols.xbus.bandwidth import fit, load, message_rate
-from protocols.xbus.commands import CommandRow, StoredSetting
-from protocols.xbus.device_info import formerly, identity
-from protocols.xbus.enums import OPTION_FLAGS
-from protocols.xbus.json_codec import frame_from_json
-from protocols.xbus.product_options import problems_beyond
-from protocols.xbus.products import Model, model_of
+from imuscope.protocols.xbus import annotate, commands, config_effects, frames, requests
+from imuscope.protocols.xbus.bandwidth import fit, load, message_rate
+from imuscope.protocols.xbus.commands import CommandRow, StoredSetting
+from imuscope.protocols.xbus.device_info import formerly, identity
+from imuscope.protocols.xbus.enums import OPTION_FLAGS
+from imuscope.protocols.xbus.json_codec import frame_from_json
+from imuscope.protocols.xbus.product_options import problems_beyond
+from imuscope.protocols.xbus.products import Model, model_of
 
 T = TypeVar("T")
 
@@ -68,7 +68,7 @@ _OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
 
 
 class XbusDriver(DeviceDriver):
-    """See protocols.transactions.DeviceDriver.
+    """See imuscope.protocols.transactions.DeviceDriver.
 
     Args:
         times: how long a device is waited for.

@@ -10,31 +10,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.composer import FrameRecord, ProtocolComposer
-from protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
-from protocols.events import Batch, Reply
-from protocols.family import CorrectionInput, FamilyHints, LogFormat, LogHeader, PositionFix, ProtocolInfo
-from protocols.framing import ID, OFFSET, Bytes, Ints
-from protocols.schema import Message
-from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
-from protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
-from protocols.transactions import DeviceContext, Values
-from protocols.xbus.data_identifiers import COORDINATES
-from protocols.xbus.dates import date_of, utc_of
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.detect import detection_score
-from protocols.xbus.device_info import identity
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.frames import MASTER, build, scan
-from protocols.xbus.inspect import XbusFrameLister
-from protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
-from protocols.xbus.messages import ROWS
-from protocols.xbus.mounting import MOUNTING
-from protocols.xbus.output_changes import XbusOutputChanges
-from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
-from protocols.xbus.products import absent, as_built, has, model_of
-from protocols.xbus.sensors import sensors_of
-from protocols.xbus.supported import supported
+from imuscope.protocols.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.family import CorrectionInput, FamilyHints, LogFormat, LogHeader, PositionFix, ProtocolInfo
+from imuscope.protocols.framing import ID, OFFSET, Bytes, Ints
+from imuscope.protocols.schema import Message
+from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
+from imuscope.protocols.transactions import DeviceContext, Values
+from imuscope.protocols.xbus.data_identifiers import COORDINATES
+from imuscope.protocols.xbus.dates import date_of, utc_of
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.detect import detection_score
+from imuscope.protocols.xbus.device_info import identity
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.frames import MASTER, build, scan
+from imuscope.protocols.xbus.inspect import XbusFrameLister
+from imuscope.protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
+from imuscope.protocols.xbus.messages import ROWS
+from imuscope.protocols.xbus.mounting import MOUNTING
+from imuscope.protocols.xbus.output_changes import XbusOutputChanges
+from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
+from imuscope.protocols.xbus.products import absent, as_built, has, model_of
+from imuscope.protocols.xbus.sensors import sensors_of
+from imuscope.protocols.xbus.supported import supported
 
 DRIVER = XbusDriver()
 MESSAGES = np.array(sorted(ROWS))
@@ -54,9 +54,9 @@ def _is_certain(table: Ints, data: Bytes) -> NDArray[np.bool_]:
 
 
 def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
-    from protocols.xbus.data_identifiers import BY_NAME as ITEMS
-    from protocols.xbus.json_codec import frame_from_json
-    from protocols.xbus.messages import BY_NAME
+    from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS
+    from imuscope.protocols.xbus.json_codec import frame_from_json
+    from imuscope.protocols.xbus.messages import BY_NAME
 
     messages = {name: rows[0].fields for name, rows in BY_NAME.items()}
     forms = {name: tuple(part for row in rows for part in row.fields) for name, rows in BY_NAME.items()}
@@ -73,7 +73,7 @@ def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
 
 
 def _em1000(record: FrameRecord) -> bytes:
-    from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
+    from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
 
     fields = record.get("fields", {})
     angles = (round(fields[name] * 100) for name in ("roll", "pitch", "heave", "heading"))
@@ -182,7 +182,7 @@ def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def _products() -> tuple[str, ...]:
-    from protocols.xbus.simulator.settings import PRODUCTS
+    from imuscope.protocols.xbus.simulator.settings import PRODUCTS
 
     return USUAL, *(name for name in PRODUCTS if name != USUAL)
 
@@ -198,8 +198,8 @@ def _check(product: str, given: Mapping[str, str]) -> tuple[str, str] | None:
 
 
 def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
-    from protocols.xbus.simulator.device import XbusSimulator
-    from protocols.xbus.simulator.faults import FaultInjection
+    from imuscope.protocols.xbus.simulator.device import XbusSimulator
+    from imuscope.protocols.xbus.simulator.faults import FaultInjection
 
     options = request.options
     faults = FaultInjection(
@@ -260,7 +260,7 @@ SIMULATOR = SimulatorInfo(
 
 
 def _rows() -> tuple[Message, ...]:
-    from protocols.xbus.messages import MESSAGES
+    from imuscope.protocols.xbus.messages import MESSAGES
 
     return MESSAGES
 
@@ -277,8 +277,8 @@ FAMILY = ProtocolInfo(
     counts=True,
     counter="PacketCounter",
     output_changes=XbusOutputChanges,
-    frame_size="protocols.xbus.frame_size",
-    configuration_frames="protocols.xbus.configuration_frames",
+    frame_size="imuscope.protocols.xbus.frame_size",
+    configuration_frames="imuscope.protocols.xbus.configuration_frames",
     host_drivers={
         "xsens_mti_node": "`port` and `scan_for_devices: false` in xsens_mti_node.yaml",
         "mtnode": "`_device:=` of mtnode.py",

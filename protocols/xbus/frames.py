@@ -27,8 +27,8 @@ import struct
 
 import numpy as np
 
-from protocols.checksums import check_sum8, sum8
-from protocols.framing import (
+from imuscope.protocols.checksums import check_sum8, sum8
+from imuscope.protocols.framing import (
     BAD_CHECKSUM,
     BAD_ID,
     BAD_SIZE,
@@ -44,7 +44,7 @@ from protocols.framing import (
     Bytes,
     Ints,
 )
-from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
+from imuscope.protocols.jit import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
 
 PREAMBLE = 0xFA
 EXTENDED = 0xFF

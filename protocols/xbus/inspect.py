@@ -5,13 +5,13 @@ An MTData2 frame whose last item does not fit is listed with the items before it
 
 from __future__ import annotations
 
-from protocols.events import RejectedFrame
-from protocols.frame_lines import FrameLine, frame_lines
-from protocols.framing import BODY, ID, LENGTH
-from protocols.xbus.data_identifiers import RAW_BLOB, is_known, item
-from protocols.xbus.frames import MTDATA2, items
-from protocols.xbus.json_codec import frame_to_json
-from protocols.xbus.stream_parser import XbusStreamParser
+from imuscope.protocols.events import RejectedFrame
+from imuscope.protocols.frame_lines import FrameLine, frame_lines
+from imuscope.protocols.framing import BODY, ID, LENGTH
+from imuscope.protocols.xbus.data_identifiers import RAW_BLOB, is_known, item
+from imuscope.protocols.xbus.frames import MTDATA2, items
+from imuscope.protocols.xbus.json_codec import frame_to_json
+from imuscope.protocols.xbus.stream_parser import XbusStreamParser
 
 
 class XbusFrameLister:

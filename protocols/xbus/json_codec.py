@@ -30,13 +30,13 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from protocols.json_values import flag_names, jsonable
-from protocols.layouts import EncodeError, is_open, pack, size_of, unpack
-from protocols.schema import Field
-from protocols.xbus.data_identifiers import BY_NAME as ITEMS_BY_NAME
-from protocols.xbus.data_identifiers import RAW_BLOB, item
-from protocols.xbus.frames import EXTENDED, MASTER, MAX_ACCEPTED, MAX_STANDARD, MTDATA2, build, items
-from protocols.xbus.messages import BY_NAME, form, form_of
+from imuscope.protocols.json_values import flag_names, jsonable
+from imuscope.protocols.layouts import EncodeError, is_open, pack, size_of, unpack
+from imuscope.protocols.schema import Field
+from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS_BY_NAME
+from imuscope.protocols.xbus.data_identifiers import RAW_BLOB, item
+from imuscope.protocols.xbus.frames import EXTENDED, MASTER, MAX_ACCEPTED, MAX_STANDARD, MTDATA2, build, items
+from imuscope.protocols.xbus.messages import BY_NAME, form, form_of
 
 Plain = dict[str, Any]
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from protocols.transactions import DeviceRejectedError, NoReplyError, Transaction
-from protocols.xbus import frames, requests
+from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError, Transaction
+from imuscope.protocols.xbus import frames, requests
 
 REQ_CONFIGURATION, CONFIGURATION = 0x0C, 0x0D
 REQ_EMTS, EMTS_DATA = 0x90, 0x91

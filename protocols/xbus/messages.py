@@ -28,10 +28,10 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
-from protocols.layouts import form_for_size, is_open, size_of
-from protocols.schema import Field, Meaning, Message, TextList
-from protocols.xbus.data_identifiers import UTC_FIELDS
-from protocols.xbus.enums import (
+from imuscope.protocols.layouts import form_for_size, is_open, size_of
+from imuscope.protocols.schema import Field, Meaning, Message, TextList
+from imuscope.protocols.xbus.data_identifiers import UTC_FIELDS
+from imuscope.protocols.xbus.enums import (
     ALIGNMENTS,
     BAUD_CODES,
     CAN_FORMATS,
@@ -57,7 +57,7 @@ from protocols.xbus.enums import (
     UTC_FLAGS,
     WARNING_CODES,
 )
-from protocols.xbus.frames import MTDATA2
+from imuscope.protocols.xbus.frames import MTDATA2
 
 # -- shared payloads ---------------------------------------------------------------------------------------------------
 

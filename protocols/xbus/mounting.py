@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocols.mounting import Floats, MountingSetting, matrix_of, quaternion_of
-from protocols.transactions import Values
+from imuscope.protocols.mounting import Floats, MountingSetting, matrix_of, quaternion_of
+from imuscope.protocols.transactions import Values
 
 _NAMES = ("q0", "q1", "q2", "q3")
 

@@ -13,8 +13,8 @@ Source: MT0101P 2020.A, 5.3.1, 5.3.4 and 5.3.5.
 
 from __future__ import annotations
 
-from protocols.events import Reply
-from protocols.xbus.enums import SEND_LATEST
+from imuscope.protocols.events import Reply
+from imuscope.protocols.xbus.enums import SEND_LATEST
 
 GO_TO_CONFIG_ACK, STRINGS_ACK, SYNC_ACK, WAKE_UP = 0x31, 0x8F, 0x2D, 0x3E
 

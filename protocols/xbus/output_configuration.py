@@ -25,10 +25,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from protocols.layouts import is_open, size_of
-from protocols.schema import Field
-from protocols.xbus.data_identifiers import BY_NAME
-from protocols.xbus.products import ALL, BARO, CLASSIC, FILTER, GNSS, ONE, Model, has
+from imuscope.protocols.layouts import is_open, size_of
+from imuscope.protocols.schema import Field
+from imuscope.protocols.xbus.data_identifiers import BY_NAME
+from imuscope.protocols.xbus.products import ALL, BARO, CLASSIC, FILTER, GNSS, ONE, Model, has
 
 ALWAYS = 0xFFFF  # output frequency of items in every message
 TIME = 0x10  # high byte of the items that also accompany the messages of the other streams

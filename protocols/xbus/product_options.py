@@ -15,9 +15,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from protocols.schema import Field
-from protocols.validation import ValueProblem
-from protocols.xbus.enums import (
+from imuscope.protocols.schema import Field
+from imuscope.protocols.validation import ValueProblem
+from imuscope.protocols.xbus.enums import (
     BAUD_CODES,
     CLOCK_BIAS,
     FILTER_PROFILES,
@@ -33,8 +33,8 @@ from protocols.xbus.enums import (
     SYNC_OUT,
     TRIGGER,
 )
-from protocols.xbus.output_configuration import OUTPUTS, output_of
-from protocols.xbus.products import ALL, CLASSIC, GNSS, NOBODY, ONE, RTK, SIX, Model
+from imuscope.protocols.xbus.output_configuration import OUTPUTS, output_of
+from imuscope.protocols.xbus.products import ALL, CLASSIC, GNSS, NOBODY, ONE, RTK, SIX, Model
 
 _OPTIONS: Mapping[str, frozenset[int]] = {  # table 8
     "DisableAutoStore": ONE,

@@ -22,11 +22,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from protocols.events import Batch, Event, Reply, Text
-from protocols.json_values import jsonable
-from protocols.transactions import DeviceRejectedError, NoReplyError, PutBack, Send, Sleep, T, Transaction, WaitFor
-from protocols.xbus import frames
-from protocols.xbus.messages import answers
+from imuscope.protocols.events import Batch, Event, Reply, Text
+from imuscope.protocols.json_values import jsonable
+from imuscope.protocols.transactions import (
+    DeviceRejectedError,
+    NoReplyError,
+    PutBack,
+    Send,
+    Sleep,
+    T,
+    Transaction,
+    WaitFor,
+)
+from imuscope.protocols.xbus import frames
+from imuscope.protocols.xbus.messages import answers
 
 REQ_DID, GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET = 0x00, 0x30, 0x10, 0x40
 WAKE_UP, WAKE_UP_ACK, ERROR = 0x3E, 0x3F, 0x42

@@ -17,8 +17,8 @@ from __future__ import annotations
 from dataclasses import replace
 from math import radians
 
-from protocols.sensor_properties import SensorProperties
-from protocols.xbus.products import model_of
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.xbus.products import model_of
 
 MICRO_G = 9.80665e-6
 

@@ -16,15 +16,15 @@ from bisect import bisect_right
 
 import numpy as np
 
-from protocols.events import RejectedFrame, Text
-from protocols.framing import OFFSET, SIZE, Ints
-from protocols.nmea import STARTS, ParsedMessage
-from protocols.nmea import find_nmea as find_sentences
-from protocols.stream_parser import ParseResult
-from protocols.stream_parser import StreamParser as AnyStream
-from protocols.xbus.binary_strings import Em1000Row
-from protocols.xbus.binary_strings import find as find_strings
-from protocols.xbus.frames import scan
+from imuscope.protocols.events import RejectedFrame, Text
+from imuscope.protocols.framing import OFFSET, SIZE, Ints
+from imuscope.protocols.nmea import STARTS, ParsedMessage
+from imuscope.protocols.nmea import find_nmea as find_sentences
+from imuscope.protocols.stream_parser import ParseResult
+from imuscope.protocols.stream_parser import StreamParser as AnyStream
+from imuscope.protocols.xbus.binary_strings import Em1000Row
+from imuscope.protocols.xbus.binary_strings import find as find_strings
+from imuscope.protocols.xbus.frames import scan
 
 __all__ = ["ParseResult", "XbusStreamParser"]
 

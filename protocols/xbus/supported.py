@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from protocols.support import SupportTable
-from protocols.xbus.commands import commands, settings
-from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, max_rate
-from protocols.xbus.products import MODELS, Model, has
+from imuscope.protocols.support import SupportTable
+from imuscope.protocols.xbus.commands import commands, settings
+from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, max_rate
+from imuscope.protocols.xbus.products import MODELS, Model, has
 
 KINDS = {"IMU": "IMU", "VRU": "VRU", "AHRS": "AHRS", "GNSS": "GNSS/INS", "RTK": "RTK GNSS/INS"}
 

@@ -14,10 +14,10 @@ import secrets
 import shutil
 from pathlib import Path
 
-from recordings import atomic_write
-from recordings.exporters.registry import ExportFormat, load_formats
-from recordings.exporters.request import ExportError, ExportRequest, ExportStep
-from recordings.mcap_writer import RecordingError, disk_error
+from imuscope.recordings import atomic_write
+from imuscope.recordings.exporters.registry import ExportFormat, load_formats
+from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
+from imuscope.recordings.mcap_writer import RecordingError, disk_error
 
 __all__ = ["FORMATS", "PROBLEMS", "ExportError", "ExportFormat", "ExportRequest", "by_suffix", "export"]
 

@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from recordings.exporters.csv_tables import heading, lines
-from recordings.exporters.message_table import WINDOW, cells, clocks_of, frame_label, known, of_their_moment
-from recordings.exporters.message_table import heading as named
-from recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval, with_unit
+from imuscope.recordings.exporters.csv_tables import heading, lines
+from imuscope.recordings.exporters.message_table import WINDOW, cells, clocks_of, frame_label, known, of_their_moment
+from imuscope.recordings.exporters.message_table import heading as named
+from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval, with_unit
 
 AGES = 2  # usual intervals for which a value is held
 

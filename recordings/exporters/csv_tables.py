@@ -19,9 +19,9 @@ from typing import BinaryIO
 import pyarrow as pa
 import pyarrow.csv
 
-from recordings.exporters.file_names import table_paths
-from recordings.exporters.message_table import batches, headings, tables
-from recordings.exporters.request import ExportRequest, ExportStep
+from imuscope.recordings.exporters.file_names import table_paths
+from imuscope.recordings.exporters.message_table import batches, headings, tables
+from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # starts a formula in a spreadsheet. Source: OWASP, "CSV Injection"
 

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from recordings.exporters.message_table import MessageTable
-from recordings.exporters.request import ExportRequest
+from imuscope.recordings.exporters.message_table import MessageTable
+from imuscope.recordings.exporters.request import ExportRequest
 
 
 def table_paths(request: ExportRequest, out: Path, found: Sequence[MessageTable]) -> list[Path]:

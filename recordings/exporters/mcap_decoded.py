@@ -30,16 +30,16 @@ import pyarrow.compute as pc
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from protocols.framing import Ints
-from recordings import well_known
-from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
-from recordings.column_store import ExactRows
-from recordings.exporters.message_table import windows
-from recordings.exporters.request import ExportRequest, ExportStep
-from recordings.file_names import device_names
-from recordings.mcap_reader import McapChannel
-from recordings.rrd.entities import DeviceEntity, devices_of
-from recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
+from imuscope.protocols.framing import Ints
+from imuscope.recordings import well_known
+from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
+from imuscope.recordings.column_store import ExactRows
+from imuscope.recordings.exporters.message_table import windows
+from imuscope.recordings.exporters.request import ExportRequest, ExportStep
+from imuscope.recordings.file_names import device_names
+from imuscope.recordings.mcap_reader import McapChannel
+from imuscope.recordings.rrd.entities import DeviceEntity, devices_of
+from imuscope.recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
 Array = NDArray[Any]
 Info = Mapping[str, Any]

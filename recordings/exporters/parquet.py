@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from recordings.exporters.file_names import table_paths
-from recordings.exporters.message_table import MessageTable, batches, schema, tables
-from recordings.exporters.request import ExportRequest, ExportStep
+from imuscope.recordings.exporters.file_names import table_paths
+from imuscope.recordings.exporters.message_table import MessageTable, batches, schema, tables
+from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:

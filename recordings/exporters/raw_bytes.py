@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from protocols.family import LogFormat, ProtocolInfo
-from protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
-from protocols.messages.family import NAME as MESSAGES
-from recordings.exporters.request import ExportError, ExportRequest, ExportStep
-from recordings.importers import open_file
-from recordings.sources import ChunkBlock
+from imuscope.protocols.family import LogFormat, ProtocolInfo
+from imuscope.protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
+from imuscope.protocols.messages.family import NAME as MESSAGES
+from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.sources import ChunkBlock
 
 
 def write_bytes(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:

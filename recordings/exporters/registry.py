@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from protocols.plugins import import_plugins
-from recordings.exporters import formats
-from recordings.exporters.request import ExportRequest, ExportStep
+from imuscope.protocols.plugins import import_plugins
+from imuscope.recordings.exporters import formats
+from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 GROUP = "imuscope.exporters"
 Write = Callable[[ExportRequest, Path, ExportStep], list[Path]]

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from recordings.column_store import Base, ColumnStore, ExactRows
-from recordings.file_names import device_names
-from recordings.mcap_writer import RecordingError
-from recordings.payloads import BYTES, payloads_of
+from imuscope.recordings.column_store import Base, ColumnStore, ExactRows
+from imuscope.recordings.file_names import device_names
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.payloads import BYTES, payloads_of
 
 ExportStep = Callable[[float], None]  # called with 0..1; an exception it raises ends the export
 

@@ -16,10 +16,10 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from recordings.column_store import ExactRows
-from recordings.euler import quaternion_columns
-from recordings.rrd.entities import Attitude, Curve, Path, PositionEntity
-from recordings.rrd.enu import Origin, enu_of, is_place
+from imuscope.recordings.column_store import ExactRows
+from imuscope.recordings.euler import quaternion_columns
+from imuscope.recordings.rrd.entities import Attitude, Curve, Path, PositionEntity
+from imuscope.recordings.rrd.enu import Origin, enu_of, is_place
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

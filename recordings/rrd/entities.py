@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from recordings.file_names import device_names
+from imuscope.recordings.file_names import device_names
 
 Info = Mapping[str, Any]  # a channel as in the manifest of a store: server/wire/ ChannelInfo
 WORLD, MAP = "world", "map"

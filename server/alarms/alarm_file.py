@@ -15,9 +15,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from recordings import atomic_write
-from server.alarms.definitions import StoredAlarm
-from server.wire import DeviceInfo
+from imuscope.recordings import atomic_write
+from imuscope.server.alarms.definitions import StoredAlarm
+from imuscope.server.wire import DeviceInfo
 
 FORMAT = 1
 MAX_BYTES = 4 << 20

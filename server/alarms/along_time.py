@@ -14,11 +14,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from server.analysis.expression_functions import DELAYED
-from server.analysis.expression_syntax import Call, Name, Node, parse
-from server.analysis.expressions import names_in
-from server.analysis.live_expression import LiveExpression, check_window
-from server.wire import ChannelInfo
+from imuscope.server.analysis.expression_functions import DELAYED
+from imuscope.server.analysis.expression_syntax import Call, Name, Node, parse
+from imuscope.server.analysis.expressions import names_in
+from imuscope.server.analysis.live_expression import LiveExpression, check_window
+from imuscope.server.wire import ChannelInfo
 
 ALONG_TIME = frozenset({*DELAYED, "unwrap", "derivative", "integral", "resample", "shift"})
 _MARK = "\0"  # begins a name that no person can type

@@ -21,17 +21,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from server.alarms.along_time import AlongTime, is_along_time
-from server.alarms.definitions import ExpressionCondition, FlagCondition
-from server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
-from server.analysis.expression_functions import Context, euler_angles
-from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, parse
-from server.analysis.expressions import evaluate, names_in
-from server.analysis.quantities import Quantity, at_times
-from server.analysis.signals import ANGLES, EULER_ANGLES, SignalColumn, angles_named, columns_named
-from server.analysis.units import NO_UNIT, Unit
-from server.errors import DomainError
-from server.wire import ChannelInfo, DeviceInfo
+from imuscope.server.alarms.along_time import AlongTime, is_along_time
+from imuscope.server.alarms.definitions import ExpressionCondition, FlagCondition
+from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
+from imuscope.server.analysis.expression_functions import Context, euler_angles
+from imuscope.server.analysis.expression_syntax import Call, ExpressionError, Name, Node, parse
+from imuscope.server.analysis.expressions import evaluate, names_in
+from imuscope.server.analysis.quantities import Quantity, at_times
+from imuscope.server.analysis.signals import ANGLES, EULER_ANGLES, SignalColumn, angles_named, columns_named
+from imuscope.server.analysis.units import NO_UNIT, Unit
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import ChannelInfo, DeviceInfo
 
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 MAX_WAITING = 20_000  # samples of one channel that wait for those of another

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from server import wire
+from imuscope.server import wire
 
 MAX_NAME = 80
 MAX_TEXT = 400

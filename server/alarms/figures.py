@@ -17,10 +17,10 @@ import math
 from collections import deque
 from collections.abc import Iterable, Mapping
 
-from server import wire
-from server.alarms.definitions import HealthCondition
-from server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
-from server.devices.protocol_set import counts_losses
+from imuscope.server import wire
+from imuscope.server.alarms.definitions import HealthCondition
+from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
+from imuscope.server.devices.protocol_set import counts_losses
 
 LOSS_S = 10.0
 RATE_S = 2.0  # of a rate: server/rate_meter.py

@@ -10,15 +10,21 @@ from typing import Any, Literal
 
 import numpy as np
 
-from server import wire
-from server.alarms.conditions import ExpressionJudge, FlagJudge, Rows, SampleCondition
-from server.alarms.definitions import AlarmDefinition, ExpressionCondition, FlagCondition, HealthCondition, StoredAlarm
-from server.alarms.figures import HealthJudge, behind_words
-from server.alarms.machine import UNKNOWN, AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
-from server.analysis.live_expression import RateUnknownError
-from server.errors import DomainError
-from server.streaming.bus import TelemetryBus
-from server.wire import ChannelInfo
+from imuscope.server import wire
+from imuscope.server.alarms.conditions import ExpressionJudge, FlagJudge, Rows, SampleCondition
+from imuscope.server.alarms.definitions import (
+    AlarmDefinition,
+    ExpressionCondition,
+    FlagCondition,
+    HealthCondition,
+    StoredAlarm,
+)
+from imuscope.server.alarms.figures import HealthJudge, behind_words
+from imuscope.server.alarms.machine import UNKNOWN, AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
+from imuscope.server.analysis.live_expression import RateUnknownError
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.wire import ChannelInfo
 
 MAX_INTERVALS = 200
 EVENTS_PER_PERIOD = 10

@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import ColumnStore
-from server.alarms.conditions import Rows, SampleCondition
-from server.alarms.definitions import AlarmDefinition
-from server.alarms.figures import HealthJudge
-from server.alarms.instance import RaisedInterval, compiled, timing_of
-from server.alarms.machine import AlarmMachine, AlarmTransition
-from server.analysis.channel_rates import RATE_SAMPLES
-from server.analysis.jobs import Content, json_content, opened_store
-from server.analysis.live_expression import usual_rate
-from server.errors import DomainError
-from server.streaming.channel_store import ChannelStore
-from server.wire import ChannelInfo
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.alarms.conditions import Rows, SampleCondition
+from imuscope.server.alarms.definitions import AlarmDefinition
+from imuscope.server.alarms.figures import HealthJudge
+from imuscope.server.alarms.instance import RaisedInterval, compiled, timing_of
+from imuscope.server.alarms.machine import AlarmMachine, AlarmTransition
+from imuscope.server.analysis.channel_rates import RATE_SAMPLES
+from imuscope.server.analysis.jobs import Content, json_content, opened_store
+from imuscope.server.analysis.live_expression import usual_rate
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.channel_store import ChannelStore
+from imuscope.server.wire import ChannelInfo
 
 SLICE_ROWS = 1 << 16
 MAX_SHOWN = 100  # intervals in an answer

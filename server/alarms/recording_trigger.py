@@ -17,13 +17,13 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from recordings.mcap_writer import RecordingError
-from server.alarms.definitions import RecordingAction
-from server.alarms.instance import AlarmInstance
-from server.errors import DomainError
-from server.library.api_models import MarkerRequest
-from server.library.recorder import Recorder
-from server.library.recording_session import RecordingSession
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.alarms.definitions import RecordingAction
+from imuscope.server.alarms.instance import AlarmInstance
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import MarkerRequest
+from imuscope.server.library.recorder import Recorder
+from imuscope.server.library.recording_session import RecordingSession
 
 log = logging.getLogger("imuscope.alarms")
 

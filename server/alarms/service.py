@@ -16,20 +16,20 @@ import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from server import wire
-from server.alarms.alarm_file import AlarmFile, lasting_name
-from server.alarms.conditions import Rows, checked
-from server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
-from server.alarms.instance import AlarmInstance, AlarmState, compiled
-from server.alarms.recording_trigger import RecordingTrigger
-from server.alarms.webhooks import Webhooks, checked_url, shown_url
-from server.analysis.channel_rates import ChannelRates, have_changed
-from server.analysis.live_expression import RateUnknownError
-from server.errors import DomainError
-from server.library.recorder import Recorder
-from server.prometheus_text import PrometheusText
-from server.streaming.bus import TelemetryBus
-from server.streaming.channel_store import ChannelStore
+from imuscope.server import wire
+from imuscope.server.alarms.alarm_file import AlarmFile, lasting_name
+from imuscope.server.alarms.conditions import Rows, checked
+from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
+from imuscope.server.alarms.instance import AlarmInstance, AlarmState, compiled
+from imuscope.server.alarms.recording_trigger import RecordingTrigger
+from imuscope.server.alarms.webhooks import Webhooks, checked_url, shown_url
+from imuscope.server.analysis.channel_rates import ChannelRates, have_changed
+from imuscope.server.analysis.live_expression import RateUnknownError
+from imuscope.server.errors import DomainError
+from imuscope.server.library.recorder import Recorder
+from imuscope.server.prometheus_text import PrometheusText
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.channel_store import ChannelStore
 
 log = logging.getLogger("imuscope.alarms")
 

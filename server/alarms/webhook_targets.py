@@ -15,7 +15,7 @@ from collections.abc import Collection
 from ipaddress import IPv4Address, IPv6Address
 from typing import Any
 
-from server.errors import DomainError
+from imuscope.server.errors import DomainError
 
 SETTING = "webhook_hosts"
 HINT = f"If it should be reached, add the host to {SETTING} in the configuration file."

@@ -23,13 +23,13 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
-from server import wire
-from server.alarms.webhook_targets import TargetError, check_host, connect
-from server.backoff import Backoff
-from server.errors import DomainError
-from server.limiters import TokenBucket
-from server.security_headers import WEBHOOK_HEADER
-from server.version import VERSION
+from imuscope.server import wire
+from imuscope.server.alarms.webhook_targets import TargetError, check_host, connect
+from imuscope.server.backoff import Backoff
+from imuscope.server.errors import DomainError
+from imuscope.server.limiters import TokenBucket
+from imuscope.server.security_headers import WEBHOOK_HEADER
+from imuscope.server.version import VERSION
 
 log = logging.getLogger("imuscope.alarms")
 

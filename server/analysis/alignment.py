@@ -26,9 +26,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from server.analysis.sampling import sampling_of, unwrapped
-from server.analysis.signals import Floats, Signal
-from server.errors import DomainError
+from imuscope.server.analysis.sampling import sampling_of, unwrapped
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.errors import DomainError
 
 MAX_GRID = 1 << 17  # points of a grid; an hour has a step of 27 ms then
 MIN_POINTS = 32  # of the overlap

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from server.analysis.signals import Floats
+from imuscope.server.analysis.signals import Floats
 
 BLOCK = 1 << 16  # samples at once: they fit into the cache, and threads rarely wait for the interpreter between steps
 OUTSIDE = 0.025  # probability beyond each end of the interval

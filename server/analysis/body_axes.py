@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from recordings.euler import euler_columns, quaternion_columns
-from recordings.rotations import ENU_FROM, conjugate, product
-from server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn
-from server.errors import DomainError
-from server.wire import ChannelInfo
+from imuscope.recordings.euler import euler_columns, quaternion_columns
+from imuscope.recordings.rotations import ENU_FROM, conjugate, product
+from imuscope.server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import ChannelInfo
 
 HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])  # about x: FLU in FRD, and back
 ATTITUDES = ("quaternion", "euler")

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from server.analysis.live_expression import usual_rate
-from server.streaming.channel_store import ChannelStore
+from imuscope.server.analysis.live_expression import usual_rate
+from imuscope.server.streaming.channel_store import ChannelStore
 
 RATE_SAMPLES = 512  # that the usual rate is taken of
 RATE_CHANGE = 1.2  # what was computed with a rate that differs by this factor begins anew

@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.euler import quaternion_columns
-from recordings.rotations import of_matrix
-from server.analysis.stillness import (
+from imuscope.recordings.euler import quaternion_columns
+from imuscope.recordings.rotations import of_matrix
+from imuscope.server.analysis.stillness import (
     FORCE_CHANGE,
     FORCE_SPREAD,
     TURN_CHANGE,
@@ -28,8 +28,8 @@ from server.analysis.stillness import (
     moving_intervals,
     step_means,
 )
-from server.analysis.triads import NO_SAMPLES, Samples, Triad, gather, sensors_in
-from server.wire import BitsInfo, ChannelInfo
+from imuscope.server.analysis.triads import NO_SAMPLES, Samples, Triad, gather, sensors_in
+from imuscope.server.wire import BitsInfo, ChannelInfo
 
 Floats = NDArray[np.float64]
 ReadColumn = Callable[[ChannelInfo, int], tuple[Floats, Floats]]

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.plural import counted
-from recordings.rotations import angle_of, conjugate, mean_rotation, product, slerp
-from server.analysis.sampling import sampling_of, unwrapped
-from server.analysis.signals import Floats, Signal
-from server.errors import DomainError
+from imuscope.protocols.plural import counted
+from imuscope.recordings.rotations import angle_of, conjugate, mean_rotation, product, slerp
+from imuscope.server.analysis.sampling import sampling_of, unwrapped
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.errors import DomainError
 
 NAN = float("nan")
 OUTSIDE = 2.5  # per cent of the differences beyond each limit

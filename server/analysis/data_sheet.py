@@ -12,12 +12,12 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from protocols.sensor_properties import SensorProperties
-from server.analysis.allan_deviation import AllanCurve, intervals
-from server.analysis.noise_model import DOUBT, FLAT, NoiseModel
-from server.analysis.signals import DataSheetNoise, Floats
-from server.analysis.units import G, Unit
-from server.wire import ChannelInfo
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server.analysis.allan_deviation import AllanCurve, intervals
+from imuscope.server.analysis.noise_model import DOUBT, FLAT, NoiseModel
+from imuscope.server.analysis.signals import DataSheetNoise, Floats
+from imuscope.server.analysis.units import G, Unit
+from imuscope.server.wire import ChannelInfo
 
 TOLERANCE = math.sqrt(2)
 SURE = 2.0  # intervals of 95 % grow by this before they decide

@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.channel_rates import ChannelRates, have_changed
-from server.analysis.live_expression import LiveExpression
-from server.analysis.live_streams import Piece
-from server.analysis.quantities import Quantity
-from server.analysis.signal_definitions import SignalDefinition, SignalDefinitions
-from server.analysis.signal_order import cycle_of, used_by
-from server.errors import DomainError
-from server.streaming.bus import TelemetryBus
-from server.streaming.channel_store import ChannelStore
-from server.streaming.channels import ChannelRows
-from server.wire import ChannelInfo, ColumnInfo, DeviceInfo
+from imuscope.server.analysis.channel_rates import ChannelRates, have_changed
+from imuscope.server.analysis.live_expression import LiveExpression
+from imuscope.server.analysis.live_streams import Piece
+from imuscope.server.analysis.quantities import Quantity
+from imuscope.server.analysis.signal_definitions import SignalDefinition, SignalDefinitions
+from imuscope.server.analysis.signal_order import cycle_of, used_by
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.channel_store import ChannelStore
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 
 log = logging.getLogger("imuscope.signals")
 

@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from server.analysis.allan_deviation import AllanCurve
-from server.analysis.sampling import Sampling
-from server.analysis.signals import Floats
-from server.analysis.thermal_drift import WALKS, blocks_of
-from server.analysis.welch import Segments, mean_spectrum, segments_for
-from server.errors import DomainError
+from imuscope.server.analysis.allan_deviation import AllanCurve
+from imuscope.server.analysis.sampling import Sampling
+from imuscope.server.analysis.signals import Floats
+from imuscope.server.analysis.thermal_drift import WALKS, blocks_of
+from imuscope.server.analysis.welch import Segments, mean_spectrum, segments_for
+from imuscope.server.errors import DomainError
 
 FALSE_ALARM = 1e-8  # of all bins
 SHARE = 0.1  # of the Allan variance at some averaging time: a line with less does not change the parameters much

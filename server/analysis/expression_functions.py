@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from recordings.euler import euler_columns
-from server.analysis.expression_syntax import Call, ExpressionError, Node
-from server.analysis.quantities import Quantity, at_times, in_runs, on_one_axis
-from server.analysis.signals import ANGLES, Floats, grouped
-from server.analysis.units import NO_UNIT, Unit
+from imuscope.recordings.euler import euler_columns
+from imuscope.server.analysis.expression_syntax import Call, ExpressionError, Node
+from imuscope.server.analysis.quantities import Quantity, at_times, in_runs, on_one_axis
+from imuscope.server.analysis.signals import ANGLES, Floats, grouped
+from imuscope.server.analysis.units import NO_UNIT, Unit
 
 SECOND, HERTZ, DEGREE, RADIAN = (Unit.parse(text) for text in ("s", "Hz", "°", "rad"))
 MAX_ORDER = 8

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from server.analysis.expression_syntax import Call, ExpressionError
-from server.analysis.quantities import Quantity, on_one_axis
-from server.analysis.signals import Floats
-from server.analysis.units import NO_UNIT, Unit
+from imuscope.server.analysis.expression_syntax import Call, ExpressionError
+from imuscope.server.analysis.quantities import Quantity, on_one_axis
+from imuscope.server.analysis.signals import Floats
+from imuscope.server.analysis.units import NO_UNIT, Unit
 
 MAX_POWER = 100  # of a unit; beyond, it is no unit but a text of digits
 _SUMS: Mapping[str, Callable[[Any, Any], Any]] = {"+": np.add, "-": np.subtract}

@@ -21,8 +21,8 @@ import re
 from dataclasses import dataclass
 from typing import NamedTuple, NoReturn
 
-from server.analysis.units import NO_UNIT, SPELLINGS, SYMBOLS, Unit
-from server.errors import DomainError
+from imuscope.server.analysis.units import NO_UNIT, SPELLINGS, SYMBOLS, Unit
+from imuscope.server.errors import DomainError
 
 MAX_LENGTH = 4000
 MAX_DEPTH = 60  # of parentheses

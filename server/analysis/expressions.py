@@ -7,11 +7,11 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from server.analysis.expression_functions import DELAYED, FUNCTIONS, Context
-from server.analysis.expression_operators import OPERATORS, operate
-from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number
-from server.analysis.quantities import Quantity, number
-from server.errors import DomainError
+from imuscope.server.analysis.expression_functions import DELAYED, FUNCTIONS, Context
+from imuscope.server.analysis.expression_operators import OPERATORS, operate
+from imuscope.server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number
+from imuscope.server.analysis.quantities import Quantity, number
+from imuscope.server.errors import DomainError
 
 Resolve = Callable[[str], Quantity]
 

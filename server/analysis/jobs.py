@@ -15,16 +15,16 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from protocols.plural import counted
-from recordings.column_store import Base, ColumnStore
-from server.analysis.body_axes import ATTITUDES
-from server.analysis.pairs import Pairing, paired, shortened, thinned
-from server.analysis.registry import Figure, FiguresOfSignal, analysis_named
-from server.analysis.report import arrow_of, figures_of, in_parallel
-from server.analysis.signal_request import ExpressionSignal
-from server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn, recorded_samples
-from server.analysis.two_sides import ComparisonOptions, ComparisonSide, compared
-from server.errors import DomainError
+from imuscope.protocols.plural import counted
+from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.server.analysis.body_axes import ATTITUDES
+from imuscope.server.analysis.pairs import Pairing, paired, shortened, thinned
+from imuscope.server.analysis.registry import Figure, FiguresOfSignal, analysis_named
+from imuscope.server.analysis.report import arrow_of, figures_of, in_parallel
+from imuscope.server.analysis.signal_request import ExpressionSignal
+from imuscope.server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn, recorded_samples
+from imuscope.server.analysis.two_sides import ComparisonOptions, ComparisonSide, compared
+from imuscope.server.errors import DomainError
 
 TEXT = "text/plain; charset=utf-8"
 ARROW = "application/vnd.apache.arrow.stream"

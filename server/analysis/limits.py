@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from server.errors import DomainError
+from imuscope.server.errors import DomainError
 
 MEMORY_MB = 1024
 TIME_S = 60.0

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context, euler_angles
-from server.analysis.expression_operators import OPERATORS, operate
-from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number, parse
-from server.analysis.expressions import evaluate, names_in
-from server.analysis.live_streams import (
+from imuscope.server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context, euler_angles
+from imuscope.server.analysis.expression_operators import OPERATORS, operate
+from imuscope.server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number, parse
+from imuscope.server.analysis.expressions import evaluate, names_in
+from imuscope.server.analysis.live_streams import (
     Derivative,
     Filtered,
     Integrated,
@@ -38,11 +38,11 @@ from server.analysis.live_streams import (
     Stream,
     Unwrapped,
 )
-from server.analysis.quantities import Quantity, number
-from server.analysis.signals import Floats, SignalColumn, angles_named, columns_named, grouped
-from server.analysis.units import Unit
-from server.errors import DomainError
-from server.wire import ChannelInfo
+from imuscope.server.analysis.quantities import Quantity, number
+from imuscope.server.analysis.signals import Floats, SignalColumn, angles_named, columns_named, grouped
+from imuscope.server.analysis.units import Unit
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import ChannelInfo
 
 LIVE = Context(zero_phase=False)
 PROBE = 64  # made-up samples that show what a node gives

@@ -22,8 +22,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.allan_deviation import FLICKER, WALK, WHITE, WHITE_PHASE, AllanCurve, intervals
-from server.analysis.signals import Floats
+from imuscope.server.analysis.allan_deviation import FLICKER, WALK, WHITE, WHITE_PHASE, AllanCurve, intervals
+from imuscope.server.analysis.signals import Floats
 
 TURNS = 6  # of the fit, each with the weights and types of noise of the last
 QUANTILE = 1.96

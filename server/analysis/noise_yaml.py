@@ -14,9 +14,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from server.analysis.registry import FiguresOfSignal
-from server.analysis.units import Unit
-from server.errors import DomainError
+from imuscope.server.analysis.registry import FiguresOfSignal
+from imuscope.server.analysis.units import Unit
+from imuscope.server.errors import DomainError
 
 TURN, ACCELERATION = Unit.parse("rad/s"), Unit.parse("m/s²")
 

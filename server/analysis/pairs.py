@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.signals import Floats, Signal
+from imuscope.server.analysis.signals import Floats, Signal
 
 Pairing = Literal["interpolated", "nearest"]
 GAP = 2.5  # a step longer than this many usual ones is a gap, as in the plots

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from server.analysis.signals import Floats
-from server.analysis.welch import Segments
+from imuscope.server.analysis.signals import Floats
+from imuscope.server.analysis.welch import Segments
 
 MAX_PEAKS = 16
 FALSE_ALARM = 1e-8  # of the limit; in simulations about 0.3 % of the spectra of white noise show a peak

@@ -17,16 +17,23 @@ from functools import cached_property
 
 import numpy as np
 
-from protocols.plural import counted
-from server.analysis.allan_deviation import AllanCurve
-from server.analysis.companions import Companions
-from server.analysis.disturbances import SlowChange, Spectrum, bandwidth, slow_change, spectrum_of, strongest_line
-from server.analysis.noise_model import NoiseModel
-from server.analysis.rest import Rest
-from server.analysis.sample_quality import sample_faults
-from server.analysis.sampling import Sampling
-from server.analysis.signals import Floats, Signal
-from server.analysis.units import G, Unit
+from imuscope.protocols.plural import counted
+from imuscope.server.analysis.allan_deviation import AllanCurve
+from imuscope.server.analysis.companions import Companions
+from imuscope.server.analysis.disturbances import (
+    SlowChange,
+    Spectrum,
+    bandwidth,
+    slow_change,
+    spectrum_of,
+    strongest_line,
+)
+from imuscope.server.analysis.noise_model import NoiseModel
+from imuscope.server.analysis.rest import Rest
+from imuscope.server.analysis.sample_quality import sample_faults
+from imuscope.server.analysis.sampling import Sampling
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.analysis.units import G, Unit
 
 LEAST_S = 20.0  # at rest, for any parameter
 MOVING = 0.25  # part of the range

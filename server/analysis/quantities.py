@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from server.analysis.signals import Floats
-from server.analysis.units import NO_UNIT, Unit
+from imuscope.server.analysis.signals import Floats
+from imuscope.server.analysis.units import NO_UNIT, Unit
 
 
 @dataclass(frozen=True, slots=True)

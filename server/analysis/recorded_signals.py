@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from recordings.column_store import ColumnStore
-from server.analysis.derived_channels import channel_of
-from server.analysis.expression_functions import Context
-from server.analysis.quantities import Quantity
-from server.analysis.signal_definitions import SignalDefinition, definitions_in
-from server.analysis.signal_order import in_order
-from server.analysis.signal_request import ExpressionSignal, expression_over
-from server.analysis.signals import Floats, SignalColumn, recorded_samples
-from server.errors import DomainError
-from server.library.collector import RecordingSink
-from server.library.recording_detail import channels_of
-from server.wire import ChannelInfo
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.analysis.derived_channels import channel_of
+from imuscope.server.analysis.expression_functions import Context
+from imuscope.server.analysis.quantities import Quantity
+from imuscope.server.analysis.signal_definitions import SignalDefinition, definitions_in
+from imuscope.server.analysis.signal_order import in_order
+from imuscope.server.analysis.signal_request import ExpressionSignal, expression_over
+from imuscope.server.analysis.signals import Floats, SignalColumn, recorded_samples
+from imuscope.server.errors import DomainError
+from imuscope.server.library.collector import RecordingSink
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.wire import ChannelInfo
 
 WHOLE = Context(zero_phase=True)
 

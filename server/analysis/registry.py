@@ -16,11 +16,11 @@ from fractions import Fraction
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from protocols.plugins import import_plugins
-from server.analysis import methods
-from server.analysis.signals import Signal
-from server.analysis.units import Unit
-from server.errors import DomainError
+from imuscope.protocols.plugins import import_plugins
+from imuscope.server.analysis import methods
+from imuscope.server.analysis.signals import Signal
+from imuscope.server.analysis.units import Unit
+from imuscope.server.errors import DomainError
 
 GROUP = "imuscope.analyses"
 OWN = "unit_of_the_signal"  # a symbol while units are multiplied

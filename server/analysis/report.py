@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from server.analysis.registry import Analysis
-from server.analysis.signals import Signal, require_samples
+from imuscope.server.analysis.registry import Analysis
+from imuscope.server.analysis.signals import Signal, require_samples
 
 Figures = dict[str, Any]
 T = TypeVar("T")

@@ -17,11 +17,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.sampling import Sampling
-from server.analysis.signals import Floats, Signal
-from server.analysis.stillness import FORCE_CHANGE, FORCE_SPREAD, TURN_CHANGE, TURN_SPREAD, moving_intervals
-from server.analysis.triads import Samples
-from server.analysis.units import Unit
+from imuscope.server.analysis.sampling import Sampling
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.analysis.stillness import FORCE_CHANGE, FORCE_SPREAD, TURN_CHANGE, TURN_SPREAD, moving_intervals
+from imuscope.server.analysis.triads import Samples
+from imuscope.server.analysis.units import Unit
 
 WINDOW_S = 1.0
 MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocols.plural import counted
-from server.analysis.signals import Floats
+from imuscope.protocols.plural import counted
+from imuscope.server.analysis.signals import Floats
 
 MOST = 100_000  # samples looked at for the resolution
 STUCK_S = 0.5

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocols.plural import counted
-from server.analysis.signals import Floats, Signal
-from server.errors import DomainError
+from imuscope.protocols.plural import counted
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.errors import DomainError
 
 GAP = 1.5  # a step longer than this many usual ones …
 SCATTER = 6.0  # … and by this many standard deviations of the usual ones: jitter makes no gaps

@@ -12,15 +12,15 @@ import asyncio
 import os
 from collections.abc import Awaitable, Callable
 
-from server.analysis.jobs import AnalysisJob, Content
-from server.analysis.limits import LESS, AnalysisLimits
-from server.errors import DomainError
-from server.fair_queue import FairQueue, QueueFullError
-from server.fork_server import ForkServer, JobLostError
+from imuscope.server.analysis.jobs import AnalysisJob, Content
+from imuscope.server.analysis.limits import LESS, AnalysisLimits
+from imuscope.server.errors import DomainError
+from imuscope.server.fair_queue import FairQueue, QueueFullError
+from imuscope.server.fork_server import ForkServer, JobLostError
 
 EACH = 1  # analyses of one user that run at once
 WAITING_EACH = 64
-MODULE = "server.analysis_worker"
+MODULE = "imuscope.server.analysis_worker"
 
 
 class AnalysisService:

@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from recordings import atomic_write
-from server.errors import DomainError
-from server.wire import DeviceInfo, key_of
+from imuscope.recordings import atomic_write
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import DeviceInfo, key_of
 
 FILE = "signals.json"
 MAX_SIGNALS = 50  # of one device

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from server.analysis.expression_syntax import ExpressionError, parse
-from server.analysis.expressions import names_in
-from server.analysis.signal_definitions import SignalDefinition
+from imuscope.server.analysis.expression_syntax import ExpressionError, parse
+from imuscope.server.analysis.expressions import names_in
+from imuscope.server.analysis.signal_definitions import SignalDefinition
 
 
 def used_by(definition: SignalDefinition, names: Sequence[str]) -> list[str]:

@@ -6,13 +6,13 @@ import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from server.analysis.companions import companions_in
-from server.analysis.data_sheet import Product, data_sheet_of, unknown_product
-from server.analysis.expression_functions import Context, SampleBudget, euler_angles
-from server.analysis.expression_syntax import ExpressionError, Name, Node, parse
-from server.analysis.expressions import evaluate, names_in, notes_of
-from server.analysis.quantities import Quantity
-from server.analysis.signals import (
+from imuscope.server.analysis.companions import companions_in
+from imuscope.server.analysis.data_sheet import Product, data_sheet_of, unknown_product
+from imuscope.server.analysis.expression_functions import Context, SampleBudget, euler_angles
+from imuscope.server.analysis.expression_syntax import ExpressionError, Name, Node, parse
+from imuscope.server.analysis.expressions import evaluate, names_in, notes_of
+from imuscope.server.analysis.quantities import Quantity
+from imuscope.server.analysis.signals import (
     Floats,
     ReadSamples,
     Signal,
@@ -23,9 +23,9 @@ from server.analysis.signals import (
     finite_signal,
     temperature_of,
 )
-from server.analysis.units import NO_UNIT, Unit
-from server.errors import DomainError
-from server.wire import ChannelInfo
+from imuscope.server.analysis.units import NO_UNIT, Unit
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import ChannelInfo
 
 SIGNS = frozenset("()+-*/^<>=!,")
 WORDS = (" and ", " or ", "not ")

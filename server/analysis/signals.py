@@ -14,12 +14,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import Base, ColumnStore, ExactRows
-from server.analysis.companions import CompanionChannels, Companions
-from server.errors import DomainError
-from server.library.range_query import query_columns, stored_values
-from server.streaming.channel_store import ChannelStore
-from server.wire import ChannelInfo
+from imuscope.recordings.column_store import Base, ColumnStore, ExactRows
+from imuscope.server.analysis.companions import CompanionChannels, Companions
+from imuscope.server.errors import DomainError
+from imuscope.server.library.range_query import query_columns, stored_values
+from imuscope.server.streaming.channel_store import ChannelStore
+from imuscope.server.wire import ChannelInfo
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.triads import Floats, Samples
+from imuscope.server.analysis.triads import Floats, Samples
 
 STEP_S = 0.1
 WINDOW_S = 1.0

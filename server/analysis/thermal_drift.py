@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from server.analysis.signals import Floats
+from imuscope.server.analysis.signals import Floats
 
 BLOCKS = 60
 MIN_BLOCKS = 12

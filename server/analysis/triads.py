@@ -17,8 +17,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.units import Unit
-from server.wire import ChannelInfo
+from imuscope.server.analysis.units import Unit
+from imuscope.server.wire import ChannelInfo
 
 Floats = NDArray[np.float64]
 

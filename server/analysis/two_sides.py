@@ -11,18 +11,18 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from server.analysis.alignment import TimeAlignment, align
-from server.analysis.body_axes import ATTITUDES, attitude_of, in_axes_of, turned
-from server.analysis.comparison import (
+from imuscope.server.analysis.alignment import TimeAlignment, align
+from imuscope.server.analysis.body_axes import ATTITUDES, attitude_of, in_axes_of, turned
+from imuscope.server.analysis.comparison import (
     SignalDifference,
     attitude_difference,
     difference,
     difference_figures,
     outline,
 )
-from server.analysis.signal_request import ExpressionSignal
-from server.analysis.signals import ReadSamples, Signal, SignalColumn, require_samples
-from server.errors import DomainError
+from imuscope.server.analysis.signal_request import ExpressionSignal
+from imuscope.server.analysis.signals import ReadSamples, Signal, SignalColumn, require_samples
+from imuscope.server.errors import DomainError
 
 Alignment = Literal["offset", "start", "correlation"]
 

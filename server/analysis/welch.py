@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from server.analysis.registry import AnalysisOption, choice
-from server.analysis.sampling import Sampling
-from server.analysis.signals import Floats
-from server.errors import DomainError
+from imuscope.server.analysis.registry import AnalysisOption, choice
+from imuscope.server.analysis.sampling import Sampling
+from imuscope.server.analysis.signals import Floats
+from imuscope.server.errors import DomainError
 
 WINDOWS = ("hann", "hamming", "blackmanharris", "flattop", "boxcar")
 DETRENDING = ("constant", "linear", "none")

@@ -11,11 +11,11 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from protocols.sensor_properties import SensorProperties
-from recordings.column_store import Base, ColumnStore
-from recordings.mcap_writer import RecordingError
-from server.analysis.data_sheet import Product
-from server.analysis.jobs import (
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.analysis.data_sheet import Product
+from imuscope.server.analysis.jobs import (
     ARROW,
     AnalysisJob,
     FiguresJob,
@@ -27,16 +27,16 @@ from server.analysis.jobs import (
     copied,
     read_columns,
 )
-from server.analysis.pairs import Pairing
-from server.analysis.registry import AnalysisOption, analyses, analysis_named
-from server.analysis.signal_request import requested_signals
-from server.analysis.signals import live_samples
-from server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
-from server.api.errors import bytes_of, responses
-from server.devices.protocol_set import sensors_of
-from server.errors import DomainError
-from server.library.recording_detail import channels_of, products_of
-from server.services import Services
+from imuscope.server.analysis.pairs import Pairing
+from imuscope.server.analysis.registry import AnalysisOption, analyses, analysis_named
+from imuscope.server.analysis.signal_request import requested_signals
+from imuscope.server.analysis.signals import live_samples
+from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
+from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.errors import DomainError
+from imuscope.server.library.recording_detail import channels_of, products_of
+from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/analysis", tags=["analysis"])
 

@@ -9,8 +9,8 @@ from typing import Annotated
 
 from pydantic import WrapSerializer
 
-from server import wire
-from server.previous_names import with_previous_keys
+from imuscope.server import wire
+from imuscope.server.previous_names import with_previous_keys
 
 _PREVIOUS_KEYS = WrapSerializer(lambda value, serialize: with_previous_keys(serialize(value)))
 

@@ -11,17 +11,17 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from protocols.registry import PROTOCOLS
-from protocols.sensor_properties import SensorProperties
-from recordings.column_store import Base
-from server.analysis.jobs import RecordedSource, SampleSource, copied
-from server.analysis.signals import SignalColumn, live_samples
-from server.analysis.triads import Triad
-from server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
-from server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
-from server.api.errors import responses
-from server.calibration.export import FORMATS, exported
-from server.calibration.kinds import (
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.recordings.column_store import Base
+from imuscope.server.analysis.jobs import RecordedSource, SampleSource, copied
+from imuscope.server.analysis.signals import SignalColumn, live_samples
+from imuscope.server.analysis.triads import Triad
+from imuscope.server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
+from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
+from imuscope.server.api.errors import responses
+from imuscope.server.calibration.export import FORMATS, exported
+from imuscope.server.calibration.kinds import (
     HINT,
     METHODS,
     CalibrationInputs,
@@ -29,15 +29,15 @@ from server.calibration.kinds import (
     CalibrationOptions,
     method_for,
 )
-from server.calibration.mounting import VerticalAxis
-from server.calibration.report import CalibrationKind, CalibrationReport
-from server.calibration.session import SessionState
-from server.calibration.stretch import CalibrationJob
-from server.devices.protocol_set import sensors_of
-from server.errors import DomainError
-from server.library.recording_detail import channels_of
-from server.services import Services
-from server.wire import ChannelInfo
+from imuscope.server.calibration.mounting import VerticalAxis
+from imuscope.server.calibration.report import CalibrationKind, CalibrationReport
+from imuscope.server.calibration.session import SessionState
+from imuscope.server.calibration.stretch import CalibrationJob
+from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.errors import DomainError
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.services import Services
+from imuscope.server.wire import ChannelInfo
 
 router = APIRouter(prefix="/api", tags=["calibration"])
 

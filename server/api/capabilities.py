@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from server.api.dependencies import TheServices
-from server.capabilities import Capabilities
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.capabilities import Capabilities
 
 router = APIRouter(prefix="/api/capabilities", tags=["build"])
 

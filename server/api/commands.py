@@ -7,8 +7,8 @@ from functools import lru_cache
 
 from fastapi import APIRouter
 
-from server.configuration.api_models import Forms
-from server.configuration.form_builder import all_forms
+from imuscope.server.configuration.api_models import Forms
+from imuscope.server.configuration.form_builder import all_forms
 
 router = APIRouter(prefix="/api", tags=["forms"])
 

@@ -10,20 +10,20 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from protocols.transactions import DeviceContext
-from recordings.column_store import Base, ColumnStore
-from recordings.mcap_writer import RecordingError
-from server.analysis.jobs import ComparisonJob, Requested
-from server.analysis.two_sides import Alignment, ComparisonAnswer, ComparisonOptions
-from server.api.analysis import MAX_SIGNALS, AnalysisRequest, GetSource, requested_of, response_of
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.configuration.api_models import Difference, DifferenceRow
-from server.configuration.controllers import driver_of
-from server.configuration.settings_diff import ComparedValues, compare
-from server.errors import DomainError
-from server.services import Services
-from server.wire_codec import to_json_safe
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.analysis.jobs import ComparisonJob, Requested
+from imuscope.server.analysis.two_sides import Alignment, ComparisonAnswer, ComparisonOptions
+from imuscope.server.api.analysis import MAX_SIGNALS, AnalysisRequest, GetSource, requested_of, response_of
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.configuration.api_models import Difference, DifferenceRow
+from imuscope.server.configuration.controllers import driver_of
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.errors import DomainError
+from imuscope.server.services import Services
+from imuscope.server.wire_codec import to_json_safe
 
 router = APIRouter(prefix="/api/comparison", tags=["analysis"])
 

@@ -13,19 +13,25 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Response
 
-from server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
-from server.api.dependencies import TheServices
-from server.api.errors import responses, unknown_device
-from server.configuration.api_models import ApplyRequest, RawRequest, ReadRequest, RunRequest
-from server.configuration.controllers import ControllerRegistry
-from server.configuration.dangers import Risk
-from server.configuration.device_controller import DeviceController
-from server.configuration.products import mismatch
-from server.configuration.risk_check import ChangeRequest, discarded, plan_changes, plan_command, risks_of_bytes
-from server.configuration.sensor_check import doubts, sensor_of
-from server.configuration.value_format import numbers
-from server.errors import DomainError
-from server.wire import DeviceHealth
+from imuscope.server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses, unknown_device
+from imuscope.server.configuration.api_models import ApplyRequest, RawRequest, ReadRequest, RunRequest
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.dangers import Risk
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.products import mismatch
+from imuscope.server.configuration.risk_check import (
+    ChangeRequest,
+    discarded,
+    plan_changes,
+    plan_command,
+    risks_of_bytes,
+)
+from imuscope.server.configuration.sensor_check import doubts, sensor_of
+from imuscope.server.configuration.value_format import numbers
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import DeviceHealth
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 

@@ -7,15 +7,15 @@ import asyncio
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from protocols.registry import PROTOCOLS
-from server.api.configure import OneController
-from server.api.dependencies import TheServices
-from server.api.devices import check_path
-from server.api.errors import responses
-from server.configuration.api_models import Corrections
-from server.configuration.correction_stream import file_of
-from server.configuration.ntrip import CorrectionError
-from server.errors import DomainError
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.server.api.configure import OneController
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.devices import check_path
+from imuscope.server.api.errors import responses
+from imuscope.server.configuration.api_models import Corrections
+from imuscope.server.configuration.correction_stream import file_of
+from imuscope.server.configuration.ntrip import CorrectionError
+from imuscope.server.errors import DomainError
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, create_model
 
-from protocols.decode_options import DecodeOption
-from server.devices.decode_options import (
+from imuscope.protocols.decode_options import DecodeOption
+from imuscope.server.devices.decode_options import (
     DecodeOptionError,
     DecodeOptions,
     checked_options,
     declared_options,
     source_options,
 )
-from server.errors import DomainError
+from imuscope.server.errors import DomainError
 
 SETTINGS_HINT = "The options of a source are listed at /openapi.json, AddDeviceRequest."
 PREFIX = "option_"  # of the fields in Python, because BaseModel has a member named schema

@@ -13,8 +13,8 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from server.api.errors import ProblemBody
-from server.auth import is_protected
+from imuscope.server.api.errors import ProblemBody
+from imuscope.server.auth import is_protected
 
 BEARER = {
     "type": "http",

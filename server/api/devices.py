@@ -10,16 +10,16 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from server.api.answers import DeviceAnswer
-from server.api.decode_options_body import DecodeOptionsBody, bad_setting
-from server.api.dependencies import TheServices
-from server.api.errors import responses, unknown_device
-from server.devices.decode_options import DecodeOptionError, changed, parse_source_options
-from server.devices.session import Session
-from server.errors import DomainError
-from server.links.base import LinkError
-from server.links.source_url import SourceUrl
-from server.services import Services
+from imuscope.server.api.answers import DeviceAnswer
+from imuscope.server.api.decode_options_body import DecodeOptionsBody, bad_setting
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses, unknown_device
+from imuscope.server.devices.decode_options import DecodeOptionError, changed, parse_source_options
+from imuscope.server.devices.session import Session
+from imuscope.server.errors import DomainError
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/devices", tags=["devices"])
 

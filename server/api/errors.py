@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from server.errors import DomainError, status_of
+from imuscope.server.errors import DomainError, status_of
 
 log = logging.getLogger("imuscope.api")
 

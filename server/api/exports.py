@@ -7,14 +7,14 @@ import math
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
 
-from recordings.mcap_writer import RecordingError
-from server import wire
-from server.api.dependencies import TheServices
-from server.api.errors import bytes_of, responses, unknown_recording
-from server.errors import DomainError
-from server.evidence.job import evidence_work
-from server.evidence.request import EvidenceRequest
-from server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server import wire
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.errors import DomainError
+from imuscope.server.evidence.job import evidence_work
+from imuscope.server.evidence.request import EvidenceRequest
+from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
 

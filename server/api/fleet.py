@@ -9,12 +9,12 @@ from fastapi import APIRouter, Depends, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.errors import DomainError
-from server.fleet.fleet_server import FleetServer
-from server.fleet.robots import Robots
-from server.fleet.summaries import FleetRobots
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.fleet_server import FleetServer
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.fleet.summaries import FleetRobots
 
 router = APIRouter(prefix="/api/fleet", tags=["fleet"])
 

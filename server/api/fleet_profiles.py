@@ -8,13 +8,13 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
-from server.api.errors import responses
-from server.api.fleet import TheFleetServer
-from server.errors import DomainError
-from server.fleet.fleet_server import FleetServer
-from server.fleet.group_profiles import SettingsCheck
-from server.fleet.rollout_models import ProfileOrigin
-from server.fleet.summaries import RobotDevice, RobotSummary, SettingsState
+from imuscope.server.api.errors import responses
+from imuscope.server.api.fleet import TheFleetServer
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.fleet_server import FleetServer
+from imuscope.server.fleet.group_profiles import SettingsCheck
+from imuscope.server.fleet.rollout_models import ProfileOrigin
+from imuscope.server.fleet.summaries import RobotDevice, RobotSummary, SettingsState
 
 router = APIRouter(prefix="/api/fleet/robots", tags=["fleet"])
 

@@ -8,10 +8,10 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from server.api.errors import responses
-from server.api.fleet import TheFleetServer
-from server.api.fleet_profiles import device_of
-from server.fleet.rollout_models import DEFAULT_WAVES, Rollout, RolloutHead, RolloutPlan
+from imuscope.server.api.errors import responses
+from imuscope.server.api.fleet import TheFleetServer
+from imuscope.server.api.fleet_profiles import device_of
+from imuscope.server.fleet.rollout_models import DEFAULT_WAVES, Rollout, RolloutHead, RolloutPlan
 
 router = APIRouter(prefix="/api/fleet", tags=["fleet"])
 

@@ -8,14 +8,20 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from protocols.layouts import EncodeError
-from server.api.configure import OneController
-from server.api.errors import responses
-from server.configuration.api_models import FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult
-from server.configuration.device_controller import DeviceController
-from server.configuration.form_builder import forms_of
-from server.configuration.preview import fit, preview_command, preview_setting
-from server.errors import DomainError
+from imuscope.protocols.layouts import EncodeError
+from imuscope.server.api.configure import OneController
+from imuscope.server.api.errors import responses
+from imuscope.server.configuration.api_models import (
+    FitRatesRequest,
+    FitRatesResult,
+    Forms,
+    PreviewRequest,
+    PreviewResult,
+)
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.form_builder import forms_of
+from imuscope.server.configuration.preview import fit, preview_command, preview_setting
+from imuscope.server.errors import DomainError
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["forms"])
 

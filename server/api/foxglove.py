@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from fastapi import APIRouter, WebSocket
 
-from server.api.dependencies import TheServices
-from server.errors import DomainError
-from server.integrations.foxglove_server import MAX_UP, SUBPROTOCOLS
-from server.integrations.proxy import reject, relay
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations.foxglove_server import MAX_UP, SUBPROTOCOLS
+from imuscope.server.integrations.proxy import reject, relay
 
 router = APIRouter()
 

@@ -8,10 +8,10 @@ from fastapi import APIRouter, Path
 from fastapi.responses import Response
 from pydantic import BaseModel
 
-from server.api.dependencies import TheServices
-from server.api.errors import bytes_of, responses
-from server.errors import DomainError
-from server.integrations.map_tiles import KINDS
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations.map_tiles import KINDS
 
 DEEPEST = 22
 KEEP = "private, max-age=86400"

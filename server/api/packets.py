@@ -7,17 +7,17 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query
 
-from protocols.family import ProtocolInfo
-from recordings.column_store import Base
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from server.api.dependencies import TheServices
-from server.api.devices import OneSession
-from server.api.errors import responses, unknown_recording
-from server.api.recording_data import columns_of
-from server.devices.decode_options import DecodeOptions, recorded
-from server.errors import DomainError
-from server.library.packets import (
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.recordings.column_store import Base
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.devices import OneSession
+from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.recording_data import columns_of
+from imuscope.server.devices.decode_options import DecodeOptions, recorded
+from imuscope.server.errors import DomainError
+from imuscope.server.library.packets import (
     PacketView,
     SampleArrival,
     live_bytes,
@@ -26,7 +26,7 @@ from server.library.packets import (
     recorded_bytes,
     recorded_moment,
 )
-from server.wire import ChannelInfo
+from imuscope.server.wire import ChannelInfo
 
 router = APIRouter(tags=["packets"])
 
@@ -140,7 +140,7 @@ def _recorded(
 
 
 def _family(protocol: str) -> ProtocolInfo:
-    from protocols.registry import family_of  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import family_of  # imported on first use, because it loads compiled code
 
     family = family_of(protocol)
     if family is None:

@@ -7,10 +7,10 @@ import asyncio
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.devices.sessions import Sessions
-from server.links.ports import PortInfo, list_ports, scan
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.links.ports import PortInfo, list_ports, scan
 
 router = APIRouter(prefix="/api/ports", tags=["ports"])
 

@@ -12,12 +12,12 @@ from fastapi.responses import Response, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.types import Receive, Scope, Send
 
-from recordings.mcap_writer import RecordingError
-from server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
-from server.api.errors import bytes_of, responses
-from server.errors import DomainError
-from server.fleet.question_service import AskedQuestion, QuestionRequest, QuestionService
-from server.fleet.questions import QUESTIONS
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
+from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.question_service import AskedQuestion, QuestionRequest, QuestionService
+from imuscope.server.fleet.questions import QUESTIONS
 
 router = APIRouter(prefix="/api/query", tags=["query"])
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from recordings.mcap_writer import RecordingError
-from server import wire
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.errors import DomainError
-from server.library.api_models import HeldBytes, MarkerRequest, SavedMemory, SaveMemoryRequest, StartRequest
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server import wire
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import HeldBytes, MarkerRequest, SavedMemory, SaveMemoryRequest, StartRequest
 
 router = APIRouter(tags=["recorder"])
 

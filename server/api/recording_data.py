@@ -15,16 +15,16 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import JSONResponse, Response, StreamingResponse
 from pydantic import BaseModel, Field
 
-from recordings.column_store import Base, ColumnStore
-from recordings.health_history import HealthHistory, health_history
-from recordings.mcap_writer import RecordingError
-from server import wire
-from server.api.dependencies import TheServices
-from server.api.errors import bytes_of, responses, unknown_recording
-from server.errors import DomainError
-from server.library.api_models import OpeningState, RecordedSettings, RecordingDetail
-from server.library.column_cache import DecodeJob
-from server.library.range_query import (
+from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.health_history import HealthHistory, health_history
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server import wire
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import OpeningState, RecordedSettings, RecordingDetail
+from imuscope.server.library.column_cache import DecodeJob
+from imuscope.server.library.range_query import (
     ColumnStatistics,
     QueryResult,
     arrow_of,
@@ -36,9 +36,9 @@ from server.library.range_query import (
     statistics_in,
     stored_values,
 )
-from server.library.recorded_settings import settings_of
-from server.library.recording_detail import as_json, channels_of, detail
-from server.previous_names import with_previous_keys
+from imuscope.server.library.recorded_settings import settings_of
+from imuscope.server.library.recording_detail import as_json, channels_of, detail
+from imuscope.server.previous_names import with_previous_keys
 
 router = APIRouter(tags=["recordings"])
 

@@ -13,15 +13,15 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 
-from recordings import sidecar
-from recordings.download import file_name, full_recording, original_bytes
-from recordings.library import LibraryEntry, NamingError
-from recordings.mcap_writer import RecordingError
-from server.api.dependencies import TheServices
-from server.api.errors import bytes_of, responses, unknown_recording
-from server.errors import DomainError
-from server.library.api_models import EditRequest, MarkerInfo, MarkerRequest, RecordingInfo
-from server.streaming_response import streamed, with_first_chunk
+from imuscope.recordings import sidecar
+from imuscope.recordings.download import file_name, full_recording, original_bytes
+from imuscope.recordings.library import LibraryEntry, NamingError
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import EditRequest, MarkerInfo, MarkerRequest, RecordingInfo
+from imuscope.server.streaming_response import streamed, with_first_chunk
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
-from server.api.dependencies import TheServices
-from server.api.static_files import HEADERS
-from server.reference.pages import PAGES
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.static_files import HEADERS
+from imuscope.server.reference.pages import PAGES
 
 router = APIRouter(include_in_schema=False)
 

@@ -8,15 +8,15 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends
 
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from recordings.replay import extent
-from server.api.answers import DeviceAnswer
-from server.api.dependencies import TheServices
-from server.api.errors import responses, unknown_recording
-from server.errors import DomainError
-from server.library.api_models import PlayRequest
-from server.links.capture_file import SPEEDS
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.replay import extent
+from imuscope.server.api.answers import DeviceAnswer
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import PlayRequest
+from imuscope.server.links.capture_file import SPEEDS
 
 router = APIRouter(tags=["recordings"])
 

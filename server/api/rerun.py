@@ -25,14 +25,14 @@ from fastapi.responses import FileResponse, RedirectResponse, Response, Streamin
 from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
-from recordings.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
-from server.api.dependencies import TheServices
-from server.api.errors import bytes_of, responses
-from server.api.recording_data import OneStore
-from server.api.static_files import HEADERS
-from server.errors import DomainError
-from server.integrations.rerun import RerunFeed, RerunViewer, recording_stream
-from server.integrations.rerun_assets import NAMES, folder_of, viewer_files
+from imuscope.recordings.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.api.recording_data import OneStore
+from imuscope.server.api.static_files import HEADERS
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations.rerun import RerunFeed, RerunViewer, recording_stream
+from imuscope.server.integrations.rerun_assets import NAMES, folder_of, viewer_files
 
 router = APIRouter()
 

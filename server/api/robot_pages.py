@@ -16,15 +16,15 @@ import msgspec
 from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
-from server.api.dependencies import TheServices
-from server.api.fleet import TheFleetServer, fleet_server_of
-from server.auth import is_command
-from server.errors import DomainError, status_of
-from server.fleet.page_messages import MAX_BODY, MAX_SAID, End, Head, Open, Part
-from server.fleet.page_server import HEADERS
-from server.fleet.robot_pages import PageStream
-from server.previous_names import path_of
-from server.printable import printable
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.fleet import TheFleetServer, fleet_server_of
+from imuscope.server.auth import is_command
+from imuscope.server.errors import DomainError, status_of
+from imuscope.server.fleet.page_messages import MAX_BODY, MAX_SAID, End, Head, Open, Part
+from imuscope.server.fleet.page_server import HEADERS
+from imuscope.server.fleet.robot_pages import PageStream
+from imuscope.server.previous_names import path_of
+from imuscope.server.printable import printable
 
 router = APIRouter(include_in_schema=False)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.services import Services
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/ros2", tags=["ros2"])
 

@@ -7,13 +7,13 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from server.api.dependencies import TheServices
-from server.api.devices import OneSession
-from server.api.errors import responses
-from server.configuration.port_shares import client_name, speaker_name
-from server.devices.session import Session
-from server.links.held import HeldLink
-from server.services import Services
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.devices import OneSession
+from imuscope.server.api.errors import responses
+from imuscope.server.configuration.port_shares import client_name, speaker_name
+from imuscope.server.devices.session import Session
+from imuscope.server.links.held import HeldLink
+from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/devices/{device}/shares", tags=["shares"])
 

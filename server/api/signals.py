@@ -5,12 +5,12 @@ from __future__ import annotations
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from server.analysis.expression_functions import FUNCTIONS
-from server.analysis.signal_definitions import MAX_NAME, MAX_TEXT, SignalDefinition
-from server.analysis.units import SYMBOLS
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.errors import DomainError
+from imuscope.server.analysis.expression_functions import FUNCTIONS
+from imuscope.server.analysis.signal_definitions import MAX_NAME, MAX_TEXT, SignalDefinition
+from imuscope.server.analysis.units import SYMBOLS
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.errors import DomainError
 
 router = APIRouter(tags=["signals"])
 

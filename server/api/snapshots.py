@@ -9,20 +9,27 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from protocols.transactions import DeviceContext
-from server.api.configure import AllControllers, OneController, controller_of
-from server.api.errors import responses
-from server.configuration.api_models import CompareRequest, Difference, SaveRequest, SideRef, SnapshotBody, SnapshotInfo
-from server.configuration.budget import overload
-from server.configuration.controllers import ControllerRegistry
-from server.configuration.device_controller import DeviceController
-from server.configuration.products import mismatch
-from server.configuration.reading import plain_values
-from server.configuration.risk_check import dangers_of
-from server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
-from server.configuration.snapshots import Snapshot, SnapshotError, from_text
-from server.errors import DomainError
-from server.wire_codec import to_json_safe
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.api.configure import AllControllers, OneController, controller_of
+from imuscope.server.api.errors import responses
+from imuscope.server.configuration.api_models import (
+    CompareRequest,
+    Difference,
+    SaveRequest,
+    SideRef,
+    SnapshotBody,
+    SnapshotInfo,
+)
+from imuscope.server.configuration.budget import overload
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.products import mismatch
+from imuscope.server.configuration.reading import plain_values
+from imuscope.server.configuration.risk_check import dangers_of
+from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
+from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, from_text
+from imuscope.server.errors import DomainError
+from imuscope.server.wire_codec import to_json_safe
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
 

@@ -16,8 +16,8 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 from starlette.exceptions import HTTPException
 
-from server.api.dependencies import TheServices
-from server.page_files import Files
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.page_files import Files
 
 POLICY = "; ".join(
     (

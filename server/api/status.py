@@ -9,12 +9,12 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from server.api.dependencies import TheServices
-from server.auth import Role
-from server.metrics import Sources
-from server.prometheus_text import CONTENT_TYPE
-from server.version import VERSION
-from server.wire import SUBPROTOCOL
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.auth import Role
+from imuscope.server.metrics import Sources
+from imuscope.server.prometheus_text import CONTENT_TYPE
+from imuscope.server.version import VERSION
+from imuscope.server.wire import SUBPROTOCOL
 
 router = APIRouter(tags=["build"])
 

@@ -13,8 +13,8 @@ import json
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.auth import MAX_BODY, refuse
-from server.errors import DomainError
+from imuscope.server.auth import MAX_BODY, refuse
+from imuscope.server.errors import DomainError
 
 SURROGATE = b"\\ud"
 

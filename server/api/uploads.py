@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from server.api.dependencies import TheServices
-from server.fleet.uploads import RecordingUpload
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.fleet.uploads import RecordingUpload
 
 router = APIRouter(prefix="/api/uploads", tags=["uploads"])
 

@@ -19,16 +19,16 @@ from fastapi.responses import RedirectResponse, Response
 from pydantic import BaseModel, Field
 from starlette.websockets import WebSocketDisconnect
 
-from recordings.mcap_writer import RecordingError
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.api.static_files import HEADERS
-from server.errors import DomainError
-from server.http_server import MAX_FROM_VIEWER
-from server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
-from server.integrations.replay_sync import ReplayFollower
-from server.integrations.viewer_process import PER_S
-from server.integrations.viser import Viser
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.api.static_files import HEADERS
+from imuscope.server.errors import DomainError
+from imuscope.server.http_server import MAX_FROM_VIEWER
+from imuscope.server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
+from imuscope.server.integrations.replay_sync import ReplayFollower
+from imuscope.server.integrations.viewer_process import PER_S
+from imuscope.server.integrations.viser import Viser
 
 router = APIRouter()
 

@@ -15,11 +15,11 @@ from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
-from server import wire, wire_codec
-from server.api.dependencies import TheServices
-from server.limiters import TokenBucket
-from server.streaming.clients import ClientFanout
-from server.streaming.send_queue import SendQueue
+from imuscope.server import wire, wire_codec
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.limiters import TokenBucket
+from imuscope.server.streaming.clients import ClientFanout
+from imuscope.server.streaming.send_queue import SendQueue
 
 log = logging.getLogger("imuscope.live")
 router = APIRouter()

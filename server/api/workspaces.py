@@ -8,9 +8,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Header, Response
 from pydantic import BaseModel, Field
 
-from server.api.dependencies import TheServices
-from server.api.errors import responses
-from server.workspaces import ANY, StoredWorkspace
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses
+from imuscope.server.workspaces import ANY, StoredWorkspace
 
 router = APIRouter(prefix="/api", tags=["workspaces"])
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
-from server.analysis.triads import NO_SAMPLES, Floats, Samples
-from server.calibration.directions import AXES, AXIS_VECTORS
-from server.calibration.report import (
+from imuscope.server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
+from imuscope.server.analysis.triads import NO_SAMPLES, Floats, Samples
+from imuscope.server.calibration.directions import AXES, AXIS_VECTORS
+from imuscope.server.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,
     ResidualTrace,

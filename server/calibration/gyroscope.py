@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from server.analysis.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
-from server.analysis.triads import NO_SAMPLES, Samples
-from server.calibration.report import (
+from imuscope.server.analysis.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
+from imuscope.server.analysis.triads import NO_SAMPLES, Samples
+from imuscope.server.calibration.report import (
     CalibrationFigure,
     CalibrationRefusal,
     CalibrationReport,

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from server.analysis.sample_quality import stuck_or_clipped
-from server.analysis.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
-from server.calibration.accelerometer import six_positions
-from server.calibration.gyroscope import gyroscope_bias
-from server.calibration.magnetometer import magnetometer_iron
-from server.calibration.mounting import VerticalAxis, mounting_rotation
-from server.calibration.report import CalibrationKind, CalibrationRefusal, CalibrationReport
-from server.errors import DomainError
-from server.wire import ChannelInfo
+from imuscope.server.analysis.sample_quality import stuck_or_clipped
+from imuscope.server.analysis.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
+from imuscope.server.calibration.accelerometer import six_positions
+from imuscope.server.calibration.gyroscope import gyroscope_bias
+from imuscope.server.calibration.magnetometer import magnetometer_iron
+from imuscope.server.calibration.mounting import VerticalAxis, mounting_rotation
+from imuscope.server.calibration.report import CalibrationKind, CalibrationRefusal, CalibrationReport
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import ChannelInfo
 
 TEMPERATURE = "temperature"
 

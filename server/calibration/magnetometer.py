@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.triads import Floats, Samples
-from server.calibration.directions import CELLS, CENTRES, RINGS, cells_of, missing_axes, unit_vectors
-from server.calibration.report import (
+from imuscope.server.analysis.triads import Floats, Samples
+from imuscope.server.calibration.directions import CELLS, CENTRES, RINGS, cells_of, missing_axes, unit_vectors
+from imuscope.server.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,
     DirectionCoverage,

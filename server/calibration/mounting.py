@@ -16,10 +16,10 @@ from typing import Literal
 
 import numpy as np
 
-from recordings.euler import euler_columns
-from server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
-from server.analysis.triads import Floats, Samples
-from server.calibration.report import (
+from imuscope.recordings.euler import euler_columns
+from imuscope.server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
+from imuscope.server.analysis.triads import Floats, Samples
+from imuscope.server.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,
     DriveProgress,

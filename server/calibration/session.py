@@ -16,18 +16,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from server.analysis.triads import Samples, Triad, finite
-from server.calibration.kinds import (
+from imuscope.server.analysis.triads import Samples, Triad, finite
+from imuscope.server.calibration.kinds import (
     CalibrationInputs,
     CalibrationMethod,
     CalibrationOptions,
     evaluated,
     method_for,
 )
-from server.calibration.report import CalibrationReport
-from server.errors import DomainError
-from server.streaming.bus import TelemetryBus
-from server.streaming.channel_store import ChannelStore
+from imuscope.server.calibration.report import CalibrationReport
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.channel_store import ChannelStore
 
 MAX_SAMPLES = 120_000  # of one sensor: 4 MB
 MAX_S = 1800.0

@@ -9,16 +9,16 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, TextIO
 
-from protocols.plural import counted
-from recordings.column_store import ColumnStore
-from server.analysis.registry import FiguresOfSignal, analysis_named
-from server.analysis.report import Figures, figures_of, in_parallel
-from server.analysis.signal_request import ExpressionSignal, requested_signals
-from server.analysis.signals import SignalColumn, recorded_samples
-from server.commands.decoded import DecodedFileError, decoded, time_range_of
-from server.devices.decode_options import DecodeOptions
-from server.errors import DomainError
-from server.library.recording_detail import channels_of, products_of
+from imuscope.protocols.plural import counted
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.analysis.registry import FiguresOfSignal, analysis_named
+from imuscope.server.analysis.report import Figures, figures_of, in_parallel
+from imuscope.server.analysis.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.analysis.signals import SignalColumn, recorded_samples
+from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import DomainError
+from imuscope.server.library.recording_detail import channels_of, products_of
 
 BELOW = ("notes", "obstacles", "unchecked")  # sentences, printed below the table
 

@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
-from protocols.decode_options import DecodeOption, Scope
-from protocols.plugins import protocol_names
-from server import logging_setup
-from server.commands.file_arguments import add_analyse, add_calibrate, add_decode
-from server.commands.fleet_arguments import add_fleet
-from server.commands.page_arguments import add_page_address
-from server.commands.store_arguments import add_compact, add_query, add_store, add_upload
-from server.config import default_data
-from server.devices.decode_options import declared_options
-from server.ros2.session import DEFAULT_ROUTER
-from server.version import VERSION
+from imuscope.protocols.decode_options import DecodeOption, Scope
+from imuscope.protocols.plugins import protocol_names
+from imuscope.server import logging_setup
+from imuscope.server.commands.file_arguments import add_analyse, add_calibrate, add_decode
+from imuscope.server.commands.fleet_arguments import add_fleet
+from imuscope.server.commands.page_arguments import add_page_address
+from imuscope.server.commands.store_arguments import add_compact, add_query, add_store, add_upload
+from imuscope.server.config import default_data
+from imuscope.server.devices.decode_options import declared_options
+from imuscope.server.ros2.session import DEFAULT_ROUTER
+from imuscope.server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
@@ -112,7 +112,7 @@ class _Registered:
 
 
 def _registered() -> _Registered:
-    from server.commands import registered_help  # imports every registered part, which takes a moment
+    from imuscope.server.commands import registered_help  # imports every registered part, which takes a moment
 
     secrets = [option for option in declared_options().values() if option.kind == "secret"]
     rows = (f"  {variable_of(one):<32}--{one.flag} (not visible in the process list)\n" for one in secrets)

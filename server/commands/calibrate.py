@@ -9,18 +9,18 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from recordings.column_store import ColumnStore
-from server.analysis.signals import SignalColumn, recorded_samples
-from server.analysis.triads import Samples, finite
-from server.calibration.export import FORMATS, exported
-from server.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
-from server.calibration.mounting import VerticalAxis
-from server.calibration.report import CalibrationReport, SensorCorrection
-from server.commands.decoded import DecodedFileError, decoded, time_range_of
-from server.devices.decode_options import DecodeOptions
-from server.errors import DomainError
-from server.library.recording_detail import channels_of
-from server.wire import ChannelInfo
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.analysis.signals import SignalColumn, recorded_samples
+from imuscope.server.analysis.triads import Samples, finite
+from imuscope.server.calibration.export import FORMATS, exported
+from imuscope.server.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
+from imuscope.server.calibration.mounting import VerticalAxis
+from imuscope.server.calibration.report import CalibrationReport, SensorCorrection
+from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import DomainError
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.wire import ChannelInfo
 
 SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".h": "c"}
 

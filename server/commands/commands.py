@@ -13,12 +13,12 @@ import difflib
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
-from protocols.schema import Bits, Command, Field, Setting
-from protocols.shown_values import is_scaled, meant, shown_number
-from protocols.transactions import DeviceContext
-from protocols.validation import bounds, is_whole
-from server.commands.compose import ComposeError, composers
-from server.devices.decode_options import DecodeOptions
+from imuscope.protocols.schema import Bits, Command, Field, Setting
+from imuscope.protocols.shown_values import is_scaled, meant, shown_number
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.validation import bounds, is_whole
+from imuscope.server.commands.compose import ComposeError, composers
+from imuscope.server.devices.decode_options import DecodeOptions
 
 CommandListRow = Command | Setting
 WIDTH = 120

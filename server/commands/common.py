@@ -10,10 +10,10 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from server import jit_cache, logging_setup
-from server.commands.arguments import COMMANDS
-from server.config import load
-from server.devices.decode_options import (
+from imuscope.server import jit_cache, logging_setup
+from imuscope.server.commands.arguments import COMMANDS
+from imuscope.server.config import load
+from imuscope.server.devices.decode_options import (
     DecodeOptions,
     checked_options,
     declared_options,
@@ -39,7 +39,7 @@ def prepare(data: Path | None) -> Path:
 def prepare_decoders(data: Path | None, size: int | None = None) -> Path:
     """`prepare`, and compile the decoders if `size` bytes are worth it (None: an unknown, possibly large number)."""
     folder = prepare(data)
-    from protocols.jit import INTERPRETED_BYTES
+    from imuscope.protocols.jit import INTERPRETED_BYTES
 
     if size is None or size > INTERPRETED_BYTES:
         jit_cache.load(report=print_status)
@@ -95,7 +95,7 @@ def checked_protocol(options: DecodeOptions) -> DecodeOptions:
 
 def check_protocol(name: str) -> None:
     """Raise UsageError for an unknown protocol."""
-    from server.devices import protocol_set
+    from imuscope.server.devices import protocol_set
 
     known = ("auto", *protocol_set.protocols())
     if name and name not in known:
@@ -136,10 +136,10 @@ def temporary_copy(pieces: Iterable[bytes]) -> Iterator[Path]:
 
 def check_sources(sources: Sequence[str], given: DecodeOptions) -> None:
     """Raise UsageError for a source that can never be opened."""
-    from server.links import LinkError, open_link
-    from server.links.capture_file import FileLink
-    from server.links.pipe import PipeLink
-    from server.links.simulator import SimulatorLink
+    from imuscope.server.links import LinkError, open_link
+    from imuscope.server.links.capture_file import FileLink
+    from imuscope.server.links.pipe import PipeLink
+    from imuscope.server.links.simulator import SimulatorLink
 
     seen: set[str] = set()
     for source in sources:

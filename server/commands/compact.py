@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TextIO
 
-from protocols.plural import counted
-from server.fleet.store import MISSING, PACKAGES, StoreError, location
+from imuscope.protocols.plural import counted
+from imuscope.server.fleet.store import MISSING, PACKAGES, StoreError, location
 
 
 class CompactError(Exception):
@@ -23,7 +23,7 @@ def compact_store(url: str, remove: bool, out: TextIO) -> None:
         CompactError: the store cannot be used.
     """
     try:
-        from server.fleet.compact import compact
+        from imuscope.server.fleet.compact import compact
     except ModuleNotFoundError as error:
         if error.name not in PACKAGES:
             raise

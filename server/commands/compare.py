@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from recordings.column_store import ColumnStore
-from server.analysis.signal_request import requested_signals
-from server.analysis.signals import recorded_samples
-from server.analysis.two_sides import (
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.analysis.signal_request import requested_signals
+from imuscope.server.analysis.signals import recorded_samples
+from imuscope.server.analysis.two_sides import (
     Alignment,
     ComparedSignal,
     ComparisonAnswer,
@@ -19,10 +19,10 @@ from server.analysis.two_sides import (
     ComparisonSide,
     compared,
 )
-from server.commands.analyse import AnalyseError
-from server.commands.decoded import DecodedFileError, decoded, time_range_of
-from server.devices.decode_options import DecodeOptions
-from server.library.recording_detail import channels_of, products_of
+from imuscope.server.commands.analyse import AnalyseError
+from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.library.recording_detail import channels_of, products_of
 
 NAME = "comparison"
 FIGURES = ("n", "mean", "sigma", "rms", "min", "max", "low", "high", "mounting", "remaining")

@@ -10,7 +10,7 @@ import argparse
 import shlex
 from collections.abc import Iterator, Mapping
 
-from protocols.plugins import protocol_names
+from imuscope.protocols.plugins import protocol_names
 
 
 def script(commands: Mapping[str, argparse.ArgumentParser], shell: str) -> str:

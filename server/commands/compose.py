@@ -27,14 +27,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from protocols.composer import FrameRecord, ProtocolComposer
-from protocols.flag_words import nearest, word_of
-from protocols.layouts import EncodeError
-from protocols.registry import PROTOCOLS
-from protocols.schema import Field
-from protocols.shown_values import to_shown, to_wire
-from protocols.transactions import DeviceContext
-from server.devices.decode_options import DecodeOptions
+from imuscope.protocols.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.flag_words import nearest, word_of
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.schema import Field
+from imuscope.protocols.shown_values import to_shown, to_wire
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.devices.decode_options import DecodeOptions
 
 NOTHING: FrameRecord = {}
 _NUMBER = re.compile(r"0x[0-9A-Fa-f]{1,2}")

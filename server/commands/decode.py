@@ -16,21 +16,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from protocols.registry import remedies
-from recordings.column_store import ColumnStore
-from recordings.exporters import FORMATS, ExportRequest, by_suffix, export
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from server.analysis.recorded_signals import add_computed_signals
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.evidence.content import About
-from server.evidence.plots import all_plots
-from server.evidence.request import EvidenceRequest
-from server.evidence.worker import write
-from server.library.decode import decode
-from server.library.recording_detail import channels_of
-from server.printable import printable
+from imuscope.protocols.registry import remedies
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.exporters import FORMATS, ExportRequest, by_suffix, export
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.analysis.recorded_signals import add_computed_signals
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.evidence.content import About
+from imuscope.server.evidence.plots import all_plots
+from imuscope.server.evidence.request import EvidenceRequest
+from imuscope.server.evidence.worker import write
+from imuscope.server.library.decode import decode
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.printable import printable
 
 EVIDENCE = ".html"  # not an export of samples but a report (server/evidence)
 SHOW_AFTER_S = 1.0  # shorter work shows no bar

@@ -9,15 +9,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
 
-from recordings.column_store import ColumnStore
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from server.analysis.recorded_signals import add_computed_signals
-from server.commands.decode import Bar
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.errors import DomainError
-from server.library.decode import decode
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.analysis.recorded_signals import add_computed_signals
+from imuscope.server.commands.decode import Bar
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.errors import DomainError
+from imuscope.server.library.decode import decode
 
 
 class DecodedFileError(Exception):

@@ -14,8 +14,8 @@ from dataclasses import asdict
 from importlib import resources
 from typing import TextIO
 
-from server.diagnostics.checks import RULES, Finding
-from server.printable import json_text, printable
+from imuscope.server.diagnostics.checks import RULES, Finding
+from imuscope.server.printable import json_text, printable
 
 UNIT = "imuscope.service"
 _RANK = {"problem": 0, "warning": 1, "ok": 2}
@@ -37,9 +37,9 @@ def format_findings(findings: Sequence[Finding], out: TextIO, *, as_json: bool =
 
 def udev_rule() -> str:
     """The rule for /etc/udev/rules.d."""
-    return resources.files("server.packaging").joinpath(RULES).read_text(encoding="utf-8")
+    return resources.files("imuscope.server.packaging").joinpath(RULES).read_text(encoding="utf-8")
 
 
 def systemd_unit() -> str:
     """The unit for /etc/systemd/system."""
-    return resources.files("server.packaging").joinpath(UNIT).read_text(encoding="utf-8")
+    return resources.files("imuscope.server.packaging").joinpath(UNIT).read_text(encoding="utf-8")

@@ -10,28 +10,28 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from server.commands.common import UsageError
-from server.commands.serve import run
-from server.config import Config, load
-from server.devices.decode_options import secret_text
-from server.errors import DomainError
-from server.fleet.access import FleetAccessError, RouterSettings, as_document, read_robots
-from server.fleet.bus import BusCredentials, FleetBusError, client_settings
-from server.fleet.database import FleetDatabase, FleetDatabaseError
-from server.fleet.fleet_alarms import FleetAlarms
-from server.fleet.fleet_server import FleetServer
-from server.fleet.group_profiles import GroupProfiles
-from server.fleet.operators import Operators
-from server.fleet.robots import Robots
-from server.fleet.rollout_steps import RolloutTiming
-from server.fleet.rollouts import RolloutFiles
-from server.fleet_settings import FleetServerSettings, FleetSettings
-from server.logging_setup import print_or_log
+from imuscope.server.commands.common import UsageError
+from imuscope.server.commands.serve import run
+from imuscope.server.config import Config, load
+from imuscope.server.devices.decode_options import secret_text
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.access import FleetAccessError, RouterSettings, as_document, read_robots
+from imuscope.server.fleet.bus import BusCredentials, FleetBusError, client_settings
+from imuscope.server.fleet.database import FleetDatabase, FleetDatabaseError
+from imuscope.server.fleet.fleet_alarms import FleetAlarms
+from imuscope.server.fleet.fleet_server import FleetServer
+from imuscope.server.fleet.group_profiles import GroupProfiles
+from imuscope.server.fleet.operators import Operators
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.fleet.rollout_steps import RolloutTiming
+from imuscope.server.fleet.rollouts import RolloutFiles
+from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.logging_setup import print_or_log
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
-    from server.auth import Access
+    from imuscope.server.auth import Access
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 
@@ -56,7 +56,7 @@ def fleet(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
     def create(config: Config, access: Access) -> ASGIApp:
-        from server.app import create_app
+        from imuscope.server.app import create_app
 
         try:
             server = create_fleet_server(config)

@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from server.commands.page_arguments import add_page_address
-from server.commands.store_arguments import add_store
+from imuscope.server.commands.page_arguments import add_page_address
+from imuscope.server.commands.store_arguments import add_store
 
 
 def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:

@@ -9,13 +9,13 @@ import os
 import sys
 from collections.abc import Sequence
 
-from server.commands.common import UsageError
-from server.holder.shares import ShareAddress, ShareError
-from server.links import LinkSettings, open_link, steady_clock
-from server.links.base import LinkError
-from server.links.held import ROOT, holder_settings
-from server.links.serial import SerialLink
-from server.links.tcp import TcpLink
+from imuscope.server.commands.common import UsageError
+from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.links import LinkSettings, open_link, steady_clock
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.held import ROOT, holder_settings
+from imuscope.server.links.serial import SerialLink
+from imuscope.server.links.tcp import TcpLink
 
 
 def hold(source: str, shares: Sequence[str]) -> None:
@@ -38,4 +38,4 @@ def hold(source: str, shares: Sequence[str]) -> None:
     except OSError as error:
         raise UsageError(f"there is no folder for the socket of the holder: {error}") from None
     os.chdir(ROOT)
-    os.execv(sys.executable, [sys.executable, "-m", "server.holder", settings.to_text()])
+    os.execv(sys.executable, [sys.executable, "-m", "imuscope.server.holder", settings.to_text()])

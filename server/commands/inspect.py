@@ -24,20 +24,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TextIO, cast
 
-from protocols.events import Decoder
-from protocols.framing import Ints
-from protocols.mixed_protocols import MixedProtocolDetector
-from protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_of
-from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
-from recordings.mcap_reader import MAGIC
-from recordings.mcap_writer import RecordingError
-from recordings.message_source import MessageSource
-from recordings.sources import McapSource
-from server.commands.common import temporary_copy
-from server.commands.inspect_table import InspectTable
-from server.commands.replay import ReplayError, choose_device
-from server.devices.decode_options import DecodeOptions
-from server.printable import json_text
+from imuscope.protocols.events import Decoder
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.mixed_protocols import MixedProtocolDetector
+from imuscope.protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_of
+from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
+from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.sources import McapSource
+from imuscope.server.commands.common import temporary_copy
+from imuscope.server.commands.inspect_table import InspectTable
+from imuscope.server.commands.replay import ReplayError, choose_device
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.printable import json_text
 
 CHUNK = 1 << 20
 NO_DEVICES = "is not a recording, so it has no devices to choose from; leave --device out"
@@ -61,7 +61,7 @@ def inspect_file(
     """Write one line for each frame.
 
     Args:
-        reading: decode options; protocol is a name of protocols.registry, or "auto" to detect it from the beginning of
+        reading: decode options; protocol is the name of a protocol, or "auto" to detect it from the beginning of
             the file.
         direction: "rx": sent by the device; "tx": sent to it. (Xbus message numbers include the direction.)
         rejects: also list frames that failed their checks.

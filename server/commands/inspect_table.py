@@ -15,15 +15,15 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
-from protocols.composer import ProtocolComposer
-from protocols.family import ProtocolInfo
-from protocols.labels import device_label
-from protocols.schema import Field
-from server.commands.compose import composers
-from server.configuration.value_format import entry_title
-from server.devices.decode_options import DecodeOptions
-from server.library.reject_words import explained_rejects
-from server.printable import printable
+from imuscope.protocols.composer import ProtocolComposer
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.labels import device_label
+from imuscope.protocols.schema import Field
+from imuscope.server.commands.compose import composers
+from imuscope.server.configuration.value_format import entry_title
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.library.reject_words import explained_rejects
+from imuscope.server.printable import printable
 
 LONGEST_WORD = 64  # characters of a text or of bytes; jsonl has all of them
 WIDTH = 26  # of the message name

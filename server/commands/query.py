@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import BinaryIO, TextIO
 
-from server.fleet.questions import QUESTIONS
-from server.fleet.store import MISSING, StoreError, location
+from imuscope.server.fleet.questions import QUESTIONS
+from imuscope.server.fleet.store import MISSING, StoreError, location
 
 
 class QueryCommandError(Exception):
@@ -56,8 +56,8 @@ def answer(request: QueryRequest, out: TextIO, binary: BinaryIO) -> None:
     if not 64 <= request.memory_mb <= 1 << 24:
         raise QueryCommandError(f"--memory {request.memory_mb} is outside 64 … {1 << 24} MB")
     try:
-        from server.fleet.query import QueryError, QueryLimits, ask
-        from server.fleet.results import write_arrow, write_csv, write_json, write_table
+        from imuscope.server.fleet.query import QueryError, QueryLimits, ask
+        from imuscope.server.fleet.results import write_arrow, write_csv, write_json, write_table
     except ModuleNotFoundError as error:
         if error.name not in ("deltalake", "obstore", "duckdb"):
             raise

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from protocols.plural import counted
-from server.devices.sequence_store import SequenceStore
+from imuscope.protocols.plural import counted
+from imuscope.server.devices.sequence_store import SequenceStore
 
 TIMEOUT_S = 10.0
 
@@ -72,7 +72,7 @@ def rearm(request: RearmRequest) -> str:
 
 def _may_restart(protocol: str) -> bool:
     """True if the protocol's decoder can be re-armed (events.Remembers), or is not known yet."""
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     return protocol not in PROTOCOLS or hasattr(PROTOCOLS[protocol].decoder, "rearm")
 

@@ -21,21 +21,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from recordings.compaction import compact
-from recordings.mcap_writer import SUFFIX, RecordingError
-from server import wire
-from server.configuration.controllers import ControllerRegistry
-from server.configuration.timings import ConfigurationTimings
-from server.devices import protocol_set
-from server.devices.decode_options import DecodeOptions
-from server.devices.sequence_store import SequenceStore
-from server.devices.session import Session
-from server.devices.sessions import Sessions
-from server.library.recorder import Recorder, RecordingOptions
-from server.links import open_link
-from server.links.base import LinkSettings, steady_clock
-from server.printable import printable
-from server.streaming.telemetry import Telemetry
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.mcap_writer import SUFFIX, RecordingError
+from imuscope.server import wire
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.sequence_store import SequenceStore
+from imuscope.server.devices.session import Session
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.library.recorder import Recorder, RecordingOptions
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.printable import printable
+from imuscope.server.streaming.telemetry import Telemetry
 
 POLL_S = 0.25
 MAX_MESSAGES = 20

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import textwrap
 
-from server.devices.decode_options import url_options
-from server.links.registry import LinkDefinition, link_kinds
+from imuscope.server.devices.decode_options import url_options
+from imuscope.server.links.registry import LinkDefinition, link_kinds
 
 _COLUMN = 34
 
@@ -41,7 +41,7 @@ def _usage(kind: LinkDefinition) -> list[str]:
 
 def output_list() -> str:
     """Suffixes of the export formats, in one line."""
-    from recordings.exporters import FORMATS
+    from imuscope.recordings.exporters import FORMATS
 
     titles: dict[str, str] = {}
     for one in FORMATS.values():
@@ -53,7 +53,7 @@ def output_list() -> str:
 
 def analysis_list() -> str:
     """Analyses with their options, a line for each."""
-    from server.analysis.registry import analyses
+    from imuscope.server.analysis.registry import analyses
 
     lines = ["analyses, with their options for --option:"]
     for one in analyses():

@@ -29,12 +29,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TextIO
 
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from recordings.replay import ReplayClock, extent
-from recordings.sources import Source
-from server.links.base import steady_clock
-from server.links.reader_thread import write_all
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.replay import ReplayClock, extent
+from imuscope.recordings.sources import Source
+from imuscope.server.links.base import steady_clock
+from imuscope.server.links.reader_thread import write_all
 
 LONGEST_DATAGRAM = 65_507
 STALL_NS = 50_000_000  # a send that takes longer pauses the replay clock

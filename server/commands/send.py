@@ -21,13 +21,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TextIO
 
-from protocols.composer import ProtocolComposer
-from protocols.events import Decoder, Event, Shared, sender_of
-from protocols.layouts import EncodeError
-from protocols.registry import PROTOCOLS, detect
-from protocols.schema import Command, Field, Setting
-from protocols.shown_values import to_shown
-from protocols.transactions import (
+from imuscope.protocols.composer import ProtocolComposer
+from imuscope.protocols.events import Decoder, Event, Shared, sender_of
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.registry import PROTOCOLS, detect
+from imuscope.protocols.schema import Command, Field, Setting
+from imuscope.protocols.shown_values import to_shown
+from imuscope.protocols.transactions import (
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
@@ -37,14 +37,14 @@ from protocols.transactions import (
     Transaction,
     Values,
 )
-from server.commands.compose import ComposeError, composers, find_composer, frame_of, names_elements, parse
-from server.configuration.dangers import dangers_of_write
-from server.configuration.transaction_runner import Runner
-from server.configuration.value_format import value_at
-from server.devices.decode_options import DecodeOptions
-from server.links import open_link
-from server.links.base import Link, LinkError, LinkSettings, steady_clock
-from server.printable import json_text
+from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, names_elements, parse
+from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.configuration.transaction_runner import Runner
+from imuscope.server.configuration.value_format import value_at
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.links import open_link
+from imuscope.server.links.base import Link, LinkError, LinkSettings, steady_clock
+from imuscope.server.printable import json_text
 
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is detected
 BOOT_S = 0.6  # a simulator, or a device that is reset when its port is opened, cannot receive before

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from server import logging_setup
-from server.analysis.registry import load_analyses
-from server.commands.common import (
+from imuscope.server import logging_setup
+from imuscope.server.analysis.registry import load_analyses
+from imuscope.server.commands.common import (
     UsageError,
     check_sources,
     given_options,
@@ -19,17 +19,17 @@ from server.commands.common import (
     prepare,
     shares_by_source,
 )
-from server.config import Config, load
-from server.devices.decode_options import declared_options, option_text
-from server.devices.protocol_set import problems
-from server.fleet.store import MISSING, StoreError, is_installed, location
-from server.links.simulated_device import simulators
-from server.version import VERSION
+from imuscope.server.config import Config, load
+from imuscope.server.devices.decode_options import declared_options, option_text
+from imuscope.server.devices.protocol_set import problems
+from imuscope.server.fleet.store import MISSING, StoreError, is_installed, location
+from imuscope.server.links.simulated_device import simulators
+from imuscope.server.version import VERSION
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
-    from server.auth import Access
+    from imuscope.server.auth import Access
 
 
 def serve(options: argparse.Namespace) -> None:
@@ -39,7 +39,7 @@ def serve(options: argparse.Namespace) -> None:
         UsageError: the options cannot be fulfilled.
         ConfigError, DecodeOptionError: invalid options or configuration file.
     """
-    from server.app import create_app
+    from imuscope.server.app import create_app
 
     run(_config(options), create_app)
 
@@ -56,8 +56,8 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
         ConfigError, DecodeOptionError: invalid options.
     """
     started = time.monotonic()
-    from server import http_server
-    from server.auth import Access
+    from imuscope.server import http_server
+    from imuscope.server.auth import Access
 
     decode_options, access = config.reading(), Access(config)
     secrets = decode_options.secrets
@@ -139,7 +139,7 @@ def _check_store(url: str) -> None:
 
 def _print_addresses(config: Config, access: Access, url: str, fingerprint: str, is_robot: bool) -> None:
     """Print the address of the page, its tokens and start-up warnings."""
-    from server.login_throttle import UNGUESSABLE, short_tokens
+    from imuscope.server.login_throttle import UNGUESSABLE, short_tokens
 
     if access.control_token and not config.is_loopback:
         print(

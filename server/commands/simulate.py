@@ -19,11 +19,11 @@ import termios
 from pathlib import Path
 from typing import TextIO
 
-from server.devices.decode_options import DecodeOptions
-from server.links.base import LinkError
-from server.links.simulated_device import SimulatorOptions, make_device
-from server.links.simulator import SimulatorThread
-from server.links.source_url import SourceUrl
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.simulated_device import SimulatorOptions, make_device
+from imuscope.server.links.simulator import SimulatorThread
+from imuscope.server.links.source_url import SourceUrl
 
 PREFIXES = ("sim:", "twin:")
 RATE_POLL_S = 0.05  # delay until the TCP side follows a new baud rate of the device
@@ -48,7 +48,7 @@ def options_of(text: str) -> SimulatorOptions:
 
 def options_of_family(protocol: str) -> set[str]:
     """Names of the decode options of a protocol."""
-    from protocols.registry import PROTOCOLS
+    from imuscope.protocols.registry import PROTOCOLS
 
     return {option.name for option in PROTOCOLS[protocol].options}
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from server.fleet.questions import QUESTIONS
-from server.fleet.store import FORMS
+from imuscope.server.fleet.questions import QUESTIONS
+from imuscope.server.fleet.store import FORMS
 
 
 def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from recordings.mcap_writer import RecordingError
-from server.commands.decode import Bar
-from server.devices.decode_options import DecodeOptions
-from server.errors import DomainError
-from server.fleet.store import MISSING, StoreError, location
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.commands.decode import Bar
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.store import MISSING, StoreError, location
 
 
 class UploadError(Exception):
@@ -46,7 +46,7 @@ def upload_file(path: Path, name: str, reading: DecodeOptions, request: UploadRe
     bar = Bar(notes)
     try:
         store = location(request.store)
-        from server.fleet.upload import upload
+        from imuscope.server.fleet.upload import upload
 
         made = upload(path, store, request.robot, reading, bar.show)
     except ModuleNotFoundError as error:

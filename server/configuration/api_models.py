@@ -20,8 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from protocols.editor_choices import RateTable
-from server.wire import BitsInfo
+from imuscope.protocols.editor_choices import RateTable
+from imuscope.server.wire import BitsInfo
 
 Editor = Literal["number", "integer", "choice", "flags", "bool", "text", "hex", "record", "list", "vector"]
 CautionKind = Literal["", "restarts", "stops-output", "cuts-line", "loses-settings", "wears-flash", "moves-frame"]

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from protocols.layouts import EncodeError
-from protocols.transactions import Values
-from server.configuration.api_models import LoadInfo
-from server.configuration.preview import DevicePresentState, load_of
-from server.configuration.transaction_runner import group
-from server.errors import DomainError
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.transactions import Values
+from imuscope.server.configuration.api_models import LoadInfo
+from imuscope.server.configuration.preview import DevicePresentState, load_of
+from imuscope.server.configuration.transaction_runner import group
+from imuscope.server.errors import DomainError
 
 OVER_HINT = (
     "Use fewer outputs or lower rates (“Fit to link” proposes some), or set the line to a higher baud rate first."

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from protocols.layouts import EncodeError
-from protocols.schema import Field
-from protocols.validation import find_problems
-from server.configuration.api_models import FieldProblem
-from server.configuration.value_format import head_of
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Field
+from imuscope.protocols.validation import find_problems
+from imuscope.server.configuration.api_models import FieldProblem
+from imuscope.server.configuration.value_format import head_of
 
 
 def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:

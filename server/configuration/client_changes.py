@@ -16,13 +16,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.events import Event, Reply
-from protocols.transactions import Values
-from server.configuration.api_models import DifferenceRow
-from server.configuration.device_controller import ControlError, DeviceController
-from server.configuration.reading import plain_values
-from server.configuration.settings_diff import ComparedValues, compare
-from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
+from imuscope.protocols.events import Event, Reply
+from imuscope.protocols.transactions import Values
+from imuscope.server.configuration.api_models import DifferenceRow
+from imuscope.server.configuration.device_controller import ControlError, DeviceController
+from imuscope.server.configuration.reading import plain_values
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 
 MOST_KEPT = 5
 MOST_WORDS = 6  # changes that a sentence lists

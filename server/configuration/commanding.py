@@ -12,15 +12,15 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Collection
 
-from protocols.transactions import AT_REST, DeviceRejectedError, NoReplyError, RequiresState, Values
-from server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
-from server.configuration.reading import SettingsReader
-from server.configuration.rollback import RESTORE_HINT
-from server.configuration.sensor_check import check_sensor
-from server.configuration.timings import ConfigurationTimings
-from server.configuration.transaction_runner import group
-from server.links.base import LinkError
-from server.wire_codec import to_json_safe
+from imuscope.protocols.transactions import AT_REST, DeviceRejectedError, NoReplyError, RequiresState, Values
+from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.reading import SettingsReader
+from imuscope.server.configuration.rollback import RESTORE_HINT
+from imuscope.server.configuration.sensor_check import check_sensor
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.configuration.transaction_runner import group
+from imuscope.server.links.base import LinkError
+from imuscope.server.wire_codec import to_json_safe
 
 LISTEN_S = 1.0  # for replies to raw bytes
 AWAKE_TRIES = 5  # about a second each: wait for a restarting device before reading it

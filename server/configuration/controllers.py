@@ -13,27 +13,27 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from protocols.transactions import DeviceDriver
-from server import previous_names
-from server.configuration.device_controller import DeviceController
-from server.configuration.jobs import Jobs
-from server.configuration.put_back import TITLE, PutBackStore, putting_back
-from server.configuration.reading import SettingsReader
-from server.configuration.rollback import RollbackRecord, RollbackStore
-from server.configuration.snapshots import Snapshots
-from server.configuration.timings import ConfigurationTimings
-from server.devices.member import AnyDevice, Member
-from server.devices.session import Session
-from server.devices.sessions import Sessions
-from server.links.base import LinkError
-from server.streaming.bus import TelemetryBus
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.server import previous_names
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.jobs import Jobs
+from imuscope.server.configuration.put_back import TITLE, PutBackStore, putting_back
+from imuscope.server.configuration.reading import SettingsReader
+from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
+from imuscope.server.configuration.snapshots import Snapshots
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.devices.member import AnyDevice, Member
+from imuscope.server.devices.session import Session
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.links.base import LinkError
+from imuscope.server.streaming.bus import TelemetryBus
 
 log = logging.getLogger("imuscope.controllers")
 
 
 def driver_of(protocol: str) -> DeviceDriver | None:
     """The driver of a registered protocol; None if it has none."""
-    from protocols.registry import PROTOCOLS
+    from imuscope.protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
     return row.driver if row is not None else None
@@ -41,7 +41,7 @@ def driver_of(protocol: str) -> DeviceDriver | None:
 
 def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any] | None:
     """The first frame of some bytes as plain values; None if there is none."""
-    from protocols.registry import PROTOCOLS
+    from imuscope.protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
     if row is None:

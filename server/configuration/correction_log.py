@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import Protocol
 
-from protocols.plural import counted
-from server.wire import Level
+from imuscope.protocols.plural import counted
+from imuscope.server.wire import Level
 
 MAX_KINDS = 8
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from protocols.registry import PROTOCOLS
-from protocols.transactions import DeviceContext
-from server.configuration.api_models import Corrections
-from server.configuration.correction_log import LogSink, ignore
-from server.configuration.correction_stream import CorrectionForwarder
-from server.devices.member import AnyDevice
-from server.devices.sessions import Sessions
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.configuration.api_models import Corrections
+from imuscope.server.configuration.correction_log import LogSink, ignore
+from imuscope.server.configuration.correction_stream import CorrectionForwarder
+from imuscope.server.devices.member import AnyDevice
+from imuscope.server.devices.sessions import Sessions
 
 
 class CorrectionManager:

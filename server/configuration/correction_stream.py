@@ -29,19 +29,19 @@ from pathlib import Path
 from typing import Protocol
 from urllib.parse import unquote, urlsplit
 
-from protocols.events import Event, Reply
-from protocols.family import CorrectionInput
-from protocols.nmea import sentence
-from protocols.rtcm import RtcmFramer, epoch_ms
-from server.backoff import Backoff
-from server.configuration.api_models import Corrections
-from server.configuration.correction_log import CorrectionLog, LogSink, ignore
-from server.configuration.ntrip import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
-from server.devices.member import AnyDevice, address_of
-from server.devices.position_tracker import Position, PositionTracker
-from server.links.base import LinkError
-from server.links.source_url import is_host, is_printable
-from server.wire import DeviceInfo
+from imuscope.protocols.events import Event, Reply
+from imuscope.protocols.family import CorrectionInput
+from imuscope.protocols.nmea import sentence
+from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
+from imuscope.server.backoff import Backoff
+from imuscope.server.configuration.api_models import Corrections
+from imuscope.server.configuration.correction_log import CorrectionLog, LogSink, ignore
+from imuscope.server.configuration.ntrip import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
+from imuscope.server.devices.member import AnyDevice, address_of
+from imuscope.server.devices.position_tracker import Position, PositionTracker
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.source_url import is_host, is_printable
+from imuscope.server.wire import DeviceInfo
 
 log = logging.getLogger("imuscope.corrections")
 
@@ -387,7 +387,7 @@ class CorrectionForwarder:
 
     def _input(self) -> CorrectionInput | None:
         """Correction input of the device; None if it has none."""
-        from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+        from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
         family = PROTOCOLS.get(self._session.info.protocol)
         return family.corrections if family is not None else None

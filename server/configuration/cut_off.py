@@ -16,12 +16,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from protocols.plural import plural
-from protocols.transactions import DeviceRejectedError, NoReplyError, Values, WriteResult
-from server.configuration import settings_procedures
-from server.configuration.device_controller import DeviceController, JobError, QueuedJob
-from server.configuration.timings import ConfigurationTimings
-from server.links.base import LinkError
+from imuscope.protocols.plural import plural
+from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError, Values, WriteResult
+from imuscope.server.configuration import settings_procedures
+from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.links.base import LinkError
 
 UNKNOWN = "not known: the device stopped answering while it was written"
 AWAY_HINT = "Connect it and switch it on, then read its settings: some may be new and some old."

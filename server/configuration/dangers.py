@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from protocols.layouts import EncodeError
-from protocols.schema import Setting
-from protocols.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Setting
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
 
 UNASKED = ("", "wears-flash")
 RESTARTS = "The device restarts so that this takes effect; it sends nothing for about two seconds."

@@ -24,11 +24,11 @@ from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from protocols.events import Batch, Event, Reply
-from protocols.layouts import EncodeError
-from protocols.messages.family import NAME as MESSAGES
-from protocols.schema import Setting
-from protocols.transactions import (
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.messages.family import NAME as MESSAGES
+from imuscope.protocols.schema import Setting
+from imuscope.protocols.transactions import (
     AT_REST,
     DeviceContext,
     DeviceDriver,
@@ -37,15 +37,15 @@ from protocols.transactions import (
     Transaction,
     Values,
 )
-from server.configuration.preview import DevicePresentState, SerialLine, load_of
-from server.configuration.traffic_log import TrafficLog
-from server.configuration.transaction_runner import Runner
-from server.devices.device_demux import QuietReason
-from server.devices.member import AnyDevice, address_of, explain_silence, name_of, state_of
-from server.errors import DomainError
-from server.links.base import LinkError
-from server.streaming.bus import TelemetryBus
-from server.wire import DeviceJobs, Job, PendingRollback
+from imuscope.server.configuration.preview import DevicePresentState, SerialLine, load_of
+from imuscope.server.configuration.traffic_log import TrafficLog
+from imuscope.server.configuration.transaction_runner import Runner
+from imuscope.server.devices.device_demux import QuietReason
+from imuscope.server.devices.member import AnyDevice, address_of, explain_silence, name_of, state_of
+from imuscope.server.errors import DomainError
+from imuscope.server.links.base import LinkError
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.wire import DeviceJobs, Job, PendingRollback
 
 log = logging.getLogger("imuscope.configuration")
 T = TypeVar("T")
@@ -86,7 +86,7 @@ class QueuedJob:
 
 def _is_named(protocol: str) -> bool:
     """True if the stream names the sending device, and commands are addressed by that name."""
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     return protocol in PROTOCOLS and bool(PROTOCOLS[protocol].sender)
 

@@ -21,14 +21,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from protocols.editor_choices import RateTable
-from protocols.labels import constant_label
-from protocols.layouts import is_open
-from protocols.registry import PROTOCOLS
-from protocols.schema import Command, Field, Setting
-from protocols.transactions import DeviceContext, DeviceDriver, Values
-from protocols.validation import bounds, is_whole
-from server.configuration.api_models import (
+from imuscope.protocols.editor_choices import RateTable
+from imuscope.protocols.labels import constant_label
+from imuscope.protocols.layouts import is_open
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.schema import Command, Field, Setting
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.validation import bounds, is_whole
+from imuscope.server.configuration.api_models import (
     CommandForm,
     Editor,
     FieldForm,
@@ -37,8 +37,8 @@ from server.configuration.api_models import (
     SettingForm,
     TextListForm,
 )
-from server.configuration.value_format import shown
-from server.wire import BitsInfo
+from imuscope.server.configuration.value_format import shown
+from imuscope.server.wire import BitsInfo
 
 NOTHING: Mapping[str, Values] = {}
 
@@ -72,7 +72,7 @@ def forms_of(
 
 def all_forms() -> list[Forms]:
     """The tables of every protocol that has them, as forms: all products together."""
-    from protocols.registry import PROTOCOLS
+    from imuscope.protocols.registry import PROTOCOLS
 
     return [forms_of(one.driver, one.name, DeviceContext()) for one in PROTOCOLS.values() if one.driver is not None]
 

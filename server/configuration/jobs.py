@@ -16,8 +16,8 @@ from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from protocols.schema import Setting
-from protocols.transactions import (
+from imuscope.protocols.schema import Setting
+from imuscope.protocols.transactions import (
     BaudChange,
     DeviceContext,
     DeviceDriver,
@@ -27,18 +27,18 @@ from protocols.transactions import (
     Values,
     WriteResult,
 )
-from server.configuration import commanding, cut_off, settings_procedures
-from server.configuration.budget import overload_error
-from server.configuration.device_controller import DeviceController, JobError, QueuedJob
-from server.configuration.reading import SettingsReader
-from server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
-from server.configuration.sensor_check import check_sensor
-from server.configuration.timings import ConfigurationTimings
-from server.configuration.transaction_runner import group
-from server.configuration.value_format import field_at, title_at, value_at, words
-from server.devices.member import address_of, name_of
-from server.links.base import LinkError
-from server.wire_codec import to_json_safe
+from imuscope.server.configuration import commanding, cut_off, settings_procedures
+from imuscope.server.configuration.budget import overload_error
+from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.reading import SettingsReader
+from imuscope.server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
+from imuscope.server.configuration.sensor_check import check_sensor
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.configuration.transaction_runner import group
+from imuscope.server.configuration.value_format import field_at, title_at, value_at, words
+from imuscope.server.devices.member import address_of, name_of
+from imuscope.server.links.base import LinkError
+from imuscope.server.wire_codec import to_json_safe
 
 MAX_WORDS = 12  # changes that a pending rollback lists
 CHANGED_HINT = (

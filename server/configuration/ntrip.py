@@ -27,8 +27,8 @@ from urllib.parse import quote, unquote, urlsplit
 
 import h11
 
-from server.links.source_url import is_host
-from server.version import VERSION
+from imuscope.server.links.source_url import is_host
+from imuscope.server.version import VERSION
 
 CONNECT_S = 10.0
 HEAD_S = 15.0

@@ -14,21 +14,21 @@ import os
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from typing import Any
 
-from server.configuration.client_changes import ClientChange, ClientChanges
-from server.configuration.controllers import ControllerRegistry
-from server.configuration.device_controller import DeviceController
-from server.devices.session import Session
-from server.devices.sessions import Sessions
-from server.errors import DomainError
-from server.holder.arbiter import SERVER
-from server.holder.places import runtime_folder
-from server.holder.shares import ShareAddress, ShareError
-from server.links.base import Link, LinkError
-from server.links.held import ClientData, HeldLink, is_held
-from server.links.serial import SerialLink
-from server.links.tcp import TcpLink
-from server.processes import programs_with
-from server.streaming.bus import TelemetryBus
+from imuscope.server.configuration.client_changes import ClientChange, ClientChanges
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.devices.session import Session
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.errors import DomainError
+from imuscope.server.holder.arbiter import SERVER
+from imuscope.server.holder.places import runtime_folder
+from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.links.base import Link, LinkError
+from imuscope.server.links.held import ClientData, HeldLink, is_held
+from imuscope.server.links.serial import SerialLink
+from imuscope.server.links.tcp import TcpLink
+from imuscope.server.processes import programs_with
+from imuscope.server.streaming.bus import TelemetryBus
 
 MOST_SHARES = 8
 LOOK_S = 0.02

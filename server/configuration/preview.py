@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from protocols.layouts import EncodeError
-from protocols.schema import Setting
-from protocols.transactions import DeviceContext, DeviceDriver, LinkLoad, Values
-from server.configuration.api_models import (
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Setting
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, LinkLoad, Values
+from imuscope.server.configuration.api_models import (
     FieldProblem,
     FitRatesResult,
     FrameInfo,
@@ -26,11 +26,11 @@ from server.configuration.api_models import (
     PreviewResult,
     SpanInfo,
 )
-from server.configuration.checks import problems_of, sentence, unlike
-from server.configuration.dangers import dangers_of_write
-from server.configuration.settings_diff import ComparedValues, compare
-from server.configuration.value_format import numbers
-from server.wire_codec import to_json_safe
+from imuscope.server.configuration.checks import problems_of, sentence, unlike
+from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.configuration.value_format import numbers
+from imuscope.server.wire_codec import to_json_safe
 
 MAX_FRAMES = 32
 

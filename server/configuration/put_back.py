@@ -16,11 +16,11 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from recordings import atomic_write
-from recordings.regular_file import read_regular
-from server.configuration.device_controller import DeviceController, QueuedJob
-from server.configuration.timings import ConfigurationTimings
-from server.links.base import LinkError
+from imuscope.recordings import atomic_write
+from imuscope.recordings.regular_file import read_regular
+from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.links.base import LinkError
 
 log = logging.getLogger("imuscope.put_back")
 

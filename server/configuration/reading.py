@@ -12,11 +12,11 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.transactions import Values
-from server.configuration import settings_procedures
-from server.configuration.device_controller import DeviceController, JobError, QueuedJob
-from server.configuration.rollback import RollbackStore
-from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
+from imuscope.protocols.transactions import Values
+from imuscope.server.configuration import settings_procedures
+from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.rollback import RollbackStore
+from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 
 FIRST = "First contact"
 

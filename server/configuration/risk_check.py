@@ -10,17 +10,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from protocols.layouts import EncodeError
-from protocols.schema import Command, Setting
-from protocols.transactions import RequiresState, Values
-from server.configuration.api_models import FieldProblem
-from server.configuration.budget import overload_error
-from server.configuration.checks import problems_of, unlike
-from server.configuration.dangers import UNASKED, Risk, dangers_of_write
-from server.configuration.device_controller import DeviceController
-from server.configuration.value_format import head_of, numbers
-from server.devices.member import shares
-from server.errors import DomainError
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Command, Setting
+from imuscope.protocols.transactions import RequiresState, Values
+from imuscope.server.configuration.api_models import FieldProblem
+from imuscope.server.configuration.budget import overload_error
+from imuscope.server.configuration.checks import problems_of, unlike
+from imuscope.server.configuration.dangers import UNASKED, Risk, dangers_of_write
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.value_format import head_of, numbers
+from imuscope.server.devices.member import shares
+from imuscope.server.errors import DomainError
 
 SHARED = "Other devices share this line; they cannot be received at another baud rate than theirs."
 WRONG_HINT = "Correct this value, then apply again; nothing was written."
@@ -228,7 +228,7 @@ def risks_of_bytes(controller: DeviceController, data: bytes) -> list[Risk]:
 
 def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
     """Commands that bytes consist of; none if a part of them is no whole message."""
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     family = PROTOCOLS[controller.session.info.protocol]
     listing = family.listing(**controller.session.reading.settings(family.name))

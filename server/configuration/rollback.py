@@ -29,18 +29,25 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from protocols.transactions import DeviceContext, DeviceDriver, DeviceRejectedError, NoReplyError, Values, WriteResult
-from recordings import atomic_write
-from recordings.mcap_writer import check_format_version
-from recordings.regular_file import read_regular
-from server import previous_names
-from server.configuration import settings_procedures
-from server.configuration.device_controller import DeviceController, JobError, QueuedJob
-from server.configuration.sensor_check import is_same
-from server.configuration.timings import ConfigurationTimings
-from server.configuration.transaction_runner import group
-from server.links.base import LinkError
-from server.wire import PendingRollback
+from imuscope.protocols.transactions import (
+    DeviceContext,
+    DeviceDriver,
+    DeviceRejectedError,
+    NoReplyError,
+    Values,
+    WriteResult,
+)
+from imuscope.recordings import atomic_write
+from imuscope.recordings.mcap_writer import check_format_version
+from imuscope.recordings.regular_file import read_regular
+from imuscope.server import previous_names
+from imuscope.server.configuration import settings_procedures
+from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.sensor_check import is_same
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.configuration.transaction_runner import group
+from imuscope.server.links.base import LinkError
+from imuscope.server.wire import PendingRollback
 
 log = logging.getLogger("imuscope.rollbacks")
 

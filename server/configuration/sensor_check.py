@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import time
 
-from protocols.transactions import DeviceContext, DeviceDriver
-from server.configuration.dangers import Risk
-from server.configuration.device_controller import DeviceController, JobError
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver
+from imuscope.server.configuration.dangers import Risk
+from imuscope.server.configuration.device_controller import DeviceController, JobError
 
 
 def sensor_of(controller: DeviceController, name: str) -> str:

@@ -22,12 +22,12 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any
 
-from protocols.schema import Field, Setting
-from protocols.transactions import DeviceContext, DeviceDriver, Values
-from server.configuration.api_models import Difference, DifferenceRow, FieldProblem
-from server.configuration.checks import problems_of
-from server.configuration.form_builder import flat
-from server.configuration.value_format import (
+from imuscope.protocols.schema import Field, Setting
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.server.configuration.api_models import Difference, DifferenceRow, FieldProblem
+from imuscope.server.configuration.checks import problems_of
+from imuscope.server.configuration.form_builder import flat
+from imuscope.server.configuration.value_format import (
     OFF,
     entry_title,
     entry_value,

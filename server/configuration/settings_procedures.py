@@ -15,9 +15,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.layouts import EncodeError
-from protocols.schema import Setting
-from protocols.transactions import (
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema import Setting
+from imuscope.protocols.transactions import (
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
@@ -26,8 +26,8 @@ from protocols.transactions import (
     Values,
     WriteResult,
 )
-from server.configuration.value_format import field_at, title_at, value_at, words
-from server.wire import FieldOutcome
+from imuscope.server.configuration.value_format import field_at, title_at, value_at, words
+from imuscope.server.wire import FieldOutcome
 
 SILENT_LIMIT = 3
 NOT_READ = "not read: the device had stopped answering"

@@ -47,11 +47,11 @@ from typing import Any
 
 import yaml
 
-from protocols.schema import Field, Setting
-from recordings import atomic_write
-from recordings.mcap_writer import check_format_version
-from server.configuration.api_models import SnapshotBody, SnapshotInfo
-from server.configuration.value_format import comment, entry_comment
+from imuscope.protocols.schema import Field, Setting
+from imuscope.recordings import atomic_write
+from imuscope.recordings.mcap_writer import check_format_version
+from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo
+from imuscope.server.configuration.value_format import comment, entry_comment
 
 FORMAT = 1
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times as fast

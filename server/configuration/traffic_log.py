@@ -19,13 +19,13 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from protocols.events import Batch, Event, Reply
-from protocols.labels import device_label
-from protocols.plural import counted
-from protocols.schema import Field
-from server.limiters import PeriodLimit
-from server.streaming.bus import TelemetryBus
-from server.wire import Level, TrafficEntry
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.labels import device_label
+from imuscope.protocols.plural import counted
+from imuscope.protocols.schema import Field
+from imuscope.server.limiters import PeriodLimit
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.wire import Level, TrafficEntry
 
 MAX_ENTRIES = 2000
 MAX_A_SECOND = 40  # unsolicited answers

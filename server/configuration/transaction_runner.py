@@ -23,9 +23,9 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
-from protocols.events import Event
-from protocols.transactions import Act, Note, PutBack, ReopenLink, Send, Sleep, Transaction, WaitFor, cancel
-from server.links.base import LinkError
+from imuscope.protocols.events import Event
+from imuscope.protocols.transactions import Act, Note, PutBack, ReopenLink, Send, Sleep, Transaction, WaitFor, cancel
+from imuscope.server.links.base import LinkError
 
 log = logging.getLogger("imuscope.runner")
 T = TypeVar("T")

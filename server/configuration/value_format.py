@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from protocols.labels import constant_label, device_label
-from protocols.registry import entry_words
-from protocols.schema import Field
+from imuscope.protocols.labels import constant_label, device_label
+from imuscope.protocols.registry import entry_words
+from imuscope.protocols.schema import Field
 
 LONGEST = 120
 IN_DEGREES = {"rad": "°", "rad/s": "°/s", "rad/s/°C": "°/s/°C"}

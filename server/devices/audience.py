@@ -6,9 +6,9 @@ import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Literal
 
-from protocols.events import Event, sender_of
-from server.links.base import Chunk, Flow
-from server.listeners import CallbackList
+from imuscope.protocols.events import Event, sender_of
+from imuscope.server.links.base import Chunk, Flow
+from imuscope.server.listeners import CallbackList
 
 Direction = Literal["rx", "tx"]
 

@@ -30,9 +30,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.framing import Ints
-from server.devices.session import Session
-from server.links.base import CHUNK_COST, Chunk
+from imuscope.protocols.framing import Ints
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import CHUNK_COST, Chunk
 
 log = logging.getLogger("imuscope.bytes")
 

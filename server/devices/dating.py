@@ -14,8 +14,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.dates import UNKNOWN
-from protocols.events import Batch, ClockStep
+from imuscope.protocols.dates import UNKNOWN
+from imuscope.protocols.events import Batch, ClockStep
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_plus
 
-from protocols.decode_options import DecodeOption
+from imuscope.protocols.decode_options import DecodeOption
 
 PROTOCOL = "protocol"
 
@@ -40,7 +40,7 @@ class DecodeOptions:
 
     def settings(self, protocol: str) -> dict[str, Any]:
         """Settings of the decoder of a protocol; options of other protocols are left out."""
-        from protocols.registry import PROTOCOLS  # imported on first use: the command line starts without it
+        from imuscope.protocols.registry import PROTOCOLS  # imported on first use: the command line starts without it
 
         family = PROTOCOLS.get(protocol)
         return family.settings(self.values) if family is not None and self.values else {}
@@ -72,7 +72,7 @@ class DecodeOptions:
 
 def declared_options() -> Mapping[str, DecodeOption]:
     """The options of all protocol families, by name."""
-    from protocols.registry import decode_options  # imported on first use: the command line starts without it
+    from imuscope.protocols.registry import decode_options  # imported on first use: the command line starts without it
 
     return decode_options()
 
@@ -88,7 +88,7 @@ def source_options() -> list[DecodeOption]:
 
 def url_options() -> list[str]:
     """Names of the options that a source can contain."""
-    from protocols.registry import url_options
+    from imuscope.protocols.registry import url_options
 
     return url_options()
 

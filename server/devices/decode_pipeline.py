@@ -11,16 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from protocols.events import Batch, Doubts, Event, Remarks, Reply
-from server.devices.decode_options import DecodeOptions
-from server.devices.device_demux import LinkDecoder, LinkDevices
-from server.devices.device_state import short_source
-from server.devices.ingest import LinkTiming
-from server.devices.protocol_detection import ProtocolDetector, ProtocolSet, unknown_hint
-from server.devices.restarts import Restarts
-from server.devices.slices import Slices
-from server.links.base import CHUNK_COST, Chunk, Link
-from server.streaming.sink import TelemetrySink
+from imuscope.protocols.events import Batch, Doubts, Event, Remarks, Reply
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device_state import short_source
+from imuscope.server.devices.ingest import LinkTiming
+from imuscope.server.devices.protocol_detection import ProtocolDetector, ProtocolSet, unknown_hint
+from imuscope.server.devices.restarts import Restarts
+from imuscope.server.devices.slices import Slices
+from imuscope.server.links.base import CHUNK_COST, Chunk, Link
+from imuscope.server.streaming.sink import TelemetrySink
 
 
 class DecodePipeline:

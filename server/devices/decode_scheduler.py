@@ -17,7 +17,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from server.devices.slices import Drain, Turns
+from imuscope.server.devices.slices import Drain, Turns
 
 UNWATCHED_S = 0.1  # without viewers, decoding at longer intervals saves most of the work
 PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request

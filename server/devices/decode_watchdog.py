@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from server.devices.link_stats import LinkStatistics
-from server.links.base import Link, LinkError
+from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.links.base import Link, LinkError
 
 UNDECODABLE_S = 2.0
 MIN_BYTES = 100  # fewer may be one long frame that is still incomplete

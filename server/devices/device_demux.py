@@ -20,20 +20,20 @@ from itertools import accumulate
 
 import numpy as np
 
-from protocols.chunk_boundaries import ChunkBoundaries
-from protocols.events import AccountsForBytes, Decoder, Event, RejectedFrame, Shared, sender_of
-from protocols.framing import Ints
-from server import wire
-from server.devices.device_state import DeviceState, health
-from server.devices.event_reporter import EventReporter
-from server.devices.ingest import DeviceIdentity, Ingest, LinkTiming, ProtocolTraits
-from server.devices.link_stats import LinkStatistics
-from server.devices.silence_watchdog import SilenceWatchdog
-from server.links.base import Chunk
-from server.listeners import CallbackList
-from server.streaming.channels import ChannelRegistry
-from server.streaming.sink import TelemetrySink
-from server.streaming.unknown_payloads import UnknownPayloadTracker
+from imuscope.protocols.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.events import AccountsForBytes, Decoder, Event, RejectedFrame, Shared, sender_of
+from imuscope.protocols.framing import Ints
+from imuscope.server import wire
+from imuscope.server.devices.device_state import DeviceState, health
+from imuscope.server.devices.event_reporter import EventReporter
+from imuscope.server.devices.ingest import DeviceIdentity, Ingest, LinkTiming, ProtocolTraits
+from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.devices.silence_watchdog import SilenceWatchdog
+from imuscope.server.links.base import Chunk
+from imuscope.server.listeners import CallbackList
+from imuscope.server.streaming.channels import ChannelRegistry
+from imuscope.server.streaming.sink import TelemetrySink
+from imuscope.server.streaming.unknown_payloads import UnknownPayloadTracker
 
 MAX_SENDERS = 16  # on one link; more are probably noise
 SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)

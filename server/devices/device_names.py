@@ -18,10 +18,10 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from recordings import atomic_write
-from recordings.regular_file import read_regular
-from server.errors import DomainError
-from server.links.source_url import is_printable
+from imuscope.recordings import atomic_write
+from imuscope.recordings.regular_file import read_regular
+from imuscope.server.errors import DomainError
+from imuscope.server.links.source_url import is_printable
 
 log = logging.getLogger("imuscope.devices")
 T = TypeVar("T")

@@ -10,13 +10,13 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from protocols.clock_sync import ClockSync
-from server import wire
-from server.devices.device_names import DeviceNames
-from server.devices.ingest import DeviceIdentity
-from server.devices.link_stats import LinkStatistics
-from server.listeners import CallbackList
-from server.streaming.sink import TelemetrySink
+from imuscope.protocols.clock_sync import ClockSync
+from imuscope.server import wire
+from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.devices.ingest import DeviceIdentity
+from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.listeners import CallbackList
+from imuscope.server.streaming.sink import TelemetrySink
 
 ATTEMPTS_KEPT = 12
 ARRIVES_S = 2.0  # what is late is known from bytes that arrive
@@ -167,7 +167,7 @@ def _absent(info: wire.DeviceInfo) -> list[str]:
     """Flags of its status words that this product does not have."""
     if not info.protocol or not info.product:
         return []
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     row = PROTOCOLS.get(info.protocol)
     return list(row.absent(info.product)) if row is not None else []

@@ -12,12 +12,12 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, Text
-from protocols.labels import device_label
-from protocols.plural import counted
-from server.streaming.sink import TelemetrySink
-from server.wire import EventKind, Level
-from server.wire_codec import to_json_safe
+from imuscope.protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, Text
+from imuscope.protocols.labels import device_label
+from imuscope.protocols.plural import counted
+from imuscope.server.streaming.sink import TelemetrySink
+from imuscope.server.wire import EventKind, Level
+from imuscope.server.wire_codec import to_json_safe
 
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
 
-from server.links.base import LinkError
+from imuscope.server.links.base import LinkError
 
 
 class IdentifyRequest:

@@ -20,26 +20,26 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.capture_clock import CaptureClock
-from protocols.chunk_boundaries import ChunkBoundaries
-from protocols.clock_sync import ClockSync, TimedRows
-from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from protocols.family import OutputChanges
-from protocols.framing import REFUSED
-from protocols.nmea_quantities import NmeaQuantities
-from protocols.plural import counted
-from protocols.stamp_clock import StampClock
-from server.devices.dating import Dating
-from server.devices.event_reporter import EventReporter, LossCause
-from server.devices.jitter_causes import cause_of
-from server.devices.link_stats import LinkStatistics
-from server.links.base import Link
-from server.links.line_timing import byte_time_ns, holds_ns, port_of
-from server.links.registry import is_network
-from server.streaming.channels import MAX_CHANNELS, ChannelRegistry
-from server.streaming.sink import TelemetrySink
-from server.streaming.unknown_payloads import UnknownPayloadTracker
-from server.wire import JitterCause
+from imuscope.protocols.capture_clock import CaptureClock
+from imuscope.protocols.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
+from imuscope.protocols.family import OutputChanges
+from imuscope.protocols.framing import REFUSED
+from imuscope.protocols.nmea_quantities import NmeaQuantities
+from imuscope.protocols.plural import counted
+from imuscope.protocols.stamp_clock import StampClock
+from imuscope.server.devices.dating import Dating
+from imuscope.server.devices.event_reporter import EventReporter, LossCause
+from imuscope.server.devices.jitter_causes import cause_of
+from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.links.base import Link
+from imuscope.server.links.line_timing import byte_time_ns, holds_ns, port_of
+from imuscope.server.links.registry import is_network
+from imuscope.server.streaming.channels import MAX_CHANNELS, ChannelRegistry
+from imuscope.server.streaming.sink import TelemetrySink
+from imuscope.server.streaming.unknown_payloads import UnknownPayloadTracker
+from imuscope.server.wire import JitterCause
 
 NETWORK_NS = 1e6  # one-way delay of a local network: the minimum cannot be measured from one end
 RESETS = 100  # stored

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from protocols.clock_sync import ClockSync
-from server.links.registry import is_network
-from server.wire import JitterCause
+from imuscope.protocols.clock_sync import ClockSync
+from imuscope.server.links.registry import is_network
+from imuscope.server.wire import JitterCause
 
 LATELY_S = 60.0
 NOTICEABLE_NS = 2e6  # network delays that are reported

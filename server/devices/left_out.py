@@ -6,8 +6,8 @@ bytes before.
 
 from __future__ import annotations
 
-from server.devices.event_reporter import EventReporter
-from server.devices.link_stats import LinkStatistics
+from imuscope.server.devices.event_reporter import EventReporter
+from imuscope.server.devices.link_stats import LinkStatistics
 
 EVERY_S = 5.0  # between two reports
 OVER_S = 10.0  # duration of the notice after the last drop

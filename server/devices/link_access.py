@@ -12,12 +12,12 @@ from __future__ import annotations
 import asyncio
 from abc import abstractmethod
 
-from server.devices.audience import Audience
-from server.devices.decode_pipeline import DecodePipeline
-from server.devices.device_demux import LinkDevices
-from server.devices.silence_watchdog import SilenceWatchdog
-from server.links.base import Link
-from server.streaming.sink import TelemetrySink
+from imuscope.server.devices.audience import Audience
+from imuscope.server.devices.decode_pipeline import DecodePipeline
+from imuscope.server.devices.device_demux import LinkDevices
+from imuscope.server.devices.silence_watchdog import SilenceWatchdog
+from imuscope.server.links.base import Link
+from imuscope.server.streaming.sink import TelemetrySink
 
 IDLE_POLL_S = 0.05
 

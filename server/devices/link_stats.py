@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from server.prometheus_text import Histogram
-from server.rate_meter import RateMeter
-from server.wire import MessageHealth
+from imuscope.server.prometheus_text import Histogram
+from imuscope.server.rate_meter import RateMeter
+from imuscope.server.wire import MessageHealth
 
 MAX_MESSAGES = 256  # counted by name; a healthy device has a few dozen, noise can produce any number
 OTHERS = "other messages"

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
-from protocols.events import Event
-from server import wire
-from server.devices.decode_options import DecodeOptions
-from server.devices.device_demux import LinkDevice, QuietReason
-from server.devices.device_state import DeviceState
-from server.devices.session import Session
+from imuscope.protocols.events import Event
+from imuscope.server import wire
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.device_demux import LinkDevice, QuietReason
+from imuscope.server.devices.device_state import DeviceState
+from imuscope.server.devices.session import Session
 
 
 class Member:

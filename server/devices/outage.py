@@ -10,8 +10,8 @@ accepted only if it agrees with the elapsed time at the previous rate.
 
 from __future__ import annotations
 
-from protocols.events import Count, Counts
-from server.devices.device_demux import LinkDevice
+from imuscope.protocols.events import Count, Counts
+from imuscope.server.devices.device_demux import LinkDevice
 
 SHORTEST_S = 1.0  # of a connection from which a rate is measured
 SHARE = 0.2  # tolerance of rate and time,

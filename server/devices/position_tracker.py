@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from protocols.events import Batch, Event, Text
+from imuscope.protocols.events import Batch, Event, Text
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class PositionTracker:
     def update(self, event: Event, protocol: str) -> None:
         """Process an event; cheap for those without a position."""
         if isinstance(event, Batch):
-            from protocols.registry import position_of  # imported on first use, because it loads compiled code
+            from imuscope.protocols.registry import position_of  # imported on first use, because it loads compiled code
 
             if position := position_of(protocol, event):
                 self._set_position(position.latitude, position.longitude, position.height, position.satellites)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from server.wire import BusyReason
+from imuscope.server.wire import BusyReason
 
 SCHEDSTAT = Path("/proc/thread-self/schedstat")
 OVER_S = 2.0

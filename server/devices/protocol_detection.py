@@ -12,10 +12,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Shape
 
-from protocols.events import Decoder
-from server.devices.decode_options import DecodeOptions
-from server.devices.ingest import ProtocolTraits
-from server.links.base import Chunk
+from imuscope.protocols.events import Decoder
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.ingest import ProtocolTraits
+from imuscope.server.links.base import Chunk
 
 GUESS_BYTES = 1024
 GUESS_S = 0.4  # time-out with fewer bytes
@@ -26,7 +26,7 @@ NEVER = 1 << 60
 
 
 class ProtocolGuess(Shape):
-    """Result of `protocols.registry.guess`, best first."""
+    """Result of `imuscope.protocols.registry.guess`, best first."""
 
     @property
     def protocol(self) -> str: ...

@@ -8,26 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from protocols.events import Decoder
-from protocols.family import ProtocolInfo
-from protocols.sensor_properties import SensorProperties
-from server.devices.decode_options import DecodeOptions
-from server.devices.ingest import ProtocolTraits
-from server.devices.protocol_detection import ProtocolGuess, ProtocolSet
-from server.links.registry import link_kind
-from server.wire import DeviceInfo
+from imuscope.protocols.events import Decoder
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.ingest import ProtocolTraits
+from imuscope.server.devices.protocol_detection import ProtocolGuess, ProtocolSet
+from imuscope.server.links.registry import link_kind
+from imuscope.server.wire import DeviceInfo
 
 
 def protocols() -> dict[str, str]:
     """Name → title of every protocol."""
-    from protocols.registry import PROTOCOLS
+    from imuscope.protocols.registry import PROTOCOLS
 
     return {name: info.title for name, info in PROTOCOLS.items()}
 
 
 def sensors_of(protocol: str, product: str) -> SensorProperties:
     """Axes and noise of the sensors of a product, as its family declares them."""
-    from protocols.registry import PROTOCOLS
+    from imuscope.protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
     return row.sensors(product) if row is not None else SensorProperties()
@@ -39,8 +39,8 @@ def counts_losses(device: DeviceInfo, channels: Iterable[str]) -> bool:
     Args:
         channels: names of what it sends.
     """
-    from protocols.messages.family import MESSAGES
-    from protocols.registry import family_of
+    from imuscope.protocols.messages.family import MESSAGES
+    from imuscope.protocols.registry import family_of
 
     row = family_of(device.protocol)
     if row is MESSAGES:
@@ -51,9 +51,9 @@ def counts_losses(device: DeviceInfo, channels: Iterable[str]) -> bool:
 
 def problems() -> list[str]:
     """A sentence for each family, exporter and link of another package that cannot be used."""
-    from protocols.registry import PROBLEMS
-    from recordings.exporters import PROBLEMS as OF_EXPORTERS
-    from server.links.registry import load_links
+    from imuscope.protocols.registry import PROBLEMS
+    from imuscope.recordings.exporters import PROBLEMS as OF_EXPORTERS
+    from imuscope.server.links.registry import load_links
 
     return [*PROBLEMS, *OF_EXPORTERS, *load_links()]
 
@@ -68,7 +68,7 @@ def all_protocols() -> ProtocolSet:
         return row.decoder(**reading.settings(name), **datagrams, **silence)
 
     def guess(data: bytes) -> Sequence[ProtocolGuess]:
-        from protocols.registry import detect
+        from imuscope.protocols.registry import detect
 
         return detect(data)
 
@@ -88,12 +88,12 @@ def all_protocols() -> ProtocolSet:
         )
 
     def count_messages(data: bytes) -> Mapping[str, int]:
-        from protocols.registry import count_messages
+        from imuscope.protocols.registry import count_messages
 
         return count_messages(data)
 
     def title(name: str) -> str:
-        from protocols.registry import family_of
+        from imuscope.protocols.registry import family_of
 
         family = family_of(name)
         return family.title if family is not None else name
@@ -103,7 +103,7 @@ def all_protocols() -> ProtocolSet:
 
 def _family(name: str) -> ProtocolInfo:
     """The family of that name; KeyError if unknown."""
-    from protocols.registry import family_of
+    from imuscope.protocols.registry import family_of
 
     family = family_of(name)
     if family is None:

@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from protocols.events import Batch, Decoder, Event, RejectedFrame, Remembers
-from server.devices.sequence_store import SequenceStore
+from imuscope.protocols.events import Batch, Decoder, Event, RejectedFrame, Remembers
+from imuscope.server.devices.sequence_store import SequenceStore
 
 FEWEST_STALE = 3  # old frames in a row, without an accepted one
 

@@ -19,28 +19,28 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
-from protocols.events import Doubt, Event
-from server import wire
-from server.backoff import Backoff
-from server.devices.connection_state import Connection, ConnectionEvent
-from server.devices.decode_options import DecodeOptions
-from server.devices.decode_pipeline import DecodePipeline
-from server.devices.decode_scheduler import DecodeScheduler
-from server.devices.decode_watchdog import DecodeWatchdog, undecodable_text
-from server.devices.device_demux import LinkDevices
-from server.devices.device_names import DeviceNames
-from server.devices.device_state import DeviceState, short_source
-from server.devices.identify import IdentifyRequest
-from server.devices.left_out import LeftOut
-from server.devices.link_access import LinkAccess
-from server.devices.outage import Outage
-from server.devices.protocol_detection import ProtocolSet
-from server.devices.restarts import Restarts
-from server.devices.sequence_store import SequenceStore
-from server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
-from server.devices.stream_diagnostics import StreamDiagnostics
-from server.links.base import Chunk, Link, LinkError
-from server.streaming.sink import TelemetrySink
+from imuscope.protocols.events import Doubt, Event
+from imuscope.server import wire
+from imuscope.server.backoff import Backoff
+from imuscope.server.devices.connection_state import Connection, ConnectionEvent
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode_pipeline import DecodePipeline
+from imuscope.server.devices.decode_scheduler import DecodeScheduler
+from imuscope.server.devices.decode_watchdog import DecodeWatchdog, undecodable_text
+from imuscope.server.devices.device_demux import LinkDevices
+from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.devices.device_state import DeviceState, short_source
+from imuscope.server.devices.identify import IdentifyRequest
+from imuscope.server.devices.left_out import LeftOut
+from imuscope.server.devices.link_access import LinkAccess
+from imuscope.server.devices.outage import Outage
+from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.devices.restarts import Restarts
+from imuscope.server.devices.sequence_store import SequenceStore
+from imuscope.server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
+from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
+from imuscope.server.links.base import Chunk, Link, LinkError
+from imuscope.server.streaming.sink import TelemetrySink
 
 log = logging.getLogger("imuscope.session")
 

@@ -8,22 +8,22 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from server import wire
-from server.devices.byte_memory import ByteMemory
-from server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
-from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
-from server.devices.device_names import DeviceNames
-from server.devices.processor_use import ProcessorUse
-from server.devices.protocol_detection import ProtocolSet
-from server.devices.sequence_store import EVERY_S, SequenceStore
-from server.devices.session import Session
-from server.errors import DomainError
-from server.links.base import Link, LinkError, LinkSettings
-from server.links.replay import split_devices
-from server.links.source_url import SourceUrl
-from server.listeners import CallbackList
-from server.streaming.bus import TelemetryBus
-from server.streaming.shedding import Shedding
+from imuscope.server import wire
+from imuscope.server.devices.byte_memory import ByteMemory
+from imuscope.server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
+from imuscope.server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
+from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.devices.processor_use import ProcessorUse
+from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.devices.sequence_store import EVERY_S, SequenceStore
+from imuscope.server.devices.session import Session
+from imuscope.server.errors import DomainError
+from imuscope.server.links.base import Link, LinkError, LinkSettings
+from imuscope.server.links.replay import split_devices
+from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.listeners import CallbackList
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.shedding import Shedding
 
 log = logging.getLogger("imuscope.session")
 

@@ -18,13 +18,13 @@ import contextlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
-from protocols.events import Doubt
-from protocols.family import RejectRemedy
-from server.devices.event_reporter import EventReporter
-from server.devices.link_stats import LinkStatistics
-from server.links.base import Chunk
-from server.links.registry import is_network
-from server.wire import DeviceInfo, Level, RequiredAction
+from imuscope.protocols.events import Doubt
+from imuscope.protocols.family import RejectRemedy
+from imuscope.server.devices.event_reporter import EventReporter
+from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.links.base import Chunk
+from imuscope.server.links.registry import is_network
+from imuscope.server.wire import DeviceInfo, Level, RequiredAction
 
 CHECK_INTERVAL_S = 5.0
 RECENT_BYTES, RECENT_CHUNKS = 4096, 64
@@ -47,20 +47,20 @@ REFUSALS: Mapping[str, tuple[str, str]] = {
 
 
 def _refusals() -> Mapping[str, tuple[str, str]]:
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     own = (reason for family in PROTOCOLS.values() for reason in family.refusals.items())
     return {**REFUSALS, **dict(own)}
 
 
 def _remedies() -> Mapping[str, RejectRemedy]:
-    from protocols.registry import remedies  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import remedies  # imported on first use, because it loads compiled code
 
     return remedies()
 
 
 def _unprotected(protocol: str) -> tuple[str, str]:
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     family = PROTOCOLS.get(protocol)
     return family.unprotected if family is not None else ("", "")

@@ -30,7 +30,7 @@ from pathlib import Path
 from statistics import median
 from typing import Literal
 
-from server.processes import OWN, Program, open_files, process_folders, program_of, way_on
+from imuscope.server.processes import OWN, Program, open_files, process_folders, program_of, way_on
 
 Status = Literal["ok", "warning", "problem"]
 
@@ -347,7 +347,7 @@ def processor(machine: Machine) -> Iterator[Finding]:
 
 def program(machine: Machine) -> Iterator[Finding]:
     """Imuscope itself."""
-    from server import jit_cache
+    from imuscope.server import jit_cache
 
     if jit_cache.is_there(machine.data):
         yield Finding("ok", "compiled code", "The decoders are compiled.")

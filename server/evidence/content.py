@@ -14,23 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from recordings.column_store import VERSION as COLUMNS_VERSION
-from recordings.column_store import ColumnStore
-from server.analysis.registry import analysis_named
-from server.analysis.report import figures_of
-from server.analysis.signal_request import ExpressionSignal, requested_signals
-from server.analysis.signals import Signal, SignalColumn, recorded_samples
-from server.errors import DomainError
-from server.evidence.plots import all_plots
-from server.evidence.position import Scrubber, reveals_position, scrubbed, scrubber_of, tells_position
-from server.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
-from server.evidence.series import Blocks, embedded, intervals_for
-from server.library.api_models import RecordedSetting
-from server.library.recorded_settings import settings_of
-from server.library.recording_detail import channels_of
-from server.library.sources import decoding_mark
-from server.version import VERSION
-from server.wire import ChannelInfo
+from imuscope.recordings.column_store import VERSION as COLUMNS_VERSION
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.analysis.registry import analysis_named
+from imuscope.server.analysis.report import figures_of
+from imuscope.server.analysis.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.analysis.signals import Signal, SignalColumn, recorded_samples
+from imuscope.server.errors import DomainError
+from imuscope.server.evidence.plots import all_plots
+from imuscope.server.evidence.position import Scrubber, reveals_position, scrubbed, scrubber_of, tells_position
+from imuscope.server.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
+from imuscope.server.evidence.series import Blocks, embedded, intervals_for
+from imuscope.server.library.api_models import RecordedSetting
+from imuscope.server.library.recorded_settings import settings_of
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.library.sources import decoding_mark
+from imuscope.server.version import VERSION
+from imuscope.server.wire import ChannelInfo
 
 FORMAT = 1  # of the embedded data
 MOST_EVENTS = 2000

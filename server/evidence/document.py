@@ -16,8 +16,8 @@ from datetime import UTC, datetime
 from html import escape
 from typing import Any
 
-from server.evidence.note_times import pieces_of
-from server.evidence.series import Blocks
+from imuscope.server.evidence.note_times import pieces_of
+from imuscope.server.evidence.series import Blocks
 
 DASH = "—"
 FIGURES = (

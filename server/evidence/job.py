@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from server.evidence.request import EvidenceRequest
-from server.library.api_models import MarkerInfo, RecordingInfo
-from server.library.export_jobs import ExportWork, file_stem
+from imuscope.server.evidence.request import EvidenceRequest
+from imuscope.server.library.api_models import MarkerInfo, RecordingInfo
+from imuscope.server.library.export_jobs import ExportWork, file_stem
 
 
 def evidence_work(info: RecordingInfo, markers: Sequence[MarkerInfo], request: EvidenceRequest) -> ExportWork:
@@ -34,4 +34,4 @@ def evidence_work(info: RecordingInfo, markers: Sequence[MarkerInfo], request: E
     if request.with_position:
         stem += "-evidence"
     message = {"about": about, "request": asdict(request)}
-    return ExportWork("evidence", ", ".join(words), "server.evidence.worker", message, stem, ".html")
+    return ExportWork("evidence", ", ".join(words), "imuscope.server.evidence.worker", message, stem, ".html")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from server.evidence.request import Colour, EvidencePlot, EvidenceSeries
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.server.evidence.request import Colour, EvidencePlot, EvidenceSeries
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 
 MOST = 40
 KINDS = ("vector", "euler", "scalar", "quaternion", "record")

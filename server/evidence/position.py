@@ -16,8 +16,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from recordings.column_store import ColumnStore
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 
 REDACTED = "[position left out]"
 LENGTHS = {"m", "mm", "cm", "km", "ft"}

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.signals import Floats
+from imuscope.server.analysis.signals import Floats
 
 TICKS = 2**32 - 1
 LEAST_TICK_S = 1e-7  # a unix time as a 64-bit float is no finer

@@ -1,4 +1,4 @@
-"""`python -m server.evidence.worker`: write evidence in a subprocess, for server/library/export_jobs.py.
+"""`python -m imuscope.server.evidence.worker`: write evidence in a subprocess, for server/library/export_jobs.py.
 
 The request comes on standard input, one JSON object: store, out, about (content.py) and request (request.py); the
 output is as that of server/library/export_worker.py.
@@ -10,13 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from recordings.column_store import ColumnStore
-from recordings.mcap_writer import RecordingError
-from server.evidence.content import About, EvidenceError, content_of
-from server.evidence.document import document
-from server.evidence.request import EvidenceRequest, request_of
-from server.library.export_worker import run
-from server.page_files import FOLDER
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.evidence.content import About, EvidenceError, content_of
+from imuscope.server.evidence.document import document
+from imuscope.server.evidence.request import EvidenceRequest, request_of
+from imuscope.server.library.export_worker import run
+from imuscope.server.page_files import FOLDER
 
 MOST_BYTES = 20_000_000  # of a file: what mail and ticket systems take
 PER_BYTE = 3 / 4  # of base64

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from server.fleet import keys
-from server.fleet.bus import MAX_SESSIONS, SETTINGS, is_loopback_address
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.bus import MAX_SESSIONS, SETTINGS, is_loopback_address
 
 MIN_PASSWORD = 12
 

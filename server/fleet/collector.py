@@ -24,14 +24,14 @@ from typing import NamedTuple
 
 import msgspec
 
-from server.fleet import keys
-from server.fleet.database import FleetBatch, StoredEvent, StoredRobot
-from server.fleet.later_versions import unknown_parts
-from server.fleet.reports import ReportError, RobotReport, RobotStatus, decode_journal, decode_report
-from server.fleet.robots import Robots, TooManyRobotsError
-from server.fleet.status_summary import summary_of
-from server.fleet.summaries import RobotSummary
-from server.printable import printable
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.database import FleetBatch, StoredEvent, StoredRobot
+from imuscope.server.fleet.later_versions import unknown_parts
+from imuscope.server.fleet.reports import ReportError, RobotReport, RobotStatus, decode_journal, decode_report
+from imuscope.server.fleet.robots import Robots, TooManyRobotsError
+from imuscope.server.fleet.status_summary import summary_of
+from imuscope.server.fleet.summaries import RobotSummary
+from imuscope.server.printable import printable
 
 ASK_AGAIN_S = 5.0
 CONFIRM_S = 300.0

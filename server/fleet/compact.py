@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 from deltalake import CommitProperties, PostCommitHookProperties
 
-from server.fleet.delta_dataset import check_readable
-from server.fleet.delta_tables import TARGET_BYTES, open_table, writer_properties
-from server.fleet.store import StoreLocation, told
-from server.fleet.tables import TABLES
+from imuscope.server.fleet.delta_dataset import check_readable
+from imuscope.server.fleet.delta_tables import TARGET_BYTES, open_table, writer_properties
+from imuscope.server.fleet.store import StoreLocation, told
+from imuscope.server.fleet.tables import TABLES
 
 KEPT_HOURS = 7 * 24
 TASKS = 2  # at once: each holds the rows of a partition

@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from recordings.chunked import HEAD
-from recordings.column_store import ColumnStore
-from recordings.download import wrap_capture
-from recordings.exporters import ExportRequest, export
-from recordings.importers import CaptureSource
-from recordings.mcap_reader import DATA, LENGTH, McapReader
-from recordings.message_source import MessageSource
-from recordings.sidecar import Edits
-from recordings.sources import McapSource, Source
-from recordings.tabular import TableSource
+from imuscope.recordings.chunked import HEAD
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.download import wrap_capture
+from imuscope.recordings.exporters import ExportRequest, export
+from imuscope.recordings.importers import CaptureSource
+from imuscope.recordings.mcap_reader import DATA, LENGTH, McapReader
+from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.sidecar import Edits
+from imuscope.recordings.sources import McapSource, Source
+from imuscope.recordings.tabular import TableSource
 
 PIECE = 1 << 20
 ID_LENGTH = 24  # hexadecimal digits of an identifier: 96 bits

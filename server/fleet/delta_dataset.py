@@ -20,8 +20,8 @@ from deltalake import DeltaTable
 from deltalake.fs import DeltaStorageHandler
 from deltalake.table import MAX_SUPPORTED_READER_VERSION, SUPPORTED_READER_FEATURES
 
-from server.fleet.store import StoreError, StoreLocation
-from server.fleet.tables import SAMPLES, SIGNAL, StoreTable
+from imuscope.server.fleet.store import StoreError, StoreLocation
+from imuscope.server.fleet.tables import SAMPLES, SIGNAL, StoreTable
 
 BOUNDED = ("recording", "robot", "time", "minute", "started", "signal")
 

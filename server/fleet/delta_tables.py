@@ -19,9 +19,9 @@ from deltalake.schema import Field as DeltaField
 from deltalake.schema import Schema as DeltaSchema
 from deltalake.writer import write_deltalake
 
-from server.backoff import Backoff
-from server.fleet.store import StoreError, StoreLocation, told
-from server.fleet.tables import StoreTable
+from imuscope.server.backoff import Backoff
+from imuscope.server.fleet.store import StoreError, StoreLocation, told
+from imuscope.server.fleet.tables import StoreTable
 
 ATTEMPTS = 60  # of a commit: each one that fails has lost to another that succeeded
 COMPRESSION_LEVEL = 3

@@ -12,11 +12,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from server import wire
-from server.devices.protocol_set import counts_losses
-from server.fleet.reports import MAX_DEVICES, ReportedDevice
-from server.streaming.bus import TelemetryBus
-from server.streaming.channel_store import ChannelStore, StoredChannel
+from imuscope.server import wire
+from imuscope.server.devices.protocol_set import counts_losses
+from imuscope.server.fleet.reports import MAX_DEVICES, ReportedDevice
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.channel_store import ChannelStore, StoredChannel
 
 LOSS_S = 60.0
 RATE_S = 10.0  # shorter ones wobble by a sample

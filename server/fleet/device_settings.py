@@ -20,11 +20,11 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from protocols.schema import Field
-from protocols.transactions import DeviceContext, DeviceDriver, Values
-from server.configuration.api_models import Difference
-from server.configuration.settings_diff import ComparedValues, compare
-from server.fleet.reports import Name, ReportError
+from imuscope.protocols.schema import Field
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.server.configuration.api_models import Difference
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.fleet.reports import Name, ReportError
 
 MAX_SETTINGS = 65_536  # bytes
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pyarrow.compute as pc
 
-from server.fleet.delta_dataset import dataset_of
-from server.fleet.delta_tables import open_table
-from server.fleet.store import StoreError, StoreLocation, told
-from server.fleet.tables import RECORDINGS
+from imuscope.server.fleet.delta_dataset import dataset_of
+from imuscope.server.fleet.delta_tables import open_table
+from imuscope.server.fleet.store import StoreError, StoreLocation, told
+from imuscope.server.fleet.tables import RECORDINGS
 
 PIECE = 1 << 20
 

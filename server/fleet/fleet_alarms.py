@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from recordings import atomic_write
-from server import wire
-from server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, AlarmMachine, AlarmTiming, AlarmTransition
-from server.alarms.webhooks import Webhooks, checked_url
-from server.errors import DomainError
-from server.fleet.person import person
-from server.fleet.summaries import RobotAlarm, RobotSummary
-from server.fleet_settings import FleetServerSettings
+from imuscope.recordings import atomic_write
+from imuscope.server import wire
+from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, AlarmMachine, AlarmTiming, AlarmTransition
+from imuscope.server.alarms.webhooks import Webhooks, checked_url
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.person import person
+from imuscope.server.fleet.summaries import RobotAlarm, RobotSummary
+from imuscope.server.fleet_settings import FleetServerSettings
 
 log = logging.getLogger("imuscope.fleet")
 

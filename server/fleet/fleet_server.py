@@ -20,21 +20,21 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from server.errors import DomainError
-from server.fleet import keys
-from server.fleet.bus import FleetBusError, open_bus
-from server.fleet.collector import Collector
-from server.fleet.database import FleetDatabase, FleetDatabaseError
-from server.fleet.fleet_alarms import FleetAlarms
-from server.fleet.group_profiles import GroupProfiles
-from server.fleet.later_versions import PARTS
-from server.fleet.reports import MAX_JOURNAL, ReportError
-from server.fleet.robot_pages import RobotPages
-from server.fleet.robots import Robots
-from server.fleet.rollout_steps import RolloutTiming
-from server.fleet.rollouts import RolloutFiles, Rollouts
-from server.fleet.summaries import RobotSummary
-from server.prometheus_text import PrometheusText
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.bus import FleetBusError, open_bus
+from imuscope.server.fleet.collector import Collector
+from imuscope.server.fleet.database import FleetDatabase, FleetDatabaseError
+from imuscope.server.fleet.fleet_alarms import FleetAlarms
+from imuscope.server.fleet.group_profiles import GroupProfiles
+from imuscope.server.fleet.later_versions import PARTS
+from imuscope.server.fleet.reports import MAX_JOURNAL, ReportError
+from imuscope.server.fleet.robot_pages import RobotPages
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.fleet.rollout_steps import RolloutTiming
+from imuscope.server.fleet.rollouts import RolloutFiles, Rollouts
+from imuscope.server.fleet.summaries import RobotSummary
+from imuscope.server.prometheus_text import PrometheusText
 
 if TYPE_CHECKING:
     import zenoh

@@ -22,15 +22,21 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocols.transactions import DeviceDriver
-from recordings import atomic_write
-from server.configuration.api_models import Difference
-from server.configuration.controllers import driver_of
-from server.errors import DomainError
-from server.fleet.device_settings import DeviceSettings, SettingsAnswer, decode_settings, difference, encode_settings
-from server.fleet.person import person
-from server.fleet.reports import ReportError
-from server.fleet.summaries import RobotDevice, RobotSummary, SettingsState
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.recordings import atomic_write
+from imuscope.server.configuration.api_models import Difference
+from imuscope.server.configuration.controllers import driver_of
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.device_settings import (
+    DeviceSettings,
+    SettingsAnswer,
+    decode_settings,
+    difference,
+    encode_settings,
+)
+from imuscope.server.fleet.person import person
+from imuscope.server.fleet.reports import ReportError
+from imuscope.server.fleet.summaries import RobotDevice, RobotSummary, SettingsState
 
 log = logging.getLogger("imuscope.fleet")
 

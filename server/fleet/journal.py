@@ -26,8 +26,8 @@ from pathlib import Path
 
 import msgspec
 
-from server.fleet.journal_files import JournalFiles
-from server.fleet.reports import (
+from imuscope.server.fleet.journal_files import JournalFiles
+from imuscope.server.fleet.reports import (
     MAX_EVENTS,
     MAX_REPORTS,
     JournalAnswer,

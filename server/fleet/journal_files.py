@@ -25,8 +25,8 @@ from pathlib import Path
 
 import msgspec
 
-from recordings import atomic_write
-from server.fleet.reports import MAX_REPORT, Boot, Count, ReportError, decode_report
+from imuscope.recordings import atomic_write
+from imuscope.server.fleet.reports import MAX_REPORT, Boot, Count, ReportError, decode_report
 
 log = logging.getLogger("imuscope.fleet")
 

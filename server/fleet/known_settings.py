@@ -17,11 +17,11 @@ from typing import Any
 
 import msgspec
 
-from protocols.transactions import Values
-from recordings import atomic_write
-from server.configuration.device_controller import ControlError, DeviceController
-from server.fleet.device_settings import DeviceSettings, encode_settings, writable_settings
-from server.fleet.reports import ReportedDevice
+from imuscope.protocols.transactions import Values
+from imuscope.recordings import atomic_write
+from imuscope.server.configuration.device_controller import ControlError, DeviceController
+from imuscope.server.fleet.device_settings import DeviceSettings, encode_settings, writable_settings
+from imuscope.server.fleet.reports import ReportedDevice
 
 log = logging.getLogger("imuscope.fleet")
 

@@ -11,12 +11,12 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, get_args
 
-from server import wire
-from server.fleet.summaries import AlarmRaisedState
-from server.printable import json_text, printable
+from imuscope.server import wire
+from imuscope.server.fleet.summaries import AlarmRaisedState
+from imuscope.server.printable import json_text, printable
 
 if TYPE_CHECKING:
-    from server.fleet.reports import RobotReport
+    from imuscope.server.fleet.reports import RobotReport
 
 MAX_MORE = 16
 MAX_TEXT = 100

@@ -12,12 +12,12 @@ from typing import Any
 
 import pyarrow as pa
 
-from recordings.column_store import ColumnStore
-from recordings.probe import RecordingProbe
-from server.configuration.value_format import spaced
-from server.devices.protocol_set import sensors_of
-from server.fleet.tables import DEVICES, EVENTS, LOSSES, RECORDINGS, SETTINGS, StoreTable
-from server.version import VERSION
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.probe import RecordingProbe
+from imuscope.server.configuration.value_format import spaced
+from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.fleet.tables import DEVICES, EVENTS, LOSSES, RECORDINGS, SETTINGS, StoreTable
+from imuscope.server.version import VERSION
 
 Row = dict[str, Any]
 _BY_ID = re.compile(r"/dev/serial/by-id/([^?]+)")

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import ColumnStore
-from recordings.statistics import wrapped
-from server.fleet.metadata import Row, moment
-from server.library.recording_detail import channels_of
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.statistics import wrapped
+from imuscope.server.fleet.metadata import Row, moment
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from server.fleet.access import FleetAccessError
+from imuscope.server.fleet.access import FleetAccessError
 
 log = logging.getLogger("imuscope.fleet")
 

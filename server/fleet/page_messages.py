@@ -24,7 +24,7 @@ from typing import Annotated, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
-from server.fleet.reports import Boot
+from imuscope.server.fleet.reports import Boot
 
 MAX_BODY = 256 * 1024  # bytes of a request
 MAX_PART = 16 * 1024

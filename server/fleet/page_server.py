@@ -23,12 +23,12 @@ from urllib.parse import quote
 import msgspec
 from starlette.types import ASGIApp, Message
 
-from server import wire
-from server.auth import is_command
-from server.errors import DomainError
-from server.fleet import keys
-from server.fleet.inbox import Inbox
-from server.fleet.page_messages import (
+from imuscope.server import wire
+from imuscope.server.auth import is_command
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.inbox import Inbox
+from imuscope.server.fleet.page_messages import (
     MAX_OPEN,
     Answer,
     Beat,
@@ -44,10 +44,10 @@ from server.fleet.page_messages import (
     decode_ask,
     encode,
 )
-from server.fleet.page_window import Window
-from server.fleet.summaries import PagesAllowed
-from server.previous_names import path_of
-from server.printable import printable
+from imuscope.server.fleet.page_window import Window
+from imuscope.server.fleet.summaries import PagesAllowed
+from imuscope.server.previous_names import path_of
+from imuscope.server.printable import printable
 
 if TYPE_CHECKING:
     import zenoh

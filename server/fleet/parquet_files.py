@@ -14,8 +14,8 @@ import duckdb
 import pyarrow as pa
 from deltalake import DeltaTable
 
-from server.fleet.store import StoreLocation
-from server.fleet.tables import StoreTable
+from imuscope.server.fleet.store import StoreLocation
+from imuscope.server.fleet.tables import StoreTable
 
 _PLAIN_FILE = re.compile(r"date=\d{4}-\d\d-\d\d/[\w.-]+")
 _MEANT_OTHERWISE = re.compile(r"[*?\[\]{}=%]")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from server.errors import DomainError
+from imuscope.server.errors import DomainError
 
 MAX_BY = 60  # characters
 

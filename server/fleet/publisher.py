@@ -23,21 +23,21 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from server import wire
-from server.config import Config, ConfigError
-from server.devices.decode_options import secret_text
-from server.fleet import keys
-from server.fleet.bus import BusCredentials, FleetBusError, client_settings, is_loopback_address, open_bus
-from server.fleet.device_figures import DeviceFigures, clipped
-from server.fleet.journal import ANSWER_BYTES, FOLDER, Journal
-from server.fleet.known_settings import KnownSettings
-from server.fleet.page_server import PageServer
-from server.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
-from server.fleet.status_summary import summary_of
-from server.fleet.summaries import PagesAllowed, RobotSummary, settled
-from server.fleet_settings import FleetSettings
-from server.streaming.telemetry import Telemetry
-from server.version import VERSION
+from imuscope.server import wire
+from imuscope.server.config import Config, ConfigError
+from imuscope.server.devices.decode_options import secret_text
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.bus import BusCredentials, FleetBusError, client_settings, is_loopback_address, open_bus
+from imuscope.server.fleet.device_figures import DeviceFigures, clipped
+from imuscope.server.fleet.journal import ANSWER_BYTES, FOLDER, Journal
+from imuscope.server.fleet.known_settings import KnownSettings
+from imuscope.server.fleet.page_server import PageServer
+from imuscope.server.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
+from imuscope.server.fleet.status_summary import summary_of
+from imuscope.server.fleet.summaries import PagesAllowed, RobotSummary, settled
+from imuscope.server.fleet_settings import FleetSettings
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.version import VERSION
 
 if TYPE_CHECKING:
     import zenoh

@@ -20,11 +20,11 @@ import duckdb
 import pyarrow as pa
 import pyarrow.dataset as ds
 
-from server.fleet.delta_dataset import check_readable, dataset_of
-from server.fleet.delta_tables import open_table
-from server.fleet.parquet_files import ParquetFiles, allow, files_of, identifier, quoted
-from server.fleet.store import StoreError, StoreLocation, store_error, told
-from server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
+from imuscope.server.fleet.delta_dataset import check_readable, dataset_of
+from imuscope.server.fleet.delta_tables import open_table
+from imuscope.server.fleet.parquet_files import ParquetFiles, allow, files_of, identifier, quoted
+from imuscope.server.fleet.store import StoreError, StoreLocation, store_error, told
+from imuscope.server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
 BATCH_ROWS = 1 << 16
 AGAIN_S = 0.05

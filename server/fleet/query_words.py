@@ -7,9 +7,9 @@ from typing import Any
 import duckdb
 import pyarrow as pa
 
-from server.fleet.delta_tables import open_table
-from server.fleet.store import StoreLocation
-from server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
+from imuscope.server.fleet.delta_tables import open_table
+from imuscope.server.fleet.store import StoreLocation
+from imuscope.server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
 LONG = (
     ("date", "date", "UTC date on which the recording starts"),

@@ -1,4 +1,4 @@
-"""`python -m server.fleet.query_worker`: answer one question in a subprocess, for question_service.py.
+"""`python -m imuscope.server.fleet.query_worker`: answer one question in a subprocess, for question_service.py.
 
 The request comes on standard input, one JSON object: store, sql, format, rows, memory_mb, timeout_s; with `words` in
 place of `sql`, the answer is what an editor may complete; with `fetch`, a recording is written to `path`. On standard
@@ -19,14 +19,14 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from recordings.bounds import TooLong, bounded
-from recordings.parent_death import die_with_parent
-from recordings.priority import lower_priority
-from server.fleet.fetch import NotInStoreError, fetch
-from server.fleet.query import QueryError, QueryLimits, ask
-from server.fleet.query_words import query_words
-from server.fleet.results import plain, text_of_csv, unique, write_arrow
-from server.fleet.store import StoreError, location
+from imuscope.recordings.bounds import TooLong, bounded
+from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.priority import lower_priority
+from imuscope.server.fleet.fetch import NotInStoreError, fetch
+from imuscope.server.fleet.query import QueryError, QueryLimits, ask
+from imuscope.server.fleet.query_words import query_words
+from imuscope.server.fleet.results import plain, text_of_csv, unique, write_arrow
+from imuscope.server.fleet.store import StoreError, location
 
 MAX_JSON = 64 << 20
 """Bytes of rows as JSON: a page holds them in memory."""

@@ -20,10 +20,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from server.errors import DomainError
-from server.fair_queue import FairQueue, QueueFullError, Turn
-from server.store_settings import StoreSettings
-from server.workers import Worker
+from imuscope.server.errors import DomainError
+from imuscope.server.fair_queue import FairQueue, QueueFullError, Turn
+from imuscope.server.store_settings import StoreSettings
+from imuscope.server.workers import Worker
 
 EACH = 1  # questions of one user that run at once
 WAITING_EACH = 8
@@ -141,7 +141,7 @@ class QuestionService:
 
     @asynccontextmanager
     async def _worker(self, request: dict[str, Any]) -> AsyncIterator[AsyncIterator[bytes]]:
-        worker = await Worker.start("server.fleet.query_worker")
+        worker = await Worker.start("imuscope.server.fleet.query_worker")
         end = asyncio.create_task(_end_after(worker, request["timeout_s"] + GRACE_S))
         try:
             worker.request({"store": self.settings.url, **request})

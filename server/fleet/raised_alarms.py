@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from server.alarms.service import AlarmService
-from server.fleet.device_figures import clipped
-from server.fleet.reports import ReportedAlarm
-from server.fleet.summaries import AlarmRaisedState
+from imuscope.server.alarms.service import AlarmService
+from imuscope.server.fleet.device_figures import clipped
+from imuscope.server.fleet.reports import ReportedAlarm
+from imuscope.server.fleet.summaries import AlarmRaisedState
 
 
 def raised_alarms(alarms: AlarmService) -> list[ReportedAlarm]:

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
-from server.fleet.later_versions import MAX_MORE, with_further_fields
+from imuscope.server.fleet.later_versions import MAX_MORE, with_further_fields
 
 VERSION: Literal[1] = 1
 MAX_REPORT = 65_536  # bytes

@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from server.errors import KINDS, DomainError
-from server.fleet.page_messages import End, Head, Open, Part
-from server.fleet.robot_pages import PageStream, RobotPages
-from server.printable import printable
+from imuscope.server.errors import KINDS, DomainError
+from imuscope.server.fleet.page_messages import End, Head, Open, Part
+from imuscope.server.fleet.robot_pages import PageStream, RobotPages
+from imuscope.server.printable import printable
 
 ANSWER_S = 30.0
 MAX_ANSWER = 2 * 1024 * 1024  # bytes

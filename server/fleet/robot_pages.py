@@ -19,10 +19,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from server.errors import KINDS, DomainError
-from server.fleet import keys
-from server.fleet.inbox import Inbox
-from server.fleet.page_messages import (
+from imuscope.server.errors import KINDS, DomainError
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.inbox import Inbox
+from imuscope.server.fleet.page_messages import (
     Answer,
     Ask,
     Beat,
@@ -39,10 +39,10 @@ from server.fleet.page_messages import (
     decode_ask,
     encode,
 )
-from server.fleet.page_window import LARGEST
-from server.fleet.summaries import RobotSummary
-from server.printable import printable
-from server.prometheus_text import PrometheusText
+from imuscope.server.fleet.page_window import LARGEST
+from imuscope.server.fleet.summaries import RobotSummary
+from imuscope.server.printable import printable
+from imuscope.server.prometheus_text import PrometheusText
 
 if TYPE_CHECKING:
     import zenoh

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from server.fleet.summaries import FleetRobots, RobotSummary, settled
+from imuscope.server.fleet.summaries import FleetRobots, RobotSummary, settled
 
 MAX_ROBOTS = 100_000
 MAX_GONE = 10_000

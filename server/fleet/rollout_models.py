@@ -19,7 +19,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from server.errors import DomainError
+from imuscope.server.errors import DomainError
 
 RolloutState = Literal["running", "done", "failed", "stopped", "interrupted"]
 RolloutDeviceState = Literal[

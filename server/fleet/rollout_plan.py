@@ -8,14 +8,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from protocols.transactions import DeviceDriver
-from server.configuration.dangers import dangers_of_write
-from server.errors import DomainError
-from server.fleet.device_settings import DeviceSettings
-from server.fleet.group_profiles import GroupProfile, GroupProfiles, SettingsCheck
-from server.fleet.rollout_models import DeviceLeftOut, PlannedDevice, ProfileOrigin, RolloutChange, RolloutChanges
-from server.fleet.summaries import RobotDevice, RobotSummary
-from server.wire_codec import to_json_safe
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.device_settings import DeviceSettings
+from imuscope.server.fleet.group_profiles import GroupProfile, GroupProfiles, SettingsCheck
+from imuscope.server.fleet.rollout_models import (
+    DeviceLeftOut,
+    PlannedDevice,
+    ProfileOrigin,
+    RolloutChange,
+    RolloutChanges,
+)
+from imuscope.server.fleet.summaries import RobotDevice, RobotSummary
+from imuscope.server.wire_codec import to_json_safe
 
 MAX_DEVICES = 5000
 

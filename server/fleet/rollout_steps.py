@@ -21,15 +21,15 @@ from urllib.parse import quote
 
 import msgspec
 
-from protocols.transactions import DeviceDriver
-from server.configuration.value_format import numbers
-from server.errors import DomainError
-from server.fleet.device_settings import DeviceSettings, difference, writable_settings
-from server.fleet.reports import ReportError
-from server.fleet.robot_line import LineError, RobotLine
-from server.fleet.rollout_models import UNKNOWN, RolloutDeviceState
-from server.fleet.rollout_plan import DeviceChange
-from server.printable import printable
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.server.configuration.value_format import numbers
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.device_settings import DeviceSettings, difference, writable_settings
+from imuscope.server.fleet.reports import ReportError
+from imuscope.server.fleet.robot_line import LineError, RobotLine
+from imuscope.server.fleet.rollout_models import UNKNOWN, RolloutDeviceState
+from imuscope.server.fleet.rollout_plan import DeviceChange
+from imuscope.server.printable import printable
 
 RATE_SHARE, RATE_MESSAGES = 0.05, 2.0
 """How far the number of messages may be from the expected one: the larger of a share and a number."""

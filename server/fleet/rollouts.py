@@ -17,16 +17,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from protocols.transactions import DeviceDriver
-from recordings import atomic_write
-from recordings.regular_file import read_regular
-from server.errors import DomainError
-from server.fleet.group_profiles import GroupProfiles
-from server.fleet.person import person
-from server.fleet.robot_line import RobotLine
-from server.fleet.robot_pages import RobotPages
-from server.fleet.robots import Robots
-from server.fleet.rollout_models import (
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.recordings import atomic_write
+from imuscope.recordings.regular_file import read_regular
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.group_profiles import GroupProfiles
+from imuscope.server.fleet.person import person
+from imuscope.server.fleet.robot_line import RobotLine
+from imuscope.server.fleet.robot_pages import RobotPages
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.fleet.rollout_models import (
     BAD,
     Rollout,
     RolloutDevice,
@@ -34,9 +34,9 @@ from server.fleet.rollout_models import (
     RolloutPlan,
     wave_sizes,
 )
-from server.fleet.rollout_plan import DeviceChange, GroupPlan, plan_of
-from server.fleet.rollout_steps import DeviceRollout, RolloutTiming
-from server.fleet.summaries import RobotDevice, RobotSummary
+from imuscope.server.fleet.rollout_plan import DeviceChange, GroupPlan, plan_of
+from imuscope.server.fleet.rollout_steps import DeviceRollout, RolloutTiming
+from imuscope.server.fleet.summaries import RobotDevice, RobotSummary
 
 log = logging.getLogger("imuscope.fleet")
 

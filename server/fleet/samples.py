@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from recordings.column_store import ColumnStore
-from server.fleet.metadata import RecordingKey
-from server.fleet.packet_rows import PacketWindow, packet_windows
-from server.fleet.tables import SAMPLES, SIGNAL, UNIT
-from server.library.recording_detail import channels_of
-from server.wire import ChannelInfo
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.fleet.metadata import RecordingKey
+from imuscope.server.fleet.packet_rows import PacketWindow, packet_windows
+from imuscope.server.fleet.tables import SAMPLES, SIGNAL, UNIT
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.wire import ChannelInfo
 
 MAX_SIGNALS = 2000  # of a recording; noise that passes a weak checksum must not create unlimited columns
 _TYPES = {

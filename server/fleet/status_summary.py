@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from server.fleet.reports import ReportedDevice, RobotStatus
-from server.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
+from imuscope.server.fleet.reports import ReportedDevice, RobotStatus
+from imuscope.server.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
 
 _FIELDS = tuple(one.name for one in msgspec.structs.fields(ReportedDevice))
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from server.fleet.limited_line import LimitedLine
+from imuscope.server.fleet.limited_line import LimitedLine
 
 RETRY_S = 60
 MAX_RETRIES = 8

@@ -25,23 +25,23 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from recordings import file_lock, sidecar
-from recordings.column_store import ColumnStore
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from recordings.probe import RecordingProbe, probe
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.fleet.content import as_recording, checksum_of, is_mcap, recording_id
-from server.fleet.delta_dataset import dataset_of
-from server.fleet.delta_tables import append_once, as_schema, create_table, has_rows, open_table
-from server.fleet.limited_line import Pace
-from server.fleet.metadata import RecordingKey, StoredFile, arrow_rows, small_tables, start_of
-from server.fleet.minutes import minute_rows
-from server.fleet.samples import sample_reader, sample_rows, sample_schema
-from server.fleet.store import StoreError, StoreLocation, told
-from server.fleet.tables import MINUTES, RECORDINGS, SAMPLES, TABLES
-from server.library.decode import decode
+from imuscope.recordings import file_lock, sidecar
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.probe import RecordingProbe, probe
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.fleet.content import as_recording, checksum_of, is_mcap, recording_id
+from imuscope.server.fleet.delta_dataset import dataset_of
+from imuscope.server.fleet.delta_tables import append_once, as_schema, create_table, has_rows, open_table
+from imuscope.server.fleet.limited_line import Pace
+from imuscope.server.fleet.metadata import RecordingKey, StoredFile, arrow_rows, small_tables, start_of
+from imuscope.server.fleet.minutes import minute_rows
+from imuscope.server.fleet.samples import sample_reader, sample_rows, sample_schema
+from imuscope.server.fleet.store import StoreError, StoreLocation, told
+from imuscope.server.fleet.tables import MINUTES, RECORDINGS, SAMPLES, TABLES
+from imuscope.server.library.decode import decode
 
 LONGEST_NAME = 100
 PART_BYTES = 16 << 20

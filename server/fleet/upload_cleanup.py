@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from recordings import sidecar
-from recordings.library import LibraryEntry
-from server.fleet.upload_log import UploadOutcome
-from server.store_settings import StoreSettings
+from imuscope.recordings import sidecar
+from imuscope.recordings.library import LibraryEntry
+from imuscope.server.fleet.upload_log import UploadOutcome
+from imuscope.server.store_settings import StoreSettings
 
 DAY_S = 86_400.0
 

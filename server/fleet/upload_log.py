@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from recordings import atomic_write
-from recordings.library import LibraryEntry
+from imuscope.recordings import atomic_write
+from imuscope.recordings.library import LibraryEntry
 
 FILE = "uploads.json"
 VERSION = 1

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from recordings.library import LibraryEntry
-from server.store_settings import StoreSettings, hours_of
+from imuscope.recordings.library import LibraryEntry
+from imuscope.server.store_settings import StoreSettings, hours_of
 
 ALARM_TITLE, ALARM_MARKER = "Alarm ", "Alarm “"  # as server/alarms/recording_trigger.py writes them
 

@@ -1,4 +1,4 @@
-"""`python -m server.fleet.upload_worker`: upload one recording in a subprocess, for uploads.py.
+"""`python -m imuscope.server.fleet.upload_worker`: upload one recording in a subprocess, for uploads.py.
 
 The request comes on standard input, one JSON object: path, store, rate (bytes/s; 0 for no limit), robot, options (of
 decoding), folder (for temporary files; its content is removed). The output are JSON lines: {"progress": 0..1}, then
@@ -19,16 +19,16 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from recordings.bounds import TooLong, bounded, bounded_by
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from recordings.parent_death import die_with_parent
-from recordings.priority import lower_priority
-from server.devices.decode_options import DecodeOptions
-from server.fleet.content import recording_id
-from server.fleet.fetch import NotInStoreError, verify
-from server.fleet.store import AGAIN, StoreError, limited, location
-from server.fleet.upload import upload
+from imuscope.recordings.bounds import TooLong, bounded, bounded_by
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.priority import lower_priority
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.fleet.content import recording_id
+from imuscope.server.fleet.fetch import NotInStoreError, verify
+from imuscope.server.fleet.store import AGAIN, StoreError, limited, location
+from imuscope.server.fleet.upload import upload
 
 STEP = 0.01
 

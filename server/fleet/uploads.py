@@ -22,20 +22,20 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from recordings import file_lock
-from recordings.library import LibraryEntry
-from recordings.mcap_writer import RecordingError
-from server.backoff import Backoff
-from server.config import Config
-from server.fleet.publisher import robot_name
-from server.fleet.upload_cleanup import edits_of, next_to_go
-from server.fleet.upload_log import UploadLog, UploadOutcome
-from server.fleet.upload_rules import pause_until, refusal
-from server.library.catalogue import Catalogue
-from server.library.compaction_worker import CompactionWorker
-from server.prometheus_text import PrometheusText
-from server.streaming.bus import TelemetryBus
-from server.workers import Worker
+from imuscope.recordings import file_lock
+from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.backoff import Backoff
+from imuscope.server.config import Config
+from imuscope.server.fleet.publisher import robot_name
+from imuscope.server.fleet.upload_cleanup import edits_of, next_to_go
+from imuscope.server.fleet.upload_log import UploadLog, UploadOutcome
+from imuscope.server.fleet.upload_rules import pause_until, refusal
+from imuscope.server.library.catalogue import Catalogue
+from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.prometheus_text import PrometheusText
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.uploads")
 
@@ -285,7 +285,7 @@ class UploadService:
         Args:
             more: of the request.
         """
-        worker = await Worker.start("server.fleet.upload_worker")
+        worker = await Worker.start("imuscope.server.fleet.upload_worker")
         answer: dict[str, Any] = {}
         try:
             worker.request(

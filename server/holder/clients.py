@@ -11,9 +11,9 @@ import termios
 from functools import partial
 from typing import Any
 
-from server.holder.client_frames import ClientFrames
-from server.holder.line_budget import LineBudget
-from server.holder.queues import ClientQueue, FrameSize
+from imuscope.server.holder.client_frames import ClientFrames
+from imuscope.server.holder.line_budget import LineBudget
+from imuscope.server.holder.queues import ClientQueue, FrameSize
 
 READ_BYTES = 1 << 12
 MOST_DATAGRAM = 1400  # within the payload of an Ethernet frame

@@ -15,18 +15,18 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from server.backoff import Backoff
-from server.holder.arbiter import SERVER, Arbiter
-from server.holder.client_frames import FrameRules
-from server.holder.clients import Client
-from server.holder.event_loop import READ, WRITE, EventLoop
-from server.holder.messages import MessageKind
-from server.holder.port import Port, PortError
-from server.holder.requests import carry_out
-from server.holder.server_side import ServerSide
-from server.holder.settings import HolderSettings
-from server.holder.shares import ShareError
-from server.holder.sharing import Sharing
+from imuscope.server.backoff import Backoff
+from imuscope.server.holder.arbiter import SERVER, Arbiter
+from imuscope.server.holder.client_frames import FrameRules
+from imuscope.server.holder.clients import Client
+from imuscope.server.holder.event_loop import READ, WRITE, EventLoop
+from imuscope.server.holder.messages import MessageKind
+from imuscope.server.holder.port import Port, PortError
+from imuscope.server.holder.requests import carry_out
+from imuscope.server.holder.server_side import ServerSide
+from imuscope.server.holder.settings import HolderSettings
+from imuscope.server.holder.shares import ShareError
+from imuscope.server.holder.sharing import Sharing
 
 TICK_S = 0.02
 STATE_S = 1.0

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from server.holder.shares import ShareAddress
+from imuscope.server.holder.shares import ShareAddress
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,13 +15,13 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from server.holder.arbiter import Arbiter
-from server.holder.client_frames import FrameRules
-from server.holder.clients import Client
-from server.holder.event_loop import GONE, READ, WRITE, EventLoop
-from server.holder.port import MOST_WAITING, Port, PortError
-from server.holder.share_kinds import Share, make_share
-from server.holder.shares import ShareAddress, ShareError
+from imuscope.server.holder.arbiter import Arbiter
+from imuscope.server.holder.client_frames import FrameRules
+from imuscope.server.holder.clients import Client
+from imuscope.server.holder.event_loop import GONE, READ, WRITE, EventLoop
+from imuscope.server.holder.port import MOST_WAITING, Port, PortError
+from imuscope.server.holder.share_kinds import Share, make_share
+from imuscope.server.holder.shares import ShareAddress, ShareError
 
 MOST_WAIT_S = 10.0  # of a client for the voice
 SETTLE_S = 0.02  # from a new rate of a client to that of the port: what it sent before goes out at the former one

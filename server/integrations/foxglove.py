@@ -19,14 +19,14 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
-from server.auth import Access
-from server.backoff import Backoff
-from server.integrations.proxy import ViewError
-from server.integrations.shared_secret import SecretEndpoint, new_secret
-from server.integrations.viewer_process import ViewerProcess
-from server.streaming.telemetry import Telemetry
+from imuscope.server.auth import Access
+from imuscope.server.backoff import Backoff
+from imuscope.server.integrations.proxy import ViewError
+from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
+from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "server.integrations.foxglove_worker"
+MODULE = "imuscope.server.integrations.foxglove_worker"
 OFF = -1
 DEFAULT_PORT = 8765  # default of Foxglove's own tools
 START_S = 60.0

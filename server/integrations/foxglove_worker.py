@@ -1,4 +1,4 @@
-"""`python -m server.integrations.foxglove_worker`: the process that serves the Foxglove WebSocket protocol.
+"""`python -m imuscope.server.integrations.foxglove_worker`: the process that serves the Foxglove WebSocket protocol.
 
     input:   {"op": "serve", "port": …,      start on a loopback port (0: any free one)
               "secret": …, "rules": {…}}     clients with the secret come through our own port and were checked there;
@@ -28,18 +28,18 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
-from recordings import well_known
-from recordings.file_names import device_names
-from recordings.rrd.entities import Attitude, DeviceEntity, PositionEntity, devices_of
-from recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
-from server.auth import Access, RefusedError
-from server.config import Config
-from server.errors import status_of
-from server.integrations.foxglove_server import FoxgloveServer
-from server.integrations.shared_secret import has_secret
-from server.integrations.viewer_client import ViewerClient
-from server.version import VERSION
-from server.wire_codec import SampleFrame
+from imuscope.recordings import well_known
+from imuscope.recordings.file_names import device_names
+from imuscope.recordings.rrd.entities import Attitude, DeviceEntity, PositionEntity, devices_of
+from imuscope.recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
+from imuscope.server.auth import Access, RefusedError
+from imuscope.server.config import Config
+from imuscope.server.errors import status_of
+from imuscope.server.integrations.foxglove_server import FoxgloveServer
+from imuscope.server.integrations.shared_secret import has_secret
+from imuscope.server.integrations.viewer_client import ViewerClient
+from imuscope.server.version import VERSION
+from imuscope.server.wire_codec import SampleFrame
 
 LISTS = ("allowed_hosts", "allowed_origins")  # JSON has no tuples
 PATH = "/foxglove"  # on our own port: the same rules apply

@@ -16,9 +16,9 @@ import urllib.request
 from collections import OrderedDict
 from typing import Any
 
-from server.config import MapTiles
-from server.errors import DomainError
-from server.version import VERSION
+from imuscope.server.config import MapTiles
+from imuscope.server.errors import DomainError
+from imuscope.server.version import VERSION
 
 MAX_BYTES = 1 << 20  # of one tile; usual ones have some tens of kB
 KEPT_BYTES = 32 << 20

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.rotations import ENU_FROM, READ, Quaternion, Vector, multiply
-from recordings.rrd import entities, enu
-from server.integrations.playout_buffer import PlayoutBuffer
-from server.wire_codec import SampleFrame
+from imuscope.recordings.rotations import ENU_FROM, READ, Quaternion, Vector, multiply
+from imuscope.recordings.rrd import entities, enu
+from imuscope.server.integrations.playout_buffer import PlayoutBuffer
+from imuscope.server.wire_codec import SampleFrame
 
 Floats = NDArray[np.float64]
 Info = Mapping[str, Any]

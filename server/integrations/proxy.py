@@ -23,9 +23,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
-from server.auth import refuse
-from server.errors import DomainError
-from server.integrations.shared_secret import SecretEndpoint
+from imuscope.server.auth import refuse
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations.shared_secret import SecretEndpoint
 
 OPEN_S = 10.0
 STUCK_S = 20.0

@@ -1,7 +1,7 @@
 """The Rerun viewer: streamed recordings and live data.
 
-    recording ──Columns──> python -m server.integrations.rrd_stream_worker ──.rrd on its standard output──> the browser
-    bus ──viewer_process.py──> python -m server.integrations.rerun_worker ──batches, base64 in JSON lines──> RerunFeed
+    recording ──Columns──> rrd_stream_worker.py ──.rrd on its standard output──> the browser
+    bus ──viewer_process.py──> rerun_worker.py ──batches, base64 in JSON lines──> RerunFeed
     ──> WebSocket of each
 
 A batch is an `.rrd` in itself, so a viewer can begin with any of them after the static data. A RerunFeed stores the
@@ -22,16 +22,16 @@ from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from server.errors import DomainError
-from server.integrations.proxy import ViewError
-from server.integrations.rerun_remote import RemoteRerun
-from server.integrations.viewer_process import ViewerProcess
-from server.streaming.telemetry import Telemetry
-from server.workers import Worker
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations.proxy import ViewError
+from imuscope.server.integrations.rerun_remote import RemoteRerun
+from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.views")
 
-STREAM, FEED = "server.integrations.rrd_stream_worker", "server.integrations.rerun_worker"
+STREAM, FEED = "imuscope.server.integrations.rrd_stream_worker", "imuscope.server.integrations.rerun_worker"
 PIECE = 1 << 16
 MAX_STREAMS = 4  # at once: each is a process of a hundred MB
 MAX_FEEDS = 4

@@ -21,8 +21,8 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-from recordings.atomic_write import write_atomic
-from server.integrations.proxy import ViewError
+from imuscope.recordings.atomic_write import write_atomic
+from imuscope.server.integrations.proxy import ViewError
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
 LEVEL = 6  # of compression: 9 takes three times as long for 1 % less

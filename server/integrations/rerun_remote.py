@@ -1,6 +1,6 @@
 """Connection to a Rerun viewer on another machine (`--rerun-connect`), kept for as long as the server runs.
 
-    Telemetry ──viewer_process.py──> python -m server.integrations.rerun_worker ──gRPC, by Rerun's own SDK──> the viewer
+    Telemetry ──viewer_process.py──> rerun_worker.py ──gRPC, by Rerun's own SDK──> the viewer
 
 The SDK neither bounds the data queued for a stalled viewer nor reconnects. So the process sends more only when the last
 data was taken, ends itself if nothing was taken for `STUCK_S`, and is restarted here with growing delays. A viewer that
@@ -18,12 +18,12 @@ import contextlib
 from collections.abc import Mapping
 from typing import Any
 
-from server import wire
-from server.backoff import Backoff
-from server.integrations.viewer_process import ViewerProcess
-from server.streaming.telemetry import Telemetry
+from imuscope.server import wire
+from imuscope.server.backoff import Backoff
+from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "server.integrations.rerun_worker"
+MODULE = "imuscope.server.integrations.rerun_worker"
 AGAIN_S, LONGEST_S = 2.0, 60.0
 STUCK_S = 5.0
 

@@ -1,4 +1,4 @@
-"""`python -m server.integrations.rerun_worker`: live samples as batches for Rerun viewers, in a subprocess.
+"""`python -m imuscope.server.integrations.rerun_worker`: live samples as batches for Rerun viewers, in a subprocess.
 
 It receives the messages of a browser (server/integrations/viewer_client.py). Samples of 50 ms become one chunk of each
 quantity: a chunk has some 3 kB of overhead, and a viewer handles few large ones far better than many small ones, so
@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from recordings.rrd import chunks, static
-from recordings.rrd.blueprint import blueprint
-from recordings.rrd.chunks import Array, Times, nanoseconds
-from recordings.rrd.entities import DeviceEntity, devices_of
-from recordings.rrd.enu import Origin, is_place
-from server.integrations.viewer_client import ViewerClient
-from server.wire_codec import SampleFrame
+from imuscope.recordings.rrd import chunks, static
+from imuscope.recordings.rrd.blueprint import blueprint
+from imuscope.recordings.rrd.chunks import Array, Times, nanoseconds
+from imuscope.recordings.rrd.entities import DeviceEntity, devices_of
+from imuscope.recordings.rrd.enu import Origin, is_place
+from imuscope.server.integrations.viewer_client import ViewerClient
+from imuscope.server.wire_codec import SampleFrame
 
 PERIOD_S = 0.05
 PAUSE_S = 0.5  # minimum time between two layouts

@@ -17,16 +17,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from protocols.sensor_properties import SensorProperties
-from server import wire
-from server.backoff import Backoff
-from server.config import Config
-from server.errors import DomainError
-from server.integrations.ros2_switches import TopicSwitches
-from server.integrations.viewer_process import ViewerProcess
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server import wire
+from imuscope.server.backoff import Backoff
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations.ros2_switches import TopicSwitches
+from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "server.integrations.ros2_worker"
+MODULE = "imuscope.server.integrations.ros2_worker"
 PER_S = 125.0  # how often samples are passed on: a message is at most 8 ms late
 AGAIN_S, LONGEST_S = 1.0, 60.0
 STEADY_S = 120.0  # after running this long, the next crash counts as the first

@@ -10,8 +10,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from recordings import atomic_write
-from server.errors import DomainError
+from imuscope.recordings import atomic_write
+from imuscope.server.errors import DomainError
 
 FILE = "ros2.json"
 MAX_TOPICS = 10_000  # names of devices that are gone stay, and are bounded

@@ -1,4 +1,4 @@
-"""`python -m server.integrations.ros2_worker`: the process in which devices are nodes of ROS 2.
+"""`python -m imuscope.server.integrations.ros2_worker`: the process in which devices are nodes of ROS 2.
 
     input:   {"op": "serve", settings of Ros2Settings}     open the session and announce the devices
              {"op": "sensors", "device": …, values of SensorProperties}
@@ -21,16 +21,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.sensor_properties import SensorProperties
-from recordings.file_names import device_names
-from server.integrations.viewer_client import ViewerClient
-from server.ros2.diagnostics import DiagnosticCounts, diagnostics
-from server.ros2.graph import RosGraph, TopicPublisher
-from server.ros2.key_expressions import QosProfile, RosNode, name_of
-from server.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
-from server.ros2.quantities import DeviceQuantities, quantities_of
-from server.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
-from server.wire_codec import SampleFrame
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.recordings.file_names import device_names
+from imuscope.server.integrations.viewer_client import ViewerClient
+from imuscope.server.ros2.diagnostics import DiagnosticCounts, diagnostics
+from imuscope.server.ros2.graph import RosGraph, TopicPublisher
+from imuscope.server.ros2.key_expressions import QosProfile, RosNode, name_of
+from imuscope.server.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
+from imuscope.server.ros2.quantities import DeviceQuantities, quantities_of
+from imuscope.server.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
+from imuscope.server.wire_codec import SampleFrame
 
 TICK_S = 1.0
 NAME_S = 3.0  # time for a device to be identified, before it gets a node under a preliminary name

@@ -1,4 +1,4 @@
-"""`python -m server.integrations.rrd_stream_worker`: an opened recording as a stream of `.rrd`, in a subprocess.
+"""`python -m imuscope.server.integrations.rrd_stream_worker`: an opened recording as a stream of `.rrd`.
 
 The request comes on standard input, one JSON object: store, title, t0, t1, most. The file is written to standard output
 while it is made: a slow reader slows it down, and if the reader disconnects it ends, because writing fails.
@@ -13,8 +13,8 @@ import os
 import sys
 from pathlib import Path
 
-from recordings.column_store import ColumnStore
-from recordings.parent_death import die_with_parent
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.parent_death import die_with_parent
 
 
 def main() -> int:
@@ -24,7 +24,7 @@ def main() -> int:
         os.nice(5)  # live devices come first
     request = json.loads(sys.stdin.read())
     columns = ColumnStore(Path(request["store"]))
-    from recordings.rrd.writer import Work, fill, stream_of
+    from imuscope.recordings.rrd.writer import Work, fill, stream_of
 
     t0 = -math.inf if request["t0"] is None else request["t0"]
     t1 = math.inf if request["t1"] is None else request["t1"]

@@ -29,10 +29,10 @@ import numpy as np
 import viser
 from viser import _messages
 
-from recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
-from server.integrations.meshes import MAX_BYTES, Mesh, MeshError, read
-from server.integrations.poses import DeviceView
-from server.integrations.shared_secret import require_secret
+from imuscope.recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
+from imuscope.server.integrations.meshes import MAX_BYTES, Mesh, MeshError, read
+from imuscope.server.integrations.poses import DeviceView
+from imuscope.server.integrations.shared_secret import require_secret
 
 SLOW_PER_S = 15.0
 TRACK_PER_S = 2.0

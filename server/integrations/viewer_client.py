@@ -14,8 +14,8 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
-from server.integrations.viewer_process import HEAD, SAMPLES, TEXT
-from server.wire_codec import SampleFrame, WireError, decode_samples
+from imuscope.server.integrations.viewer_process import HEAD, SAMPLES, TEXT
+from imuscope.server.wire_codec import SampleFrame, WireError, decode_samples
 
 
 class ViewerClient:

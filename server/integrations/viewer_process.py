@@ -29,10 +29,10 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from server import wire
-from server.streaming.clients import UNWATCHED_S, ClientFanout
-from server.streaming.send_queue import SendQueue
-from server.workers import Worker
+from imuscope.server import wire
+from imuscope.server.streaming.clients import UNWATCHED_S, ClientFanout
+from imuscope.server.streaming.send_queue import SendQueue
+from imuscope.server.workers import Worker
 
 HEAD = struct.Struct("<IB")
 TEXT, SAMPLES, OURS = 0, 1, 2

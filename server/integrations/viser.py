@@ -24,15 +24,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from server.errors import DomainError
-from server.integrations.playout_buffer import MESSAGES_PER_S
-from server.integrations.proxy import ViewError
-from server.integrations.replay_sync import ReplayFollower
-from server.integrations.shared_secret import SecretEndpoint, new_secret
-from server.integrations.viewer_process import ViewerProcess
-from server.streaming.telemetry import Telemetry
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations.playout_buffer import MESSAGES_PER_S
+from imuscope.server.integrations.proxy import ViewError
+from imuscope.server.integrations.replay_sync import ReplayFollower
+from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
+from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "server.integrations.viser_worker"
+MODULE = "imuscope.server.integrations.viser_worker"
 START_S = 60.0
 MAX_STARTS, STARTS_WITHIN_S = 5, 60.0
 MAX_SCENES = 16

@@ -1,4 +1,4 @@
-"""`python -m server.integrations.viser_worker`: the process of viser, started by server/integrations/viser.py.
+"""`python -m imuscope.server.integrations.viser_worker`: the process of viser, started by server/integrations/viser.py.
 
     input:   {"op": "open", "key": "", "title": …,  open a scene: "" of all devices, else of the one with this id;
               "secret": …}                          required from clients (server/integrations/shared_secret.py)
@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from server.integrations.poses import TRACK_S, DeviceView, device_views
-from server.integrations.scene import Scene
-from server.integrations.viewer_client import ViewerClient
-from server.wire_codec import SampleFrame
+from imuscope.server.integrations.poses import TRACK_S, DeviceView, device_views
+from imuscope.server.integrations.scene import Scene
+from imuscope.server.integrations.viewer_client import ViewerClient
+from imuscope.server.wire_codec import SampleFrame
 
 SHOWN_PER_S = 60.0
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from server.wire import ChannelInfo, DeviceInfo, EventInfo
+from imuscope.server.wire import ChannelInfo, DeviceInfo, EventInfo
 
 
 @dataclass(slots=True)

@@ -23,12 +23,12 @@ from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 
-from recordings.library import Library, LibraryEntry
-from recordings.mcap_writer import RecordingError
-from server.library.api_models import MarkerInfo, RecordedDevice, RecordingInfo
-from server.library.column_cache import ColumnCache
-from server.streaming.bus import TelemetryBus
-from server.streaming.clients import ClientFanout
+from imuscope.recordings.library import Library, LibraryEntry
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.library.api_models import MarkerInfo, RecordedDevice, RecordingInfo
+from imuscope.server.library.column_cache import ColumnCache
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.clients import ClientFanout
 
 log = logging.getLogger("imuscope.library")
 

@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.events import Batch
-from protocols.schema import Message
-from recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
-from recordings.euler import euler_columns
-from recordings.health_history import HealthHistoryWriter
-from recordings.payloads import BYTES, SHAPE, PayloadsWriter
-from server import wire
-from server.streaming.channels import ChannelRows, clock_alone
-from server.streaming.sink import Dated
-from server.streaming.unknown_payloads import Payloads, described
+from imuscope.protocols.events import Batch
+from imuscope.protocols.schema import Message
+from imuscope.recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
+from imuscope.recordings.euler import euler_columns
+from imuscope.recordings.health_history import HealthHistoryWriter
+from imuscope.recordings.payloads import BYTES, SHAPE, PayloadsWriter
+from imuscope.server import wire
+from imuscope.server.streaming.channels import ChannelRows, clock_alone
+from imuscope.server.streaming.sink import Dated
+from imuscope.server.streaming.unknown_payloads import Payloads, described
 
 MAX_EVENTS = 20_000  # of each device; beyond that only errors of the link are stored
 MAX_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not create unlimited files

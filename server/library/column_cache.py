@@ -27,12 +27,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from recordings.column_store import VERSION, ColumnStore
-from recordings.mcap_writer import RecordingError
-from server.devices.decode_options import DecodeOptions
-from server.library.sources import decoding_mark
-from server.library.store_source import is_stale
-from server.workers import Worker
+from imuscope.recordings.column_store import VERSION, ColumnStore
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.library.sources import decoding_mark
+from imuscope.server.library.store_source import is_stale
+from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.columns")
 
@@ -44,7 +44,7 @@ ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
 SPARE_S = 120.0  # lifetime of a process started in advance
 FAILED_FOR_S = 5.0  # an error is returned again for this long before another attempt
 CACHE = "cache"
-OPENER = "server.decode_worker"
+OPENER = "imuscope.server.decode_worker"
 
 
 @dataclass(slots=True)

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
-from recordings import compaction, file_lock
-from recordings.mcap_writer import SUFFIX
-from server.workers import Worker
+from imuscope.recordings import compaction, file_lock
+from imuscope.recordings.mcap_writer import SUFFIX
+from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.packer")
 BATCH = 32  # recordings for one process
@@ -78,7 +78,7 @@ class CompactionWorker:
 
     async def _pack(self, paths: list[Path]) -> None:
         """Compact recordings; each leaves the queue when it is reported, as the process may end early."""
-        worker = await Worker.start("recordings.compaction", *map(str, paths))
+        worker = await Worker.start("imuscope.recordings.compaction", *map(str, paths))
         try:
             async for result in worker:
                 path = Path(result["path"])

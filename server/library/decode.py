@@ -28,25 +28,25 @@ from typing import Any, get_args
 
 import numpy as np
 
-from protocols.events import Doubts, Remarks
-from recordings.capture_timing import BLIND_RATE
-from recordings.column_store import ColumnStore, ColumnStoreWriter
-from recordings.health_history import HealthHistoryWriter
-from recordings.importers import CaptureSource
-from recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
-from recordings.message_source import MessageSource
-from recordings.sources import ChunkBlock, McapSource, Source
-from recordings.tabular import TableSource
-from server import previous_names, wire, wire_codec
-from server.devices.decode_options import DecodeOptions, recorded
-from server.devices.device_demux import LinkDecoder, LinkDevices
-from server.devices.device_state import DeviceState, short_source
-from server.devices.ingest import LinkTiming
-from server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
-from server.devices.stream_diagnostics import doubt_text
-from server.library.collector import RecordingSink
-from server.library.decode_tables import decode_tables
-from server.links.registry import link_kind
+from imuscope.protocols.events import Doubts, Remarks
+from imuscope.recordings.capture_timing import BLIND_RATE
+from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter
+from imuscope.recordings.health_history import HealthHistoryWriter
+from imuscope.recordings.importers import CaptureSource
+from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
+from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.sources import ChunkBlock, McapSource, Source
+from imuscope.recordings.tabular import TableSource
+from imuscope.server import previous_names, wire, wire_codec
+from imuscope.server.devices.decode_options import DecodeOptions, recorded
+from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device_state import DeviceState, short_source
+from imuscope.server.devices.ingest import LinkTiming
+from imuscope.server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
+from imuscope.server.devices.stream_diagnostics import doubt_text
+from imuscope.server.library.collector import RecordingSink
+from imuscope.server.library.decode_tables import decode_tables
+from imuscope.server.links.registry import link_kind
 
 DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this size
 DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval
@@ -216,7 +216,7 @@ class _Device:
     def _report_refusals(self) -> None:
         """Report frames that another option would accept, so that missing data is explained."""
         own = self.devices.own
-        from protocols.registry import remedies  # imported on first use, because it loads compiled code
+        from imuscope.protocols.registry import remedies  # imported on first use, because it loads compiled code
 
         for reason, one in remedies().items():
             if count := own.stats.rejects_by.get(reason, 0):

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from recordings.mcap_writer import RecordingError
-from recordings.tabular import DEVICE, TableRows, TableSource, grouped
-from server import wire, wire_codec
+from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.tabular import DEVICE, TableRows, TableSource, grouped
+from imuscope.server import wire, wire_codec
 
 if TYPE_CHECKING:
-    from server.library.decode import ProgressPublisher
+    from imuscope.server.library.decode import ProgressPublisher
 
 AXES = ("x", "y", "z", "w")
 

@@ -22,16 +22,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from recordings.exporters import FORMATS
-from recordings.mcap_writer import RecordingError
-from server import wire
-from server.errors import DomainError
-from server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
-from server.library.catalogue import Catalogue
-from server.library.column_cache import ColumnCache
-from server.library.one_file import one_file
-from server.streaming.bus import TelemetryBus
-from server.workers import Worker
+from imuscope.recordings.exporters import FORMATS
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server import wire
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
+from imuscope.server.library.catalogue import Catalogue
+from imuscope.server.library.column_cache import ColumnCache
+from imuscope.server.library.one_file import one_file
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.exports")
 
@@ -106,7 +106,7 @@ class ExportJobs:
             )
         stem, suffix = file_stem(info.title, request.t0, request.t1), FORMATS[request.format].suffix
         work = ExportWork(
-            request.format, _words(request), "server.library.export_worker", asdict(request), stem, suffix
+            request.format, _words(request), "imuscope.server.library.export_worker", asdict(request), stem, suffix
         )
         return self.add_work(recording, work)
 
@@ -160,7 +160,7 @@ class ExportJobs:
                 "title": recording,
                 "folder": str(self._folder),
             }
-            worker = await Worker.start("server.library.export_sizes")
+            worker = await Worker.start("imuscope.server.library.export_sizes")
             try:
                 worker.request({**inputs, **asdict(request)})
                 answers = [answer async for answer in worker]

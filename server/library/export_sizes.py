@@ -1,4 +1,4 @@
-"""`python -m server.library.export_sizes`: estimate sizes of exports by writing a sample of each.
+"""`python -m imuscope.server.library.export_sizes`: estimate sizes of exports by writing a sample of each.
 
 Compression depends on the data: columns of a sensor at rest shrink to a tenth of those of a drive. So a range from the
 middle and one twice as long are written exactly like an export, including the zip; their difference is the cost of
@@ -22,13 +22,13 @@ from pathlib import Path
 
 import numpy as np
 
-from recordings.bounds import TooLong, bounded
-from recordings.exporters import FORMATS, ExportRequest, export
-from recordings.mcap_writer import RecordingError
-from recordings.parent_death import die_with_parent
-from recordings.priority import lower_priority
-from server.library.export_worker import request_of
-from server.library.one_file import one_file
+from imuscope.recordings.bounds import TooLong, bounded
+from imuscope.recordings.exporters import FORMATS, ExportRequest, export
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.priority import lower_priority
+from imuscope.server.library.export_worker import request_of
+from imuscope.server.library.one_file import one_file
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)
 WHOLE = 12_000  # rows of channels up to which everything is written

@@ -1,4 +1,4 @@
-"""`python -m server.library.export_worker`: write one export in a subprocess, for export_jobs.py.
+"""`python -m imuscope.server.library.export_worker`: write one export in a subprocess, for export_jobs.py.
 
 The request comes on standard input, one JSON object: format, store, source, title, t0, t1, channels, device, base, out.
 The output are JSON lines: {"progress": 0..1}, then {"files": […]}, or {"message", "hint"} for an error. A process that
@@ -15,13 +15,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from recordings.bounds import TooLong, bounded
-from recordings.column_store import ColumnStore
-from recordings.exporters import ExportRequest, export
-from recordings.exporters.request import ExportStep
-from recordings.mcap_writer import RecordingError
-from recordings.parent_death import die_with_parent
-from recordings.priority import lower_priority
+from imuscope.recordings.bounds import TooLong, bounded
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.exporters import ExportRequest, export
+from imuscope.recordings.exporters.request import ExportStep
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.priority import lower_priority
 
 STEP = 0.005
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from protocols.events import Event, Reply
-from protocols.family import LogHeader
-from protocols.transactions import DeviceRejectedError, NoReplyError
-from server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
-from server.links.base import LinkError
+from imuscope.protocols.events import Event, Reply
+from imuscope.protocols.family import LogHeader
+from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError
+from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
+from imuscope.server.links.base import LinkError
 
 
 class LogHeaderRequest:
@@ -54,7 +54,7 @@ class LogHeaderRequest:
 
     def _header(self) -> LogHeader | None:
         """Header of a log in the vendor's format of this device."""
-        from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+        from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
         family = PROTOCOLS.get(self._controller.session.info.protocol)
         return family.log_header if family is not None else None

@@ -17,18 +17,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from protocols.family import ProtocolInfo
-from protocols.framing import Ints
-from protocols.schema import Message
-from protocols.transactions import DeviceDriver
-from recordings.column_store import Base, ColumnStore
-from recordings.sources import Source
-from server.configuration.api_models import SpanInfo
-from server.devices.byte_memory import ByteRun, LinkMemory
-from server.library.range_query import stored_values
-from server.library.reject_words import explained_rejects
-from server.streaming.channel_store import StoredChannel
-from server.wire_codec import to_json_safe
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.schema import Message
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.sources import Source
+from imuscope.server.configuration.api_models import SpanInfo
+from imuscope.server.devices.byte_memory import ByteRun, LinkMemory
+from imuscope.server.library.range_query import stored_values
+from imuscope.server.library.reject_words import explained_rejects
+from imuscope.server.streaming.channel_store import StoredChannel
+from imuscope.server.wire_codec import to_json_safe
 
 NEAR_BYTES = 1 << 14  # decoded before and after the frame
 ENOUGH_BYTES = 1 << 20  # in a window, so that a longer one has no more neighbours, except at an end of the data

@@ -23,10 +23,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
-from recordings.statistics import norm_statistics, statistics
-from server import wire, wire_codec
-from server.streaming.channel_store import StoredChannel
+from imuscope.recordings.column_store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
+from imuscope.recordings.statistics import norm_statistics, statistics
+from imuscope.server import wire, wire_codec
+from imuscope.server.streaming.channel_store import StoredChannel
 
 Array = NDArray[Any]
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from protocols.schema import Field, Setting
-from protocols.transactions import DeviceContext
-from server.configuration.controllers import driver_of
-from server.configuration.form_builder import flat
-from server.configuration.value_format import (
+from imuscope.protocols.schema import Field, Setting
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.configuration.controllers import driver_of
+from imuscope.server.configuration.form_builder import flat
+from imuscope.server.configuration.value_format import (
     entry_comment,
     entry_title,
     entry_value,
@@ -26,7 +26,7 @@ from server.configuration.value_format import (
     titled,
     words,
 )
-from server.library.api_models import RecordedSetting, RecordedSettings, SettingRow
+from imuscope.server.library.api_models import RecordedSetting, RecordedSettings, SettingRow
 
 OTHERS = "Others"
 _LISTED = 40  # elements of a list that are shown one by one

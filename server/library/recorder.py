@@ -30,24 +30,24 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from recordings import quota
-from recordings.file_names import free_path
-from recordings.mcap_writer import FULL, RecordingError
-from recordings.recording_writer import Limits, RecordingWriter
-from server import wire
-from server.config import Config
-from server.configuration.controllers import ControllerRegistry
-from server.devices.byte_memory import ByteMemory
-from server.devices.device_state import short_source
-from server.devices.session import Session
-from server.devices.sessions import Sessions
-from server.errors import DomainError
-from server.library.api_models import MarkerRequest, SavedMemory
-from server.library.compaction_worker import CompactionWorker
-from server.library.recording_session import ComputedDefinitions, RecordingSession
-from server.library.standing_recording import StandingRecording
-from server.streaming.bus import TelemetryBus
-from server.version import VERSION
+from imuscope.recordings import quota
+from imuscope.recordings.file_names import free_path
+from imuscope.recordings.mcap_writer import FULL, RecordingError
+from imuscope.recordings.recording_writer import Limits, RecordingWriter
+from imuscope.server import wire
+from imuscope.server.config import Config
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.devices.byte_memory import ByteMemory
+from imuscope.server.devices.device_state import short_source
+from imuscope.server.devices.session import Session
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import MarkerRequest, SavedMemory
+from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.library.recording_session import ComputedDefinitions, RecordingSession
+from imuscope.server.library.standing_recording import StandingRecording
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.version import VERSION
 
 log = logging.getLogger("imuscope.recorder")
 

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from protocols.sensor_properties import SensorProperties
-from recordings.column_store import ColumnStore
-from server import wire_codec
-from server.devices.protocol_set import sensors_of
-from server.library.api_models import MarkerInfo, RecordedDevice, RecordingDetail, RecordingInfo
-from server.library.decode import usual_interval
-from server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server import wire_codec
+from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.library.api_models import MarkerInfo, RecordedDevice, RecordingDetail, RecordingInfo
+from imuscope.server.library.decode import usual_interval
+from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
 
 
 def channel_info(manifest: Mapping[str, Any]) -> ChannelInfo:

@@ -25,19 +25,19 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, Protocol
 
-from protocols.messages.family import NAME as MESSAGES
-from recordings.mcap_writer import Direction
-from recordings.recording_writer import RecordingWriter
-from server import wire, wire_codec
-from server.configuration.controllers import ControllerRegistry
-from server.configuration.device_controller import DeviceController
-from server.devices.byte_memory import LATEST_NS, ByteMemory, Follower, Take
-from server.devices.member import address_of
-from server.devices.session import Session
-from server.library.api_models import MarkerRequest
-from server.library.log_header import LogHeaderRequest
-from server.links.base import Chunk
-from server.streaming.bus import TelemetryBus
+from imuscope.protocols.messages.family import NAME as MESSAGES
+from imuscope.recordings.mcap_writer import Direction
+from imuscope.recordings.recording_writer import RecordingWriter
+from imuscope.server import wire, wire_codec
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.devices.byte_memory import LATEST_NS, ByteMemory, Follower, Take
+from imuscope.server.devices.member import address_of
+from imuscope.server.devices.session import Session
+from imuscope.server.library.api_models import MarkerRequest
+from imuscope.server.library.log_header import LogHeaderRequest
+from imuscope.server.links.base import Chunk
+from imuscope.server.streaming.bus import TelemetryBus
 
 Piece = list[tuple[bytes, int]]
 WAYS: tuple[Direction, ...] = ("rx", "tx")

@@ -14,11 +14,10 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from protocols.plugins import protocol_plugins
+from imuscope.protocols.plugins import protocol_plugins
 
-ROOT = Path(__file__).parents[2]
-HOUSES = ("protocols", "recordings", "server")
-BEGIN = "server.decode_worker"
+PACKAGE = Path(__file__).absolute().parents[2]
+BEGIN = "imuscope.server.decode_worker"
 DATA = (".txt", ".json")
 _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n]+)|import ([\w., ]+))", re.MULTILINE)
 
@@ -27,9 +26,9 @@ _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n]+)|import 
 def decoding_mark() -> str:
     """Hash of the state of all these sources."""
     digest = hashlib.sha256()
-    data = (path for path in (ROOT / "protocols").rglob("*") if path.suffix in DATA)
+    data = (path for path in (PACKAGE / "protocols").rglob("*") if path.suffix in DATA)
     for path in (*decoding_sources(), *sorted(data)):
-        digest.update(str(path.relative_to(ROOT)).encode())
+        digest.update(str(path.relative_to(PACKAGE)).encode())
         digest.update(path.read_bytes())
     for path in _sources_of_others():
         digest.update(path.read_bytes())
@@ -66,14 +65,15 @@ def decoding_sources() -> list[Path]:
 
 def is_simulator(module: str) -> bool:
     """Whether a module is part of a simulated device."""
-    house, *inside = module.split(".")
-    return house == "protocols" and "simulator" in inside
+    package, house, *inside = [*module.split("."), ""]
+    return (package, house) == (PACKAGE.name, "protocols") and "simulator" in inside
 
 
 def _path(module: str) -> Path | None:
-    if module.partition(".")[0] not in HOUSES:
+    package, *inside = module.split(".")
+    if package != PACKAGE.name:
         return None
-    place = ROOT.joinpath(*module.split("."))
+    place = PACKAGE.joinpath(*inside)
     return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
 
 

@@ -19,10 +19,10 @@ import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from recordings.mcap_writer import RecordingError
-from server import wire
-from server.backoff import Backoff
-from server.errors import DomainError
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server import wire
+from imuscope.server.backoff import Backoff
+from imuscope.server.errors import DomainError
 
 log = logging.getLogger("imuscope.recorder")
 

@@ -1,5 +1,5 @@
-"""Links: sources of bytes. The guarantees of a link are in `server.links.base`, the grammar of sources in
-`server.links.source_url`, the registry of kinds in `server.links.registry`.
+"""Links: sources of bytes. The guarantees of a link are in `imuscope.server.links.base`, the grammar of sources in
+`imuscope.server.links.source_url`, the registry of kinds in `imuscope.server.links.registry`.
 
     link = open_link("serial:///dev/ttyUSB0?baud=921600", LinkSettings(now_ns=steady_clock()))
     await link.open(progress=print)
@@ -10,10 +10,10 @@
 
 from __future__ import annotations
 
-from server.links.base import Attempt, Chunk, Link, LinkError, LinkSettings, Progress, steady_clock
-from server.links.registry import link_kind
-from server.links.replay import split_devices
-from server.links.source_url import SourceUrl
+from imuscope.server.links.base import Attempt, Chunk, Link, LinkError, LinkSettings, Progress, steady_clock
+from imuscope.server.links.registry import link_kind
+from imuscope.server.links.replay import split_devices
+from imuscope.server.links.source_url import SourceUrl
 
 __all__ = [
     "Attempt",

@@ -38,9 +38,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from server.errors import DomainError
-from server.listeners import CallbackList
-from server.wire import Attempt
+from imuscope.server.errors import DomainError
+from imuscope.server.listeners import CallbackList
+from imuscope.server.wire import Attempt
 
 __all__ = ["Attempt", "Chunk", "ErrorKind", "Link", "LinkError", "LinkSettings", "Progress", "steady_clock"]
 

@@ -25,10 +25,10 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from server.links.base import Attempt, LinkError, Progress, ScanWindows
-from server.links.detection_text import DetectionResult, describe_bytes
-from server.links.reader_thread import hung_up
-from server.links.text import grouped
+from imuscope.server.links.base import Attempt, LinkError, Progress, ScanWindows
+from imuscope.server.links.detection_text import DetectionResult, describe_bytes
+from imuscope.server.links.reader_thread import hung_up
+from imuscope.server.links.text import grouped
 
 # Tried after the factory rates: rates that users choose for kHz streams, then rates of old and small devices.
 OTHER_RATES = (
@@ -41,7 +41,7 @@ POLL_S = 0.02
 
 def likely_rates() -> tuple[int, ...]:
     """Rates to listen at, most likely first: factory rates of the families, then others."""
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     delivered = (baud for family in PROTOCOLS.values() for baud in family.bauds)
     return tuple(dict.fromkeys((*delivered, *OTHER_RATES)))

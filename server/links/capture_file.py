@@ -15,12 +15,19 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from protocols.events import Decoder
-from recordings.capture_timing import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, CaptureTiming, TimedBytes, play
-from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
-from server.links.detection_text import describe_bytes
-from server.links.reader_thread import ChunkQueue, closed
-from server.links.text import progress_line
+from imuscope.protocols.events import Decoder
+from imuscope.recordings.capture_timing import (
+    BLIND_RATE,
+    BLOCK_BYTES,
+    LONGEST_PAUSE_NS,
+    CaptureTiming,
+    TimedBytes,
+    play,
+)
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.detection_text import describe_bytes
+from imuscope.server.links.reader_thread import ChunkQueue, closed
+from imuscope.server.links.text import progress_line
 
 FULL_BYTES = 1 << 20  # queued bytes at which playing waits, because the session is too slow
 EXAMINED_BYTES = 1 << 18
@@ -97,8 +104,8 @@ class FileLink(Link):
 
     def _examine(self) -> None:
         """Add a notice if the file contains frames of another protocol, which playback may not show."""
-        from protocols.mixed_protocols import MixedProtocolDetector
-        from protocols.registry import PROTOCOLS
+        from imuscope.protocols.mixed_protocols import MixedProtocolDetector
+        from imuscope.protocols.registry import PROTOCOLS
 
         mixture = MixedProtocolDetector(self._protocol)
         with contextlib.suppress(OSError), self.path.open("rb") as file:  # playback reports such an error
@@ -133,7 +140,7 @@ class FileLink(Link):
             inbox.fail(LinkError("gone", f"{self.path} cannot be read any more: {error.strerror}.", "Check the disk."))
 
     def _play_once(self, inbox: ChunkQueue, *, restart: bool) -> None:
-        from protocols import registry
+        from imuscope.protocols import registry
 
         decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
         with self.path.open("rb") as file:

@@ -1,6 +1,6 @@
 """Description of received bytes as one short line.
 
-`protocols.registry.detect` ranks every protocol by the frames it finds; the result is described here as
+`imuscope.protocols.registry.detect` ranks every protocol by the frames it finds; the result is described here as
 "812 B, 11 Xbus frames (MTData2)", "2 304 B, no frame in them" or "0 B".
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from server.links.text import grouped
+from imuscope.server.links.text import grouped
 
 # A checksum matches by chance about once in 10^7 bytes of noise, so a third of the bytes in frames is certain. The
 # limit is not higher because text (NMEA) counts half, and the first and last received frames may be incomplete.
@@ -22,7 +22,7 @@ class DetectionResult:
 
     Attributes:
         size: bytes.
-        protocol: name of the most likely protocol in `protocols.registry`, "" for none.
+        protocol: name of the most likely protocol in `imuscope.protocols.registry`, "" for none.
         score: its likelihood, 0..1.
         reason: its explanation: "11 Xbus frames (MTData2) in 798 of 812 B".
         note: text used instead if listening was not possible.
@@ -55,7 +55,7 @@ def describe_bytes(data: bytes) -> DetectionResult:
     """Detect the protocol of `data`; never raises."""
     if not data:
         return DetectionResult()
-    from protocols.registry import detect  # imported on first use, because it compiles or loads the decoders
+    from imuscope.protocols.registry import detect  # imported on first use, because it compiles or loads the decoders
 
     best = detect(data)[0]
     return DetectionResult(len(data), best.protocol, best.score, best.reason)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from server.links.base import Link, LinkSettings
-from server.links.capture_file import SPEEDS, FileLink
-from server.links.pipe import PipeLink, is_pipe
-from server.links.registry import LinkDefinition, register_link
-from server.links.replay import OPTIONS, ReplayLink, is_recording
-from server.links.source_url import SourceUrl
+from imuscope.server.links.base import Link, LinkSettings
+from imuscope.server.links.capture_file import SPEEDS, FileLink
+from imuscope.server.links.pipe import PipeLink, is_pipe
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.replay import OPTIONS, ReplayLink, is_recording
+from imuscope.server.links.source_url import SourceUrl
 
 
 def _open(source: str, settings: LinkSettings, parsed: SourceUrl) -> Link:

@@ -32,10 +32,10 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from protocols.messages.decoder import reader_of
-from protocols.messages.records import MessageChannel
-from server.links.base import Link, LinkError, LinkSettings, Progress
-from server.links.message_link import (
+from imuscope.protocols.messages.decoder import reader_of
+from imuscope.protocols.messages.records import MessageChannel
+from imuscope.server.links.base import Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.message_link import (
     NO_NUMBERS,
     MessageLink,
     SeenTopic,
@@ -44,9 +44,9 @@ from server.links.message_link import (
     nameless,
     other_type,
 )
-from server.links.registry import LinkDefinition, register_link
-from server.links.source_url import SourceUrl
-from server.links.text import is_ours, progress_line
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.text import is_ours, progress_line
 
 if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection

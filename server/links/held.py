@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from server.holder.messages import (
+from imuscope.server.holder.messages import (
     CLIENT,
     STAMP,
     VERSION,
@@ -32,16 +32,16 @@ from server.holder.messages import (
     json_message,
     message,
 )
-from server.holder.places import cause_of_end, log_of, socket_of
-from server.holder.settings import HolderSettings
-from server.holder.shares import ShareAddress
-from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
-from server.links.serial import PARITIES, SerialLink, cannot_open, latency_notices
-from server.links.tcp import TcpLink
-from server.listeners import CallbackList
+from imuscope.server.holder.places import cause_of_end, log_of, socket_of
+from imuscope.server.holder.settings import HolderSettings
+from imuscope.server.holder.shares import ShareAddress
+from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
+from imuscope.server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
+from imuscope.server.links.serial import PARITIES, SerialLink, cannot_open, latency_notices
+from imuscope.server.links.tcp import TcpLink
+from imuscope.server.listeners import CallbackList
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).absolute().parents[3]  # holds imuscope/
 START_S = 5.0  # until a holder that was started answers
 SILENT_S = 8.0  # more than it is busy with opening a port, for which it waits at most 5 s
 ATTEMPTS, ATTEMPT_S = 10, 0.05
@@ -450,7 +450,7 @@ def _run_holder(settings: HolderSettings) -> None:
     """
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "server.holder", settings.to_text()],
+            [sys.executable, "-m", "imuscope.server.holder", settings.to_text()],
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
             capture_output=True,

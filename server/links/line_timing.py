@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from server.links.base import Link
+from imuscope.server.links.base import Link
 
 BUS_NS = 1e6  # frame of the bus: longest delay of a full-speed adapter without a timer
 

@@ -15,12 +15,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from protocols.messages.family import NAME
-from protocols.messages.records import COUNTED, LONGEST, MessageChannel, definition, message_record
-from server.links.base import Chunk, LinkError, LinkSettings
-from server.links.reader_thread import ChunkQueue, ThreadedLink
-from server.links.source_url import SourceUrl, bad
-from server.links.text import place_of
+from imuscope.protocols.messages.family import NAME
+from imuscope.protocols.messages.records import COUNTED, LONGEST, MessageChannel, definition, message_record
+from imuscope.server.links.base import Chunk, LinkError, LinkSettings
+from imuscope.server.links.reader_thread import ChunkQueue, ThreadedLink
+from imuscope.server.links.source_url import SourceUrl, bad
+from imuscope.server.links.text import place_of
 
 DESCRIBE_NS = 2_000_000_000
 MOST_CHANNELS = 1024

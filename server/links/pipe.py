@@ -19,14 +19,14 @@ import time
 from collections.abc import Callable
 from typing import BinaryIO, cast
 
-from protocols.events import Decoder
-from recordings.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
-from recordings.mcap_reader import MAGIC
-from server.links.base import Chunk, LinkError, Progress
-from server.links.capture_file import FULL_BYTES, FileLink
-from server.links.detection_text import describe_bytes
-from server.links.reader_thread import ChunkQueue
-from server.links.text import progress_line
+from imuscope.protocols.events import Decoder
+from imuscope.recordings.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
+from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.server.links.base import Chunk, LinkError, Progress
+from imuscope.server.links.capture_file import FULL_BYTES, FileLink
+from imuscope.server.links.detection_text import describe_bytes
+from imuscope.server.links.reader_thread import ChunkQueue
+from imuscope.server.links.text import progress_line
 
 STDIN = "/dev/stdin"
 HEAD_BYTES, HEAD_S = 1024, 0.4  # bytes for protocol detection; longest wait for them after the first byte
@@ -126,7 +126,7 @@ class PipeLink(FileLink):
 
     def _play(self, pipe: _Pipe, inbox: ChunkQueue) -> None:
         """Queue the received bytes, at once or when they are due."""
-        from protocols import registry
+        from imuscope.protocols import registry
 
         decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
         reader = _PipeReader(pipe, lambda data: self._give(inbox, data))

@@ -2,7 +2,7 @@
 
 `list_ports` opens nothing: it returns the operating system's list, described by USB maker and product, with the reason
 if a port cannot be opened (in use, no permission). `scan` also listens: it opens each free port at one rate after
-another and reports the received data, as `server.links.baud_scan` describes it. A port in use by a session or by
+another and reports the received data, as baud_scan.py describes it. A port in use by a session or by
 another program is not opened.
 """
 
@@ -20,10 +20,10 @@ from typing import TextIO
 from serial import SerialException
 from serial.tools import list_ports as system_ports
 
-from server.links.base import Attempt, LinkError, ScanWindows
-from server.links.baud_scan import scan as scan_rates
-from server.links.serial import SerialSettings, gone, holder, lock_of, open_port
-from server.printable import printable
+from imuscope.server.links.base import Attempt, LinkError, ScanWindows
+from imuscope.server.links.baud_scan import scan as scan_rates
+from imuscope.server.links.serial import SerialSettings, gone, holder, lock_of, open_port
+from imuscope.server.printable import printable
 
 # USB vendor → maker of adapters and boards; sensor makers are in their families. Source: USB Implementers Forum.
 MAKERS = {
@@ -102,7 +102,7 @@ def _info(device: str, description: str, taken: Collection[str]) -> PortInfo:
 
 def _describe(port: object) -> str:
     """Description of a port, as far as USB provides one: the product if it is known, else maker and product text."""
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     vendor, product = getattr(port, "vid", None), getattr(port, "pid", None)
     if vendor is None:

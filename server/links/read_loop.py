@@ -24,9 +24,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from protocols.events import Array
-from protocols.jit import INT, INTS, LibraryFunction, array, compiled
-from server.links.base import Chunk
+from imuscope.protocols.events import Array
+from imuscope.protocols.jit import INT, INTS, LibraryFunction, array, compiled
+from imuscope.server.links.base import Chunk
 
 BUFFER_BYTES = 1 << 16
 ROOM_BYTES = 1 << 12  # a tty returns at most so much at once

@@ -29,8 +29,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from server.links.base import CHUNK_COST, MAX_HELD, Chunk, Link, LinkError
-from server.links.read_loop import ReadLoop
+from imuscope.server.links.base import CHUNK_COST, MAX_HELD, Chunk, Link, LinkError
+from imuscope.server.links.read_loop import ReadLoop
 
 log = logging.getLogger(__name__)
 

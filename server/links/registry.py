@@ -14,11 +14,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from protocols.plugins import import_plugins
-from server.links.base import Link, LinkSettings
+from imuscope.protocols.plugins import import_plugins
+from imuscope.server.links.base import Link, LinkSettings
 
 if TYPE_CHECKING:
-    from server.links.source_url import SourceUrl
+    from imuscope.server.links.source_url import SourceUrl
 
 GROUP = "imuscope.links"
 Examples = Iterable[tuple[str, str]]

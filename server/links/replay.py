@@ -18,19 +18,19 @@ import threading
 from pathlib import Path
 from urllib.parse import quote
 
-from protocols.messages.family import NAME as MESSAGES
-from recordings.importers import open_file
-from recordings.mcap_reader import MAGIC
-from recordings.mcap_writer import RecordingError
-from recordings.message_source import MessageSource
-from recordings.replay import ReplayClock, extent
-from recordings.sources import McapSource
-from recordings.sources import Source as File
-from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
-from server.links.reader_thread import ChunkQueue
-from server.links.source_url import SourceUrl, bad
-from server.links.text import progress_line
+from imuscope.protocols.messages.family import NAME as MESSAGES
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.replay import ReplayClock, extent
+from imuscope.recordings.sources import McapSource
+from imuscope.recordings.sources import Source as File
+from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
+from imuscope.server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
+from imuscope.server.links.reader_thread import ChunkQueue
+from imuscope.server.links.source_url import SourceUrl, bad
+from imuscope.server.links.text import progress_line
 
 TOGETHER_NS = 1_000_000_000  # links of one file opened within this time start together
 LONGEST_S = 1e7

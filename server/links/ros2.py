@@ -22,14 +22,14 @@ import contextlib
 import threading
 from typing import TYPE_CHECKING, Any
 
-from server.links.base import Link, LinkError, LinkSettings, Progress
-from server.links.message_link import MessageLink, SeenTopic, TopicSource, listed, missing_topic, other_type
-from server.links.registry import LinkDefinition, register_link
-from server.links.source_url import SourceUrl, bad
-from server.links.text import progress_line
-from server.ros2.attachment import Attachment, AttachmentError, gid_of
-from server.ros2.domain import usual_domain
-from server.ros2.key_expressions import (
+from imuscope.server.links.base import Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.message_link import MessageLink, SeenTopic, TopicSource, listed, missing_topic, other_type
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.source_url import SourceUrl, bad
+from imuscope.server.links.text import progress_line
+from imuscope.server.ros2.attachment import Attachment, AttachmentError, gid_of
+from imuscope.server.ros2.domain import usual_domain
+from imuscope.server.ros2.key_expressions import (
     ANY_HASH,
     MAX_DOMAIN,
     KeyExpressionError,
@@ -42,8 +42,8 @@ from server.ros2.key_expressions import (
     parse_topic_key,
     topic_key,
 )
-from server.ros2.session import ZenohSessionError, open_session
-from server.ros2.type_support import TypeSupportError, definition, is_known, type_hash
+from imuscope.server.ros2.session import ZenohSessionError, open_session
+from imuscope.server.ros2.type_support import TypeSupportError, definition, is_known, type_hash
 
 if TYPE_CHECKING:
     import zenoh

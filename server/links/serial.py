@@ -1,7 +1,7 @@
 """Serial port link.
 
 pyserial only opens and configures the port: its own read costs twice the processor time of `os.read` in a waiting
-thread (`server.links.reader_thread`), and its exceptions hide the cause.
+thread (`imuscope.server.links.reader_thread`), and its exceptions hide the cause.
 
     baud, bits, parity, stop ──> capacity = baud / (1 start + bits + parity + stop)   bytes/s
 
@@ -33,14 +33,21 @@ from typing import Any
 
 import serial
 
-from server.holder.port import may_be_terminal
-from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
-from server.links.baud_scan import find_baud
-from server.links.reader_thread import DISCONNECTED_ERRNOS, READ_BYTES, ThreadedLink, closed, hung_up, write_all
-from server.links.registry import LinkDefinition, register_link
-from server.links.source_url import SourceUrl
-from server.links.usb_adapters import adapter_at, moved, port_now
-from server.processes import OWN, programs_with, way_on
+from imuscope.server.holder.port import may_be_terminal
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.baud_scan import find_baud
+from imuscope.server.links.reader_thread import (
+    DISCONNECTED_ERRNOS,
+    READ_BYTES,
+    ThreadedLink,
+    closed,
+    hung_up,
+    write_all,
+)
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
+from imuscope.server.processes import OWN, programs_with, way_on
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")

@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
-from server.links.base import LinkError
-from server.links.ftdi_packets import PACKET
-from server.links.simulated_line import LineFaults
-from server.links.source_url import SourceUrl, bad
+from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.ftdi_packets import PACKET
+from imuscope.server.links.simulated_line import LineFaults
+from imuscope.server.links.source_url import SourceUrl, bad
 
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
@@ -27,7 +27,7 @@ OPTIONS = (
 
 def simulators() -> Mapping[str, SimulatorInfo]:
     """Available simulated devices, by protocol."""
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     return {name: family.simulator for name, family in PROTOCOLS.items() if family.simulator is not None}
 
@@ -146,7 +146,7 @@ def make_device(
     Args:
         decode_options: of the source, as text: a device that encrypts has its key from them, else a random one.
     """
-    from protocols.registry import PROTOCOLS
+    from imuscope.protocols.registry import PROTOCOLS
 
     family = simulators()[options.protocol]
     products = family.products()

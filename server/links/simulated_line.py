@@ -14,8 +14,8 @@ import random
 from collections import deque
 from dataclasses import dataclass
 
-from server.links.baud_mismatch import misread_at
-from server.links.ftdi_packets import PACKET, FtdiPacketizer
+from imuscope.server.links.baud_mismatch import misread_at
+from imuscope.server.links.ftdi_packets import PACKET, FtdiPacketizer
 
 WORN = 0.77  # edges so late that every byte is read as at another rate
 FULL_NS = 500_000_000  # a device drops frames if its line is this far behind, like a full output buffer
@@ -130,7 +130,7 @@ def frames_of(data: bytes, protocol: str) -> tuple[list[bytes], bytes]:
     Returns:
         The pieces (whole frames, and bytes between them), and the incomplete frame at the end.
     """
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     simulator = PROTOCOLS[protocol].simulator
     assert simulator is not None

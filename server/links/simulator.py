@@ -51,15 +51,15 @@ import time
 import tty
 from collections.abc import Callable
 
-from protocols.plugins import protocol_names
-from protocols.simulator.family import SimulatedDevice
-from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
-from server.links.reader_thread import closed
-from server.links.registry import LinkDefinition, register_link
-from server.links.serial import SerialLink, SerialSettings
-from server.links.simulated_device import SimulatorOptions, make_device, members_of, power_cycled, simulators
-from server.links.simulated_line import LineFaults, SimulatedLine
-from server.links.source_url import SourceUrl
+from imuscope.protocols.plugins import protocol_names
+from imuscope.protocols.simulator.family import SimulatedDevice
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.reader_thread import closed
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.serial import SerialLink, SerialSettings
+from imuscope.server.links.simulated_device import SimulatorOptions, make_device, members_of, power_cycled, simulators
+from imuscope.server.links.simulated_line import LineFaults, SimulatedLine
+from imuscope.server.links.source_url import SourceUrl
 
 log = logging.getLogger(__name__)
 

@@ -26,10 +26,10 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from urllib.parse import parse_qsl, unquote
 
-from server import previous_names
-from server.links.base import LinkError
-from server.links.registry import link_schemes, source_forms
-from server.links.text import grouped
+from imuscope.server import previous_names
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.registry import link_schemes, source_forms
+from imuscope.server.links.text import grouped
 
 _SCHEME = re.compile(r"^([a-zA-Z][a-zA-Z0-9+.-]+):(?://)?(.*)$", re.DOTALL)
 _WINDOWS_PORT = re.compile(r"^COM\d+$")
@@ -57,7 +57,7 @@ def is_host(name: str) -> bool:
 
 def _decode_options() -> str:
     """The options that any source can contain (server/devices/decode_options.py)."""
-    from protocols.registry import url_options  # imported on first use, because it takes a moment
+    from imuscope.protocols.registry import url_options  # imported on first use, because it takes a moment
 
     *first, last = url_options()
     return f"{', '.join(first)} and {last}" if first else last

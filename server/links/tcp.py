@@ -19,11 +19,11 @@ import contextlib
 import errno
 import socket
 
-from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
-from server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
-from server.links.registry import LinkDefinition, register_link
-from server.links.source_url import SourceUrl
-from server.links.text import heading, listen_error, place_of, progress_line
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.text import heading, listen_error, place_of, progress_line
 
 KEEP_IDLE_S, KEEP_EVERY_S, KEEP_COUNT = 2, 1, 3
 SILENT_NS = 1_000_000_000

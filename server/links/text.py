@@ -9,7 +9,7 @@ import os
 import time
 from pathlib import Path
 
-from server.links.base import Attempt, LinkError, Progress
+from imuscope.server.links.base import Attempt, LinkError, Progress
 
 
 def grouped(number: float) -> str:

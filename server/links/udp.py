@@ -13,11 +13,11 @@ import contextlib
 import socket
 import struct
 
-from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
-from server.links.reader_thread import ThreadedLink
-from server.links.registry import LinkDefinition, register_link
-from server.links.source_url import SourceUrl
-from server.links.text import heading, listen_error, place_of, progress_line
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.reader_thread import ThreadedLink
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.text import heading, listen_error, place_of, progress_line
 
 BUFFER_BYTES = 4 << 20
 MAX_DATAGRAM = 65_535

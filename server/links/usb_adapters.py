@@ -15,7 +15,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from server.links.base import LinkError
+from imuscope.server.links.base import LinkError
 
 BY_ID = Path("/dev/serial/by-id")
 

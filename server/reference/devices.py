@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from protocols.registry import PROTOCOLS, log_formats
-from server.reference.blocks import Block, Heading, Items, Paragraph, TableBlock
+from imuscope.protocols.registry import PROTOCOLS, log_formats
+from imuscope.server.reference.blocks import Block, Heading, Items, Paragraph, TableBlock
 
 INTRODUCTION = (
     "Every device below is detected automatically, on serial ports, TCP and UDP and in files. All of them can be "

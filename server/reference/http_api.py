@@ -7,8 +7,8 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from server.reference import typescript
-from server.reference.blocks import Block, Code, Heading, Items, Paragraph, TableBlock, anchor, parse
+from imuscope.server.reference import typescript
+from imuscope.server.reference.blocks import Block, Code, Heading, Items, Paragraph, TableBlock, anchor, parse
 
 Schema = Mapping[str, Any]
 METHODS = ("get", "put", "post", "patch", "delete")

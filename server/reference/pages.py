@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from server.reference.blocks import Block, Heading, Items, Paragraph, to_html
-from server.reference.devices import devices
-from server.reference.http_api import http_api
-from server.reference.websocket import websocket
+from imuscope.server.reference.blocks import Block, Heading, Items, Paragraph, to_html
+from imuscope.server.reference.devices import devices
+from imuscope.server.reference.http_api import http_api
+from imuscope.server.reference.websocket import websocket
 
 OpenApi = Callable[[], Mapping[str, Any]]
 

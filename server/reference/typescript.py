@@ -16,8 +16,8 @@ are copied to the TypeScript. It converts
 The binary header becomes constants: the offset of each field, the size of each dtype. A type without a rule here is an
 error, not a guess.
 
-    python -m server.generate_ts_types            write the files
-    python -m server.generate_ts_types --check    exit status 1 when one is stale
+    python -m imuscope.server.generate_ts_types            write the files
+    python -m imuscope.server.generate_ts_types --check    exit status 1 when one is stale
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from protocols import editor_choices
-from server import capabilities, wire
-from server.configuration import api_models as forms
-from server.library import api_models as recorded
+from imuscope.protocols import editor_choices
+from imuscope.server import capabilities, wire
+from imuscope.server.configuration import api_models as forms
+from imuscope.server.library import api_models as recorded
 
 PAGE = Path(__file__).resolve().parents[2] / "web" / "src"
-IMPORTED = {"server.wire": "../wire/types", "server.capabilities": "./capability-types"}
+IMPORTED = {"imuscope.server.wire": "../wire/types", "imuscope.server.capabilities": "./capability-types"}
 SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
 
 
@@ -222,8 +222,10 @@ TARGETS = (
 def generate(target: Target) -> str:
     """The whole of one types.ts."""
     source = "\n".join(Path(str(one.__file__)).read_text(encoding="utf-8") for one in (*target.parts, target.module))
-    path = target.module.__name__.replace(".", "/") + ("/" if hasattr(target.module, "__path__") else ".py")
-    origin = f"Generated from {path} by `python -m server.generate_ts_types`; do not edit."
+    path = target.module.__name__.removeprefix("imuscope.").replace(".", "/") + (
+        "/" if hasattr(target.module, "__path__") else ".py"
+    )
+    origin = f"Generated from {path} by `python -m imuscope.server.generate_ts_types`; do not edit."
     made = f"/** Types of {target.about}. {origin} */\n"
     constants = [target.constants] if target.constants else []
     return "\n".join([made, *constants, *_declarations(source, target.roots)])

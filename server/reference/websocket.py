@@ -5,9 +5,9 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator
 
-from server import wire
-from server.reference import typescript
-from server.reference.blocks import Block, Code, Heading, Paragraph, parse
+from imuscope.server import wire
+from imuscope.server.reference import typescript
+from imuscope.server.reference.blocks import Block, Code, Heading, Paragraph, parse
 
 TYPES = "Every text frame is one of `ServerText` or `BrowserText`, written here as TypeScript."
 

@@ -16,8 +16,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.euler import quaternion_columns
-from recordings.rotations import ENU_FROM, READ, Quaternion, product
+from imuscope.recordings.euler import quaternion_columns
+from imuscope.recordings.rotations import ENU_FROM, READ, Quaternion, product
 
 Floats = NDArray[np.float64]
 BodyAxes = Literal["FLU", "FRD"]

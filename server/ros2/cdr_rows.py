@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.ros2.type_support import fields_of
+from imuscope.server.ros2.type_support import fields_of
 
 HEADER = b"\x00\x01\x00\x00"
 

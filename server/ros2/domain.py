@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 
-from server.ros2.key_expressions import MAX_DOMAIN
+from imuscope.server.ros2.key_expressions import MAX_DOMAIN
 
 VARIABLE = "ROS_DOMAIN_ID"
 

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.topics import stamps
-from server.ros2.axes import Floats
-from server.ros2.quantities import Place
-from server.wire_codec import SampleFrame
+from imuscope.recordings.topics import stamps
+from imuscope.server.ros2.axes import Floats
+from imuscope.server.ros2.quantities import Place
+from imuscope.server.wire_codec import SampleFrame
 
 Times = NDArray[np.int64]
 

@@ -26,13 +26,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.sensor_properties import SensorProperties
-from recordings.rrd.enu import is_place
-from server.ros2.axes import Floats, attitudes, body_vectors, enu_from_flu, world_vectors
-from server.ros2.cdr_rows import RowEncoder, stamp_columns
-from server.ros2.joined_rows import RowBlock, RowJoin, Times
-from server.ros2.quantities import WORLD_FRAMES, DeviceQuantities, GnssPlaces, Place, UtcPlaces
-from server.wire_codec import SampleFrame
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.recordings.rrd.enu import is_place
+from imuscope.server.ros2.axes import Floats, attitudes, body_vectors, enu_from_flu, world_vectors
+from imuscope.server.ros2.cdr_rows import RowEncoder, stamp_columns
+from imuscope.server.ros2.joined_rows import RowBlock, RowJoin, Times
+from imuscope.server.ros2.quantities import WORLD_FRAMES, DeviceQuantities, GnssPlaces, Place, UtcPlaces
+from imuscope.server.wire_codec import SampleFrame
 
 Samples = Mapping[int, Sequence[SampleFrame]]
 Columns = dict[str, object]

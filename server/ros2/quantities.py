@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from recordings.rrd.entities import Attitude, devices_of
+from imuscope.recordings.rrd.entities import Attitude, devices_of
 
 Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
 

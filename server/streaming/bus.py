@@ -18,12 +18,12 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-from server import wire
-from server.listeners import CallbackList
-from server.streaming.channel_store import ChannelStore
-from server.streaming.channels import ChannelRows
-from server.streaming.event_log import EventLog
-from server.streaming.sink import SampleArchive
+from imuscope.server import wire
+from imuscope.server.listeners import CallbackList
+from imuscope.server.streaming.channel_store import ChannelStore
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.event_log import EventLog
+from imuscope.server.streaming.sink import SampleArchive
 
 T = TypeVar("T")
 

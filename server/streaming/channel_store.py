@@ -14,9 +14,9 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from server import wire
-from server.streaming.channels import ChannelRows
-from server.streaming.ring_buffer import RingBuffer
+from imuscope.server import wire
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.ring_buffer import RingBuffer
 
 TRIM_S = 1.0
 HISTORY_S = 600.0

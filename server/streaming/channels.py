@@ -31,10 +31,10 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.events import Batch
-from protocols.schema import Bits, Field, Message
-from server.streaming.unknown_payloads import described, is_opaque
-from server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
+from imuscope.protocols.events import Batch
+from imuscope.protocols.schema import Bits, Field, Message
+from imuscope.server.streaming.unknown_payloads import described, is_opaque
+from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
 
 log = logging.getLogger("imuscope.channels")
 

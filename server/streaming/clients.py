@@ -16,14 +16,14 @@ import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from server import wire, wire_codec
-from server.capabilities import Capabilities
-from server.streaming.bus import TelemetryBus
-from server.streaming.channel_store import ChannelStore
-from server.streaming.event_log import EventLog
-from server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
-from server.streaming.shedding import Shedding
-from server.version import VERSION
+from imuscope.server import wire, wire_codec
+from imuscope.server.capabilities import Capabilities
+from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.channel_store import ChannelStore
+from imuscope.server.streaming.event_log import EventLog
+from imuscope.server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
+from imuscope.server.streaming.shedding import Shedding
+from imuscope.server.version import VERSION
 
 FEW_CLIENTS = 4
 FLUSH_S = 0.008

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 
-from server.wire import EventInfo, EventKind
+from imuscope.server.wire import EventInfo, EventKind
 
 MARKS: frozenset[EventKind] = frozenset({"gap", "clock", "marker"})
 # Ten gaps a second and their sum (server/devices/event_reporter.py) over ten minutes are 6600.

@@ -14,8 +14,8 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from server import wire
-from server.streaming.bus import TelemetryBus
+from imuscope.server import wire
+from imuscope.server.streaming.bus import TelemetryBus
 
 log = logging.getLogger("imuscope.journal")
 

@@ -29,8 +29,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.wire import HEADER
-from server.wire_codec import sample_header
+from imuscope.server.wire import HEADER
+from imuscope.server.wire_codec import sample_header
 
 # Small enough that dropping a block is not noticeable and a frame of a whole block is sent in one piece (a socket
 # accepts 64 KiB at once), large enough that Python's cost per block is negligible. The first block is small because

@@ -16,10 +16,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.events import Batch
-from server import wire
-from server.streaming.channels import ChannelRows
-from server.streaming.unknown_payloads import Payloads
+from imuscope.protocols.events import Batch
+from imuscope.server import wire
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.unknown_payloads import Payloads
 
 Dated = tuple[Batch, NDArray[np.float64], NDArray[np.float64] | None]
 """Samples, their device time on this host's clock, and their UTC if the device sends it (unix s)."""

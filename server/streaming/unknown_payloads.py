@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.events import Batch, Reply
-from protocols.schema import Field, Message
-from server import wire
-from server.rate_meter import RateMeter
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.schema import Field, Message
+from imuscope.server import wire
+from imuscope.server.rate_meter import RateMeter
 
 MAX_KINDS = 32  # of one device; noise that passes the checksum must not fill memory
 MAX_BYTES = 1024  # reported of one payload, besides its true size

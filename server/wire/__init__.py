@@ -2,7 +2,7 @@
 
 One WebSocket at `/ws`, subprotocol `imuscope.v1`, permessage-deflate off. Text frames are JSON objects with an `op`;
 binary frames carry samples. TypeScript types are generated from the dataclasses of this package (`python
--m server.generate_ts_types` writes web/src/wire/types.ts; a test fails when that file is stale), so fields are added
+-m imuscope.server.generate_ts_types` writes web/src/wire/types.ts; a test fails when it is stale), so fields are added
 only here.
 
 ## Server to browser, text
@@ -78,14 +78,14 @@ When a device changes the layout of a quantity (float32 to float64, ENU to NED) 
 again; the one with the higher id is active.
 """
 
-from server.wire.channels import (
+from imuscope.server.wire.channels import (
     BitsInfo,
     ChannelInfo,
     ColumnInfo,
     Dtype,
     Severity,
 )
-from server.wire.devices import (
+from imuscope.server.wire.devices import (
     Attempt,
     Behind,
     BusyReason,
@@ -98,26 +98,26 @@ from server.wire.devices import (
     UnknownPayload,
     key_of,
 )
-from server.wire.events import (
+from imuscope.server.wire.events import (
     EventInfo,
     EventKind,
     Level,
 )
-from server.wire.frames import (
+from imuscope.server.wire.frames import (
     FLAG_HISTORY,
     HEADER,
     HEADER_FIELDS,
     OPCODE_SAMPLES,
     SUBPROTOCOL,
 )
-from server.wire.jobs import (
+from imuscope.server.wire.jobs import (
     DeviceJobs,
     FieldOutcome,
     Job,
     PendingRollback,
     TrafficEntry,
 )
-from server.wire.messages import (
+from imuscope.server.wire.messages import (
     BrowserText,
     Channels,
     Devices,
@@ -137,7 +137,7 @@ from server.wire.messages import (
     Traffic,
     UnknownPayloads,
 )
-from server.wire.recordings import (
+from imuscope.server.wire.recordings import (
     ExportJob,
     RecorderState,
 )

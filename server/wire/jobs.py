@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from server.wire.events import Level
+from imuscope.server.wire.events import Level
 
 
 @dataclass(slots=True)

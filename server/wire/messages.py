@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from server.capabilities import Capabilities
-from server.wire.channels import ChannelInfo
-from server.wire.devices import DeviceHealth, DeviceInfo, UnknownPayload
-from server.wire.events import EventInfo
-from server.wire.jobs import DeviceJobs, TrafficEntry
-from server.wire.recordings import ExportJob, RecorderState
+from imuscope.server.capabilities import Capabilities
+from imuscope.server.wire.channels import ChannelInfo
+from imuscope.server.wire.devices import DeviceHealth, DeviceInfo, UnknownPayload
+from imuscope.server.wire.events import EventInfo
+from imuscope.server.wire.jobs import DeviceJobs, TrafficEntry
+from imuscope.server.wire.recordings import ExportJob, RecorderState
 
 
 @dataclass(slots=True)

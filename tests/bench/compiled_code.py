@@ -10,7 +10,7 @@ from pathlib import Path
 from tests.cache_folder import compiled_code
 
 ROOT = Path(__file__).resolve().parents[2]
-COMPILE = "from protocols import jit, registry; from recordings import mcap_reader; jit.load()"
+COMPILE = "from imuscope.protocols import jit, registry; from imuscope.recordings import mcap_reader; jit.load()"
 
 
 def use_compiled_code() -> None:

@@ -29,9 +29,9 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from protocols import jit  # noqa: E402
-from protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
-from protocols.registry import PROTOCOLS  # noqa: E402
+from imuscope.protocols import jit  # noqa: E402
+from imuscope.protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
+from imuscope.protocols.registry import PROTOCOLS  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 CHUNK = 1 << 20

@@ -29,7 +29,7 @@ from websockets.asyncio.client import ClientConnection, connect
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL  # noqa: E402
+from imuscope.server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL  # noqa: E402
 from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402

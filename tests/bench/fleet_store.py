@@ -41,14 +41,14 @@ from deltalake import write_deltalake
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from protocols.xbus.simulator.device import XbusSimulator  # noqa: E402
-from recordings.mcap_writer import McapWriter  # noqa: E402
-from server.devices.decode_options import DecodeOptions  # noqa: E402
-from server.fleet.query import ask  # noqa: E402
-from server.fleet.questions import QUESTIONS  # noqa: E402
-from server.fleet.store import location  # noqa: E402
-from server.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
-from server.fleet.upload import upload  # noqa: E402
+from imuscope.protocols.xbus.simulator.device import XbusSimulator  # noqa: E402
+from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
+from imuscope.server.devices.decode_options import DecodeOptions  # noqa: E402
+from imuscope.server.fleet.query import ask  # noqa: E402
+from imuscope.server.fleet.questions import QUESTIONS  # noqa: E402
+from imuscope.server.fleet.store import location  # noqa: E402
+from imuscope.server.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
+from imuscope.server.fleet.upload import upload  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 DAYS, MONTH = 365, 31
@@ -151,7 +151,7 @@ def asked(folder: Path, sql: str) -> int:
 
 def commanded(folder: Path) -> None:
     """The listing, by the command."""
-    words = [sys.executable, "-m", "server.cli", "query", "--store", str(folder), LISTING]
+    words = [sys.executable, "-m", "imuscope.server.cli", "query", "--store", str(folder), LISTING]
     subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
 
 

@@ -27,10 +27,10 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from server.fleet.bus import BusCredentials, client_settings, open_bus
-from server.fleet.page_server import PageServer
-from server.wire import HEADER, SUBPROTOCOL
-from server.wire.frames import OPCODE_SAMPLES
+from imuscope.server.fleet.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.fleet.page_server import PageServer
+from imuscope.server.wire import HEADER, SUBPROTOCOL
+from imuscope.server.wire.frames import OPCODE_SAMPLES
 from tests.bench.cpu import seconds_of
 from tests.bench.fanout import FanoutReader, bare
 from tests.bench.report import percentile, report

@@ -12,8 +12,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from protocols.idtp.frames import LITE, SAFETY
-from protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.idtp.frames import LITE, SAFETY
+from imuscope.protocols.idtp.simulator import IdtpSimulator
 
 OUTPUTS = (("Imu9", 100), ("ImuQuat", 100))
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from protocols.isb.dataset_loader import SETS
-from protocols.isb.frames import DATA, build
+from imuscope.protocols.isb.dataset_loader import SETS
+from imuscope.protocols.isb.frames import DATA, build
 
 WEEK, TOW, UP = 2392, 432_000.0, 100.0
 STEP_S = 0.004

@@ -36,7 +36,7 @@ import httpx
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from recordings.mcap_writer import McapWriter  # noqa: E402
+from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from tests import load_clients  # noqa: E402
 from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402

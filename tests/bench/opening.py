@@ -70,8 +70,8 @@ def frames(first: int, count: int) -> np.ndarray[Any, Any]:
 
 def make(path: Path, minutes: float) -> None:
     """The recording."""
-    from recordings.compaction import compact
-    from recordings.mcap_writer import McapWriter
+    from imuscope.recordings.compaction import compact
+    from imuscope.recordings.mcap_writer import McapWriter
 
     writer = McapWriter(path, {"title": "An hour"})
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 2_000_000, "protocol": "xbus"})
@@ -89,11 +89,11 @@ def make(path: Path, minutes: float) -> None:
 
 def measure(path: Path, store: Path) -> dict[str, float]:
     """Work of the separate process; figures in s and MB."""
-    from protocols import jit
-    from recordings.column_store import ColumnStore
-    from recordings.sources import McapSource
-    from server.devices.protocol_set import all_protocols
-    from server.library.decode import decode
+    from imuscope.protocols import jit
+    from imuscope.recordings.column_store import ColumnStore
+    from imuscope.recordings.sources import McapSource
+    from imuscope.server.devices.protocol_set import all_protocols
+    from imuscope.server.library.decode import decode
 
     jit.load()
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

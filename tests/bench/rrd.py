@@ -41,10 +41,10 @@ LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.inclu
 
 def export(store: Path, out: Path) -> dict[str, float]:
     """Work of the separate process."""
-    from recordings.column_store import ColumnStore
+    from imuscope.recordings.column_store import ColumnStore
 
     start = time.perf_counter()
-    from recordings.rrd.writer import write_rrd
+    from imuscope.recordings.rrd.writer import write_rrd
 
     imported = time.perf_counter() - start
     columns = ColumnStore(store)
@@ -113,9 +113,9 @@ def main() -> None:
         (folder / "recordings").mkdir()
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
-        from recordings.sources import McapSource
-        from server.devices.protocol_set import all_protocols
-        from server.library.decode import decode
+        from imuscope.recordings.sources import McapSource
+        from imuscope.server.devices.protocol_set import all_protocols
+        from imuscope.server.library.decode import decode
 
         decode(McapSource(path), folder / "store", all_protocols())
         out = folder / "hour.rrd"

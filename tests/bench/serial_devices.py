@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from recordings.importers import open_file
+from imuscope.recordings.importers import open_file
 from tests.bench import serial_device
 from tests.server_process import tied
 

@@ -29,9 +29,9 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from protocols.events import Batch  # noqa: E402
-from protocols.idtp.frames import SAFETY  # noqa: E402
-from protocols.idtp.simulator import IdtpSimulator  # noqa: E402
+from imuscope.protocols.events import Batch  # noqa: E402
+from imuscope.protocols.idtp.frames import SAFETY  # noqa: E402
+from imuscope.protocols.idtp.simulator import IdtpSimulator  # noqa: E402
 from tests.bench import isb_mixed, serial_device  # noqa: E402
 from tests.bench.decode import decoder_of  # noqa: E402
 from tests.bench.report import report  # noqa: E402

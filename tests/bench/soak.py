@@ -33,8 +33,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from server.config import Config  # noqa: E402
-from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
+from imuscope.server.config import Config  # noqa: E402
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
 from tests import load_clients  # noqa: E402
 from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
@@ -103,11 +103,11 @@ class Quick(Link):
 
 def serve(options: argparse.Namespace) -> None:
     """The server, in this process, until it is ended."""
-    from server import http_server, logging_setup
-    from server.app import create_app
-    from server.auth import Access
-    from server.devices import sessions
-    from server.jit_cache import prepare_cache
+    from imuscope.server import http_server, logging_setup
+    from imuscope.server.app import create_app
+    from imuscope.server.auth import Access
+    from imuscope.server.devices import sessions
+    from imuscope.server.jit_cache import prepare_cache
 
     prepare_cache(options.data)
     logging_setup.install("text", "error")  # a client is expected not to keep up with a day in minutes

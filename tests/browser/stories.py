@@ -27,7 +27,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from playwright.sync_api import Page
 
-from server.api.static_files import HEADERS
+from imuscope.server.api.static_files import HEADERS
 from tests.chromium import until
 from tests.conftest import READY
 from tests.record_wire import recorded

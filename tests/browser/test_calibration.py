@@ -12,7 +12,7 @@ import pytest
 import yaml
 from playwright.sync_api import Page
 
-from protocols.simulator.setups import HARD_IRON
+from imuscope.protocols.simulator.setups import HARD_IRON
 from tests.browser.page_checks import PHONE, opened, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Page
 
-from protocols.simulator.setups import SensorSetup
-from server.analysis.triads import Samples
-from server.api.calibration import AvailableCalibration, CalibrationState
-from server.calibration.accelerometer import six_positions
-from server.calibration.kinds import METHODS
-from server.calibration.magnetometer import magnetometer_iron
-from server.calibration.report import CalibrationReport
+from imuscope.protocols.simulator.setups import SensorSetup
+from imuscope.server.analysis.triads import Samples
+from imuscope.server.api.calibration import AvailableCalibration, CalibrationState
+from imuscope.server.calibration.accelerometer import six_positions
+from imuscope.server.calibration.kinds import METHODS
+from imuscope.server.calibration.magnetometer import magnetometer_iron
+from imuscope.server.calibration.report import CalibrationReport
 from tests.browser.page_checks import PHONE, fits, serious, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from server.devices.decode_options import DecodeOptions
-from server.fleet.store import location
-from server.fleet.upload import upload
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.fleet.store import location
+from imuscope.server.fleet.upload import upload
 from tests.browser.page_checks import PHONE, SILENT, fits, serious, small_targets
 from tests.chromium import until
 from tests.recordings.recorded_drive import drive

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page, Route
 
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.mcap_writer import McapWriter
-from recordings.rrd.size_limit import limit_for
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.rrd.size_limit import limit_for
 from tests.browser.page_checks import SILENT
 from tests.chromium import until
 from tests.conftest import ARTIFACTS

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from recordings.rotations import of_euler
+from imuscope.recordings.rotations import of_euler
 from tests import chromium, conftest
 from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.cache_folder import cache_folder
-from tests.source_files import ROOT, python_files, text_of
+from tests.source_files import PACKAGE, ROOT, python_files, text_of
 
 SOURCES = ("protocols", "recordings", "server", "tests")
 UNKNOWN_S = 2.0  # a file of tests that was never timed
@@ -75,12 +75,14 @@ def affected_tests(changed: Iterable[str], seconds: float) -> Affected:
 
 
 def imports_of(path: Path) -> set[str]:
-    """Names of modules that a file may import, wherever in it; of `from a import b` both `a` and `a.b`."""
+    """Names of modules that a file may import, wherever in it; of `from a import b` both `a` and `a.b`; of our
+    own without `imuscope.`, as their folders.
+    """
     found = set()
     for of, names in _IMPORT.findall(text_of(path)):
         parts = re.findall(r"([\w.]+)(?:\s+as\s+\w+)?", names)
         found |= {of, *(f"{of}.{name}" for name in parts)} if of else set(parts)
-    return found
+    return {name.removeprefix(f"{PACKAGE}.") for name in found}
 
 
 def durations() -> dict[str, float]:

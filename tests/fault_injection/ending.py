@@ -15,10 +15,10 @@ from httpx import Client
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from recordings.mcap_reader import McapReader
-from server import wire, wire_codec
-from server.library.cleanup import DataFolderLock
-from server.library.compaction_worker import uncompacted
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.server import wire, wire_codec
+from imuscope.server.library.cleanup import DataFolderLock
+from imuscope.server.library.compaction_worker import uncompacted
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, received, recording

@@ -10,13 +10,13 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from server.devices.protocol_set import all_protocols
-from server.devices.session import Session
-from server.devices.sessions import Sessions
-from server.links import open_link
-from server.links.base import LinkSettings, steady_clock
-from server.streaming.telemetry import Telemetry
-from server.wire import DeviceHealth, DeviceInfo, EventInfo
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.session import Session
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.wire import DeviceHealth, DeviceInfo, EventInfo
 from tests.bench.serial_device import frame
 
 COUNTER = "PacketCounter"

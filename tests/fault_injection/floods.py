@@ -30,9 +30,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from protocols.idtp.frames import build
-from recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC
-from server import wire
+from imuscope.protocols.idtp.frames import build
+from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC
+from imuscope.server import wire
 from tests.bench.serial_device import frame
 from tests.protocols.nmea_sentences import sentence
 from tests.timeouts import PATIENCE_S, connect, http_client

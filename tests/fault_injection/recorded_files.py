@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from recordings.mcap_reader import McapReader
-from recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_writer import McapWriter
 
 
 def recording(path: Path, frames_: bytes, size: int = 2000) -> None:

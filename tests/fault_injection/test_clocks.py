@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from recordings.mcap_reader import TIME, McapReader
-from server.config import Config
+from imuscope.recordings.mcap_reader import TIME, McapReader
+from imuscope.server.config import Config
 from tests.bench.serial_device import frame
 from tests.fault_injection.fault_harness import stage
 from tests.links.link_fixtures import pty

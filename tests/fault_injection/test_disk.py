@@ -29,16 +29,16 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from recordings.column_store import ColumnStore
-from recordings.compaction import compact
-from recordings.exporters import ExportRequest, export
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from server.config import Config
-from server.devices.protocol_set import all_protocols
-from server.library import standing_recording
-from server.library.decode import decode
-from server.library.standing_recording import StandingRecording
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.exporters import ExportRequest, export
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.config import Config
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library import standing_recording
+from imuscope.server.library.decode import decode
+from imuscope.server.library.standing_recording import StandingRecording
 from tests.each_row import each_row
 from tests.fault_injection.recorded_files import received
 from tests.recordings.recorded_drive import drive
@@ -86,8 +86,8 @@ def ended(running: InProcessServer) -> dict[str, Any]:
 FULL = """
 import sys, time
 from pathlib import Path
-from recordings.recording_writer import RecordingWriter
-from recordings.mcap_reader import McapReader
+from imuscope.recordings.recording_writer import RecordingWriter
+from imuscope.recordings.mcap_reader import McapReader
 
 folder = Path(sys.argv[1])
 tape = RecordingWriter(lambda part: folder / "a.mcap", {}, time.time_ns)

@@ -17,16 +17,16 @@ from pathlib import Path
 import pytest
 from websockets.typing import Subprotocol
 
-from protocols.events import Batch, RejectedFrame, Reply, SampleGap
-from protocols.transactions import DeviceContext
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.frames import build
-from protocols.xbus.simulator.device import XbusSimulator
-from server.links.simulated_device import SimulatorOptions
-from server.links.simulated_line import LineFaults
-from server.links.simulator import SimulatorThread
-from server.wire import SUBPROTOCOL
+from imuscope.protocols.events import Batch, RejectedFrame, Reply, SampleGap
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.links.simulated_device import SimulatorOptions
+from imuscope.server.links.simulated_line import LineFaults
+from imuscope.server.links.simulator import SimulatorThread
+from imuscope.server.wire import SUBPROTOCOL
 from tests.free_ports import free_port
 from tests.links.shared_port import opened
 from tests.server_process import ServerProcess

@@ -20,13 +20,13 @@ from typing import Any
 
 import pytest
 
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings import compaction
-from recordings.compaction import is_uncompacted
-from recordings.mcap_writer import RecordingError
-from server.library.cleanup import LOCK, DataFolderLock
-from server.library.compaction_worker import uncompacted
-from server.links.simulator import SimulatorThread
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings import compaction
+from imuscope.recordings.compaction import is_uncompacted
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.library.cleanup import LOCK, DataFolderLock
+from imuscope.server.library.compaction_worker import uncompacted
+from imuscope.server.links.simulator import SimulatorThread
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, received, recording
@@ -123,7 +123,7 @@ def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> No
     path = tmp_path / "a.mcap"
     wanted = frames(0, 2000) * 3
     recording(path, wanted)
-    begin = "import sys\nfrom pathlib import Path\nfrom recordings.compaction import compact\n"
+    begin = "import sys\nfrom pathlib import Path\nfrom imuscope.recordings.compaction import compact\n"
     code = f"{begin}compact(Path({str(path)!r}), progress=%s)"
     held = code % "lambda share: (print('half', flush=True), sys.stdin.readline())"
     with subprocess.Popen(

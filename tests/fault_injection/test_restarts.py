@@ -19,9 +19,9 @@ from pathlib import Path
 
 import pytest
 
-from recordings.compaction import compact, is_uncompacted
-from recordings.mcap_reader import TIME, McapReader
-from server.config import Config
+from imuscope.recordings.compaction import compact, is_uncompacted
+from imuscope.recordings.mcap_reader import TIME, McapReader
+from imuscope.server.config import Config
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import received, recording

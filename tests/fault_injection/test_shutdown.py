@@ -27,7 +27,7 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 
-from server import http_server
+from imuscope.server import http_server
 from tests.each_row import each_row
 from tests.fault_injection.ending import children, end, is_there
 from tests.server.fleet.store_fixtures import ENDLESS
@@ -54,8 +54,8 @@ def test_a_request_cancelled_at_shutdown_is_not_an_error(caplog: pytest.LogCaptu
 
 LINGERING = """
 import asyncio, socket, sys, threading, time
-from server import http_server, shutdown
-from server.http_server import listen
+from imuscope.server import http_server, shutdown
+from imuscope.server.http_server import listen
 
 async def never():
     await asyncio.Event().wait()

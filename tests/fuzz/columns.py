@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch
-from protocols.idtp.messages import WIRE
-from protocols.schema import Field
+from imuscope.protocols.events import Batch
+from imuscope.protocols.idtp.messages import WIRE
+from imuscope.protocols.schema import Field
 from tests.fuzz.cases import BrokenError, Case
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle

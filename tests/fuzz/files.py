@@ -36,19 +36,19 @@ import zstandard
 from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 
-from recordings.compaction import compact
-from recordings.importers import open_file
-from recordings.library import Library
-from recordings.mcap_reader import MAGIC
-from recordings.mcap_writer import McapWriter, RecordingError
-from recordings.probe import probe
-from recordings.sidecar import VERSION, Edits
-from server.config import ConfigError, load
-from server.configuration.snapshots import SnapshotError, from_text
-from server.devices.decode_options import DecodeOptionError, checked_options
-from server.devices.protocol_set import all_protocols
-from server.integrations import meshes
-from server.library.decode import decode
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.library import Library
+from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.probe import probe
+from imuscope.recordings.sidecar import VERSION, Edits
+from imuscope.server.config import ConfigError, load
+from imuscope.server.configuration.snapshots import SnapshotError, from_text
+from imuscope.server.devices.decode_options import DecodeOptionError, checked_options
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.integrations import meshes
+from imuscope.server.library.decode import decode
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.search import CorpusSearch as Decoders
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.dataset_loader import SETS
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.dataset_loader import SETS
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.fuzz.mutations import Pieces
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
-from protocols.isb.frames import DATA, NACK, get_data
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.xbus.frames import build
-from protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.isb.frames import DATA, NACK, get_data
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.each_row import each_row
 from tests.fuzz.mutations import spoil
 from tests.fuzz.targets import TARGETS

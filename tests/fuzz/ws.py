@@ -25,7 +25,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from server.wire import SUBPROTOCOL
+from imuscope.server.wire import SUBPROTOCOL
 from tests.fuzz.cases import FINDINGS, BrokenError
 from tests.fuzz.http import FuzzedServer
 from tests.timeouts import PATIENCE_S, connect

@@ -62,7 +62,7 @@ def run(command: list[str], folder: Path, env: Mapping[str, str] | None = None, 
 @contextmanager
 def simulated(device: str, path: Path) -> Iterator[str]:
     """A simulated device behind a serial port at `path`, as `imuscope simulate` offers it."""
-    command = [sys.executable, "-m", "server.cli", "simulate", device, "--pty", str(path)]
+    command = [sys.executable, "-m", "imuscope.server.cli", "simulate", device, "--pty", str(path)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
@@ -85,7 +85,7 @@ def expect(printed: str, *lines: str) -> None:
 
 def imuscope(*words: str) -> str:
     """`imuscope WORDS`; what it printed."""
-    return run([sys.executable, "-m", "server.cli", *words], ROOT)
+    return run([sys.executable, "-m", "imuscope.server.cli", *words], ROOT)
 
 
 def from_pip(folder: Path, package: str, program: str) -> Path:

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from protocols.isb.frame_size import frame_size
-from recordings.importers import open_file
+from imuscope.protocols.isb.frame_size import frame_size
+from imuscope.recordings.importers import open_file
 from tests.fault_injection.recorded_files import received
 from tests.interop.hosts import MTDEVICE, remote_folder
 from tests.interop.running import HERE, DiffersError, expect, owned, run, simulated

@@ -17,10 +17,10 @@ from typing import TypeVar
 
 import pytest
 
-from server.links import Chunk, Link, LinkError, LinkSettings, steady_clock
-from server.links.simulated_device import SimulatorOptions
-from server.links.simulated_line import LineFaults
-from server.links.simulator import SimulatorThread
+from imuscope.server.links import Chunk, Link, LinkError, LinkSettings, steady_clock
+from imuscope.server.links.simulated_device import SimulatorOptions
+from imuscope.server.links.simulated_line import LineFaults
+from imuscope.server.links.simulator import SimulatorThread
 from tests.timeouts import PATIENCE_S
 
 T = TypeVar("T")

@@ -12,11 +12,11 @@ from typing import Any
 import foxglove
 import numpy as np
 
-from server.devices.protocol_set import all_protocols
-from server.devices.session import Session
-from server.links import open_link
-from server.links.base import LinkSettings, steady_clock
-from server.streaming.telemetry import Telemetry
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.session import Session
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.links import rosbags_messages as ros
 from tests.waiting import until
 

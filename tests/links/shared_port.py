@@ -11,11 +11,11 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
-from server.holder.shares import ShareAddress
-from server.links import LinkSettings, open_link, steady_clock
-from server.links.base import LinkError
-from server.links.held import HeldLink
-from server.links.serial import SerialLink
+from imuscope.server.holder.shares import ShareAddress
+from imuscope.server.links import LinkSettings, open_link, steady_clock
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.held import HeldLink
+from imuscope.server.links.serial import SerialLink
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from server.links import Attempt, open_link
-from server.links.base import ScanWindows
-from server.links.baud_scan import ENOUGH_BYTES, find_baud, likely_rates, scan
-from server.links.detection_text import describe_bytes
-from server.links.serial import SerialSettings, open_port
+from imuscope.server.links import Attempt, open_link
+from imuscope.server.links.base import ScanWindows
+from imuscope.server.links.baud_scan import ENOUGH_BYTES, find_baud, likely_rates, scan
+from imuscope.server.links.detection_text import describe_bytes
+from imuscope.server.links.serial import SerialSettings, open_port
 from tests.each_row import each_row
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
 
@@ -125,7 +125,7 @@ def test_a_starting_device_is_found_at_a_rate_where_it_was_silent(monkeypatch: p
         return b"\x55" * ENOUGH_BYTES
 
     joined_frames = b"".join(frame(i, i) for i in range(40))
-    monkeypatch.setattr("server.links.baud_scan._read", read)
+    monkeypatch.setattr("imuscope.server.links.baud_scan._read", read)
     found = run(scan(port, (115_200, 57_600, 9_600), windows=SHORT))
     assert [(one.baud, one.result.recognised) for one in found] == [
         (115_200, False),
@@ -150,7 +150,7 @@ def test_a_plug_pulled_during_the_search() -> None:
 
 
 def test_a_rate_refused_by_the_adapter_does_not_stop_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.baud_scan.likely_rates", lambda: (115_200, 921_600, 57_600))
+    monkeypatch.setattr("imuscope.server.links.baud_scan.likely_rates", lambda: (115_200, 921_600, 57_600))
 
     class Stubborn:
         """A port that does not do 921 600."""

@@ -11,12 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import batches
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.registry import PROTOCOLS
-from recordings.capture_timing import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, CaptureTiming, TimedBytes, play
-from server.links import open_link
-from server.links.capture_file import FileLink
+from imuscope.protocols.events import batches
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.recordings.capture_timing import (
+    BLIND_RATE,
+    BLOCK_BYTES,
+    LONGEST_PAUSE_NS,
+    CaptureTiming,
+    TimedBytes,
+    play,
+)
+from imuscope.server.links import open_link
+from imuscope.server.links.capture_file import FileLink
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, frame, gather, joined, left_behind, opened, settings
 from tests.timeouts import PATIENCE_S
@@ -186,7 +193,7 @@ def test_a_short_stretch_of_another_protocol_is_reported(
 ) -> None:
     """Regression: in a fast replay the other protocol passed unnoticed between two checks."""
     if not at_once:
-        monkeypatch.setattr("server.links.capture_file.AT_ONCE_BYTES", 0)
+        monkeypatch.setattr("imuscope.server.links.capture_file.AT_ONCE_BYTES", 0)
     path = tmp_path / "mixed.bin"
     path.write_bytes(stream(5.0) + IdtpSimulator().advance(50_000_000) + stream(5.0))
 
@@ -209,7 +216,7 @@ def test_a_short_stretch_of_another_protocol_is_reported(
 def test_a_slow_session_slows_the_file_down_and_uses_no_more_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("server.links.capture_file.FULL_BYTES", 5000)
+    monkeypatch.setattr("imuscope.server.links.capture_file.FULL_BYTES", 5000)
     path = tmp_path / "long.bin"
     path.write_bytes(stream(20.0))
 

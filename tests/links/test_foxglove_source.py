@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.links import open_link
-from server.links.base import LinkError, LinkSettings, steady_clock
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkError, LinkSettings, steady_clock
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros

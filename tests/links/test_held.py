@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from server.holder.arbiter import QUIET_S
-from server.holder.places import socket_of
-from server.links.base import LinkError
-from server.links.held import ClientData, HeldLink, is_held
+from imuscope.server.holder.arbiter import QUIET_S
+from imuscope.server.holder.places import socket_of
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.held import ClientData, HeldLink, is_held
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links.shared_port import (
@@ -344,7 +344,7 @@ def test_a_request_is_answered_though_the_end_of_its_holder_is_noticed_first(
 
         reading = asyncio.create_task(read_until_gone())
         await asyncio.sleep(0)  # it waits for bytes
-        monkeypatch.setattr("server.links.held.write_all", write_and_delay)
+        monkeypatch.setattr("imuscope.server.links.held.write_all", write_and_delay)
         await link.request("end")
         await reading
 

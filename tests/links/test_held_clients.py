@@ -19,18 +19,18 @@ from pathlib import Path
 
 import pytest
 
-from protocols.xbus.frames import build
-from server.holder import server_side, sharing
-from server.holder.arbiter import QUIET_S
-from server.holder.messages import MessageKind, MessageReader, message
-from server.holder.places import log_of, socket_of
-from server.holder.process import Holder
-from server.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
-from server.holder.shares import ShareError
-from server.links import held
-from server.links.base import LinkError
-from server.links.held import ROOT, HeldLink, holder_settings
-from server.processes import programs_with
+from imuscope.protocols.xbus.frames import build
+from imuscope.server.holder import server_side, sharing
+from imuscope.server.holder.arbiter import QUIET_S
+from imuscope.server.holder.messages import MessageKind, MessageReader, message
+from imuscope.server.holder.places import log_of, socket_of
+from imuscope.server.holder.process import Holder
+from imuscope.server.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
+from imuscope.server.holder.shares import ShareError
+from imuscope.server.links import held
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.held import ROOT, HeldLink, holder_settings
+from imuscope.server.processes import programs_with
 from tests.free_ports import free_port
 from tests.links.shared_port import (
     DevicePort,
@@ -48,7 +48,7 @@ from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 GO_TO_CONFIG, GO_TO_MEASUREMENT = build(0x30), build(0x10)
-XBUS = ("protocols.xbus.frame_size", "protocols.xbus.configuration_frames")
+XBUS = ("imuscope.protocols.xbus.frame_size", "imuscope.protocols.xbus.configuration_frames")
 pytestmark = pytest.mark.usefixtures("runtime")
 LINE = 11_520  # bytes/s at 115 200 Bd
 
@@ -348,14 +348,14 @@ def test_the_next_terminal_of_a_number_is_not_taken_for_the_port(port: DevicePor
 
 
 FAILING = """
-import sys, server.holder.sharing as sharing
+import sys, imuscope.server.holder.sharing as sharing
 look = sharing.Sharing.look
 def failing(self, now):
     look(self, now)
     if any(client.received for client in self.clients.values()):
         raise RuntimeError("a defect")
 sharing.Sharing.look = failing
-from server.holder.__main__ import main
+from imuscope.server.holder.__main__ import main
 raise SystemExit(main())
 """
 

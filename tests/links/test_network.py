@@ -8,10 +8,10 @@ from typing import Any, cast
 
 import pytest
 
-from server.links import open_link
-from server.links.tcp import TcpLink, TcpListenLink
-from server.links.text import is_ours
-from server.links.udp import MAX_SENDERS, UdpLink
+from imuscope.server.links import open_link
+from imuscope.server.links.tcp import TcpLink, TcpListenLink
+from imuscope.server.links.text import is_ours
+from imuscope.server.links.udp import MAX_SENDERS, UdpLink
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, settings
 from tests.timeouts import PATIENCE_S
@@ -264,7 +264,7 @@ def test_thousands_of_senders_cost_no_more_than_a_few() -> None:
 @pytest.mark.skipif(not hasattr(socket, "CMSG_SPACE"), reason="the system does not count its losses")
 def test_udp_counts_datagrams_dropped_by_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     """A small receive buffer, a reading thread that is held up: the losses are counted and named."""
-    monkeypatch.setattr("server.links.udp.BUFFER_BYTES", 1)
+    monkeypatch.setattr("imuscope.server.links.udp.BUFFER_BYTES", 1)
 
     async def check() -> None:
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", settings()))

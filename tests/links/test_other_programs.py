@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from protocols.xbus.frames import build
+from imuscope.protocols.xbus.frames import build
 from tests.links.shared_port import DevicePort, clients, eventually, read_exactly, received, shared
 from tests.timeouts import PATIENCE_S
 

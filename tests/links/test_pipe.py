@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from recordings.mcap_reader import MAGIC
-from server.links import LinkError, open_link
-from server.links.pipe import PipeLink
+from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.pipe import PipeLink
 from tests.links.link_fixtures import frame, gather, joined, settings
 
 

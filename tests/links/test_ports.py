@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from server.links import ports
-from server.links.base import ScanWindows
+from imuscope.server.links import ports
+from imuscope.server.links.base import ScanWindows
 from tests.links.link_fixtures import device, pty
 
 

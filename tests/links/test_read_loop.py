@@ -12,10 +12,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from protocols.jit import Kernel
-from server.links import read_loop
-from server.links.base import Chunk, steady_clock
-from server.links.read_loop import BUFFER_BYTES, MAX_READS, ReadLoop, monotonic_offset_ns
+from imuscope.protocols.jit import Kernel
+from imuscope.server.links import read_loop
+from imuscope.server.links.base import Chunk, steady_clock
+from imuscope.server.links.read_loop import BUFFER_BYTES, MAX_READS, ReadLoop, monotonic_offset_ns
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 

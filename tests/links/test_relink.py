@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from server.links import LinkError, open_link
-from server.links.serial import SerialLink, try_rate
-from server.links.simulator import SimulatorLink
+from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.serial import SerialLink, try_rate
+from imuscope.server.links.simulator import SimulatorLink
 from tests.links.link_fixtures import dies, fails, gather, joined, settings
 
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from recordings.mcap_writer import McapWriter
-from server.config import Config
-from server.devices.protocol_set import all_protocols
-from server.links import Link, LinkError, open_link, split_devices
-from server.links.base import Chunk, steady_clock
-from server.links.replay import ReplayLink
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.server.config import Config
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.links import Link, LinkError, open_link, split_devices
+from imuscope.server.links.base import Chunk, steady_clock
+from imuscope.server.links.replay import ReplayLink
 from tests.each_row import each_row
 from tests.links.link_fixtures import fails, joined, left_behind, opened, settings, xbus
 from tests.links.replayed import START, device_bytes, of, recording

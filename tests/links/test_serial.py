@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 import serial
 
-from server.holder.port import Port, PortError, may_be_terminal
-from server.links import open_link
-from server.links.base import LinkError
-from server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
+from imuscope.server.holder.port import Port, PortError, may_be_terminal
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from server.links import LinkError, SourceUrl, open_link
-from server.links.capture_file import FileLink
-from server.links.serial import SerialLink, SerialSettings
-from server.links.simulator import SimulatorLink
-from server.links.tcp import TcpLink, TcpListenLink
-from server.links.udp import UdpLink
+from imuscope.server.links import LinkError, SourceUrl, open_link
+from imuscope.server.links.capture_file import FileLink
+from imuscope.server.links.serial import SerialLink, SerialSettings
+from imuscope.server.links.simulator import SimulatorLink
+from imuscope.server.links.tcp import TcpLink, TcpListenLink
+from imuscope.server.links.udp import UdpLink
 from tests.each_row import each_row
 
 

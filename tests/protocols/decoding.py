@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch, Event
+from imuscope.protocols.events import Batch, Event
 
 
 def decode_chunks(decoder: Any, chunks: Iterable[tuple[int, bytes]], *, stalled: bool = True) -> list[Event]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from protocols.idtp.frames import CRC_AT, VERSION_AT
+from imuscope.protocols.idtp.frames import CRC_AT, VERSION_AT
 from tests.oracles import idtp as oracle
 
 

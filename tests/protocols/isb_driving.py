@@ -7,9 +7,9 @@ import functools
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.isb.driver import IsbDriver
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.transactions import DeviceContext
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.transactions import DeviceContext
 from tests.transaction_player import PlayedWire, play
 
 DRIVER = IsbDriver()

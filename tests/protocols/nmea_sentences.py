@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from protocols.nmea import checksum
+from imuscope.protocols.nmea import checksum
 
 
 def sentence(content: str) -> bytes:

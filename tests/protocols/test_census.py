@@ -9,18 +9,18 @@ from typing import Any
 
 import pytest
 
-from protocols import nmea, rtcm, ubx
-from protocols.events import Text
-from protocols.idtp import messages as idtp_messages
-from protocols.idtp.json_codec import frame_from_json, frame_to_json
-from protocols.isb import dataset_loader as isb_tables
-from protocols.isb import frames as isb_frames
-from protocols.isb import messages as isb_messages
-from protocols.isb.decoder import IsbDecoder
-from protocols.schema import Bits
-from protocols.xbus import data_identifiers as xbus_items
-from protocols.xbus import enums as xbus_codes
-from protocols.xbus import messages as xbus_messages
+from imuscope.protocols import nmea, rtcm, ubx
+from imuscope.protocols.events import Text
+from imuscope.protocols.idtp import messages as idtp_messages
+from imuscope.protocols.idtp.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.isb import dataset_loader as isb_tables
+from imuscope.protocols.isb import frames as isb_frames
+from imuscope.protocols.isb import messages as isb_messages
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.schema import Bits
+from imuscope.protocols.xbus import data_identifiers as xbus_items
+from imuscope.protocols.xbus import enums as xbus_codes
+from imuscope.protocols.xbus import messages as xbus_messages
 from tests.each_row import each_row
 from tests.protocols.idtp_vectors import COMPUTED, KEY, frame
 from tests.protocols.vector_coverage import FOREIGN, GROUPS, PROVENANCES

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.clock_rows import decreases, delays_of, host_times
-from protocols.framing import StreamBuffer
-from protocols.jit import Kernel
+from imuscope.protocols.clock_rows import decreases, delays_of, host_times
+from imuscope.protocols.framing import StreamBuffer
+from imuscope.protocols.jit import Kernel
 
 ORIGIN, HOST_ORIGIN = 5_000_000_000_000, 1_700_000_000_000_000_000
 NS = st.integers(-(10**13), 10**13)

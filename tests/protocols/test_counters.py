@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from protocols.counters import SequenceCounter, TickUnwrapper
+from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
 from tests.each_row import each_row
 
 MS = 1e6
@@ -48,8 +48,8 @@ def test_a_row_from_before_the_wrap_keeps_its_time() -> None:
 
 def test_old_rows_of_the_capture_are_neither_wrap_nor_reset(captures: Path) -> None:
     """mti_100hz_49s.bin: a GNSS solution every quarter of a second carries a time 2.5 s older than its neighbours'."""
-    from protocols.events import ClockStep, SampleGap, batches
-    from protocols.xbus.decoder import XbusDecoder
+    from imuscope.protocols.events import ClockStep, SampleGap, batches
+    from imuscope.protocols.xbus.decoder import XbusDecoder
 
     decoder = XbusDecoder()
     decoder.feed((captures / "xbus" / "mti_100hz_49s.bin").read_bytes(), 0)

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from protocols import nmea, registry
-from protocols.xbus import binary_strings
+from imuscope.protocols import nmea, registry
+from imuscope.protocols.xbus import binary_strings
 from tests.each_row import each_row
 from tests.protocols.nmea_sentences import sentence
 

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
-from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.detect import detection_score
-from protocols.idtp.frames import LITE, SAFETY, SECURE, build
-from protocols.idtp.inspect import IdtpFrameLister
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
+from imuscope.protocols.idtp.decoder import IdtpDecoder
+from imuscope.protocols.idtp.detect import detection_score
+from imuscope.protocols.idtp.frames import LITE, SAFETY, SECURE, build
+from imuscope.protocols.idtp.inspect import IdtpFrameLister
 from tests.each_row import each_row
 from tests.oracles import idtp as oracle
 from tests.protocols.decoding import decode_chunks

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.frames import build
-from protocols.idtp.json_codec import frame_from_json
-from server.cli import main
+from imuscope.protocols.idtp.frames import build
+from imuscope.protocols.idtp.json_codec import frame_from_json
+from imuscope.server.cli import main
 from tests.each_row import each_row
 from tests.protocols.idtp_vectors import KEY, VECTORS, frame, key_of
 

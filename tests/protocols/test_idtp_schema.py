@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from protocols.events import Batch
-from protocols.idtp.custom_payloads import SchemaError, parse
-from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.family import FAMILY
-from protocols.idtp.frames import build
-from protocols.idtp.json_codec import frame_from_json, frame_to_json
-from protocols.layouts import EncodeError, size_of
+from imuscope.protocols.events import Batch
+from imuscope.protocols.idtp.custom_payloads import SchemaError, parse
+from imuscope.protocols.idtp.decoder import IdtpDecoder
+from imuscope.protocols.idtp.family import FAMILY
+from imuscope.protocols.idtp.frames import build
+from imuscope.protocols.idtp.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.layouts import EncodeError, size_of
 from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, ClockStep, RejectedFrame, SampleGap
-from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.messages import MESSAGES
-from protocols.idtp.simulator import EARTH_UT, IdtpSimulator
-from protocols.simulator import trajectory
+from imuscope.protocols.events import Batch, ClockStep, RejectedFrame, SampleGap
+from imuscope.protocols.idtp.decoder import IdtpDecoder
+from imuscope.protocols.idtp.messages import MESSAGES
+from imuscope.protocols.idtp.simulator import EARTH_UT, IdtpSimulator
+from imuscope.protocols.simulator import trajectory
 from tests.each_row import each_row
 from tests.protocols.decoding import column, decode_chunks
 from tests.protocols.idtp_vectors import KEY

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.checksums import crc8_autosar, crc32_autosar
-from protocols.counters import TickUnwrapper
-from protocols.events import Batch, RejectedFrame, SampleGap
-from protocols.framing import REASONS
-from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.frames import SECURE, FrameAuthenticator, build
-from protocols.idtp.inspect import IdtpFrameLister
-from protocols.idtp.json_codec import frame_from_json, frame_to_json
-from protocols.idtp.messages import MESSAGES, STATUS, WIRE
+from imuscope.protocols.checksums import crc8_autosar, crc32_autosar
+from imuscope.protocols.counters import TickUnwrapper
+from imuscope.protocols.events import Batch, RejectedFrame, SampleGap
+from imuscope.protocols.framing import REASONS
+from imuscope.protocols.idtp.decoder import IdtpDecoder
+from imuscope.protocols.idtp.frames import SECURE, FrameAuthenticator, build
+from imuscope.protocols.idtp.inspect import IdtpFrameLister
+from imuscope.protocols.idtp.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.idtp.messages import MESSAGES, STATUS, WIRE
 from tests.each_row import each_row
 from tests.oracles import idtp as oracle
 from tests.protocols.decoding import decode_chunks

@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from protocols.framing import REASONS
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.frames import get_data, set_data, stop
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.registry import PROTOCOLS
-from protocols.xbus.frames import build
-from protocols.xbus.json_codec import frame_from_json
-from server.commands.inspect import inspect_file
-from server.commands.inspect_table import explained_rejects
-from server.devices.decode_options import DecodeOptions
+from imuscope.protocols.framing import REASONS
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.frames import get_data, set_data, stop
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.json_codec import frame_from_json
+from imuscope.server.commands.inspect import inspect_file
+from imuscope.server.commands.inspect_table import explained_rejects
+from imuscope.server.devices.decode_options import DecodeOptions
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.protocols.xbus_vectors import everything

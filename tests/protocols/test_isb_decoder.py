@@ -8,14 +8,14 @@ import struct
 import numpy as np
 import pytest
 
-from protocols import rtcm, ubx
-from protocols.checksums import crc24q, fletcher16
-from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Text
-from protocols.isb import frames
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.detect import detection_score
-from protocols.isb.frames import build
-from protocols.isb.time_base import leap_seconds, store_offset, update_time, utc_ns
+from imuscope.protocols import rtcm, ubx
+from imuscope.protocols.checksums import crc24q, fletcher16
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Text
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.detect import detection_score
+from imuscope.protocols.isb.frames import build
+from imuscope.protocols.isb.time_base import leap_seconds, store_offset, update_time, utc_ns
 from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 

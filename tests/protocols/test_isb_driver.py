@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 
-from protocols.events import Text
-from protocols.isb import frames
-from protocols.isb.commands import COMMAND_ROWS
-from protocols.isb.dataset_loader import SETS
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.driver import version_of
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.isb.stored_settings import settings_of
-from protocols.isb.streams import STREAMS
-from protocols.layouts import EncodeError
-from protocols.transactions import DeviceContext, DeviceRejectedError, NoReplyError, Send, WaitFor, cancel
+from imuscope.protocols.events import Text
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.commands import COMMAND_ROWS
+from imuscope.protocols.isb.dataset_loader import SETS
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.driver import version_of
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.isb.stored_settings import settings_of
+from imuscope.protocols.isb.streams import STREAMS
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.transactions import DeviceContext, DeviceRejectedError, NoReplyError, Send, WaitFor, cancel
 from tests.each_row import each_row
 from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
 from tests.transaction_player import PlayedWire, play

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch, Reply
-from protocols.isb.dataset_loader import CURRENT, SETS, TABLES
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.frames import DATA, build
-from protocols.isb.json_codec import frame_from_json, frame_to_json
-from protocols.isb.messages import RAW_KINDS
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, TABLES
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.frames import DATA, build
+from imuscope.protocols.isb.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.isb.messages import RAW_KINDS
 from tests.each_row import each_row
 from tests.protocols.isb_vectors import FORMS, by_did, leaves, packet
 

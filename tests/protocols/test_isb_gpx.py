@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from protocols.isb.commands import COMMAND_ROWS
-from protocols.isb.dataset_loader import SETS
-from protocols.isb.driver import IsbDriver
-from protocols.isb.family import SIMULATOR
-from protocols.isb.simulator.gpx import GpxSimulator
-from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
-from protocols.transactions import DeviceContext, DeviceRejectedError
-from server.configuration.form_builder import forms_of
+from imuscope.protocols.isb.commands import COMMAND_ROWS
+from imuscope.protocols.isb.dataset_loader import SETS
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.isb.family import SIMULATOR
+from imuscope.protocols.isb.simulator.gpx import GpxSimulator
+from imuscope.protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
+from imuscope.protocols.transactions import DeviceContext, DeviceRejectedError
+from imuscope.server.configuration.form_builder import forms_of
 from tests.transaction_player import PlayedWire, play
 
 DRIVER = IsbDriver()

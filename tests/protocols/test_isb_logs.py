@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Text
-from protocols.isb import frames
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.frames import build
-from protocols.isb.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.events import Batch, Text
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.frames import build
+from imuscope.protocols.isb.json_codec import frame_from_json, frame_to_json
 from tests.oracles import isb as oracle
 from tests.protocols.isb_vectors import GOLDEN
 

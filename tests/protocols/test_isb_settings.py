@@ -8,16 +8,16 @@ from collections.abc import Iterable, Iterator
 
 import pytest
 
-from protocols import validation
-from protocols.isb.commands import COMMAND_ROWS
-from protocols.isb.dataset_loader import VERSIONS
-from protocols.isb.driver import IsbDriver
-from protocols.isb.field_docs import BAUD_RATES, CAN_RATES
-from protocols.isb.stored_settings import fields_of, settings_of
-from protocols.schema import Field
-from protocols.transactions import DeviceContext
-from server.configuration.form_builder import field_form
-from server.configuration.value_format import words
+from imuscope.protocols import validation
+from imuscope.protocols.isb.commands import COMMAND_ROWS
+from imuscope.protocols.isb.dataset_loader import VERSIONS
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.isb.field_docs import BAUD_RATES, CAN_RATES
+from imuscope.protocols.isb.stored_settings import fields_of, settings_of
+from imuscope.protocols.schema import Field
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.configuration.form_builder import field_form
+from imuscope.server.configuration.value_format import words
 from tests.each_row import each_row
 from tests.vendor.inertial_sense import KEPT
 

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocols.events import ClockStep, Event, RejectedFrame, Reply, batches
-from protocols.isb import frames
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.messages import ROWS
-from protocols.isb.simulator.device import BOOT_NS, IsbSimulator
-from protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
-from protocols.simulator import trajectory
+from imuscope.protocols.events import ClockStep, Event, RejectedFrame, Reply, batches
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.messages import ROWS
+from imuscope.protocols.isb.simulator.device import BOOT_NS, IsbSimulator
+from imuscope.protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
+from imuscope.protocols.simulator import trajectory
 from tests.each_row import each_row
 from tests.protocols.decoding import column, decode_chunks
 

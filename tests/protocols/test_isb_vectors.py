@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch, Reply
-from protocols.isb import frames
-from protocols.isb.dataset_loader import SETS, TABLES
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.frames import build, get_data, set_data, stop
-from protocols.isb.json_codec import frame_from_json, frame_to_json
-from protocols.isb.messages import COMMANDS, ROWS
-from protocols.layouts import size_of
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.dataset_loader import SETS, TABLES
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.frames import build, get_data, set_data, stop
+from imuscope.protocols.isb.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.isb.messages import COMMANDS, ROWS
+from imuscope.protocols.layouts import size_of
 from tests.each_row import each_row
 from tests.oracles import isb as oracle
 from tests.protocols.isb_vectors import COMMANDS as COMMAND_VECTORS

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from protocols.isb.dataset_loader import SOURCE, TABLES
+from imuscope.protocols.isb.dataset_loader import SOURCE, TABLES
 from tests.vendor.constants import constants
 from tests.vendor.inertial_sense import HEADERS, KEPT, MACROS, differences
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols import jit
-from protocols.events import Batch
-from protocols.jit import BYTES, INT, INTS, PAIR, Kernel, compiled, inlined
-from protocols.registry import PROTOCOLS
+from imuscope.protocols import jit
+from imuscope.protocols.events import Batch
+from imuscope.protocols.jit import BYTES, INT, INTS, PAIR, Kernel, compiled, inlined
+from imuscope.protocols.registry import PROTOCOLS
 from tests.bench import idtp_mixed, isb_mixed
 from tests.each_row import each_row
 from tests.protocols import xbus_vectors
@@ -107,7 +107,10 @@ def test_another_copy_of_the_source_finds_its_functions_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every fresh clone compiled for half a minute, because numba's cache is keyed by the folder."""
-    source = "from protocols.jit import INT, compiled\n@compiled(INT, INT)\ndef double(value):\n    return 2 * value\n"
+    source = (
+        "from imuscope.protocols.jit import INT, compiled\n"
+        "@compiled(INT, INT)\ndef double(value):\n    return 2 * value\n"
+    )
     caching = importlib.import_module("numba.core.caching")
     monkeypatch.setattr(caching.config, "CACHE_DIR", str(tmp_path / "compiled"))
     kernels = []
@@ -130,8 +133,8 @@ def test_another_copy_of_the_source_finds_its_functions_compiled(
 DIGESTS = """
 import sys
 from pathlib import Path
-from protocols import jit
-from protocols.events import Batch
+from imuscope.protocols import jit
+from imuscope.protocols.events import Batch
 from tests.protocols.test_jit import digests
 jit.automatic = False
 print(digests(Path(sys.argv[1]), load_at=50_000))

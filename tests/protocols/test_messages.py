@@ -10,10 +10,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.events import Batch, Event, RejectedFrame, SampleGap
-from protocols.messages.decoder import MessageDecoder, reader_of
-from protocols.messages.listing import MessageLister
-from protocols.messages.records import COUNTED, MESSAGE_HEAD, MessageChannel, definition, message_record
+from imuscope.protocols.events import Batch, Event, RejectedFrame, SampleGap
+from imuscope.protocols.messages.decoder import MessageDecoder, reader_of
+from imuscope.protocols.messages.listing import MessageLister
+from imuscope.protocols.messages.records import COUNTED, MESSAGE_HEAD, MessageChannel, definition, message_record
 from tests.counting import counted_calls
 from tests.each_row import each_row
 from tests.links import rosbags_messages as ros

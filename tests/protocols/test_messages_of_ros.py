@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from protocols.messages.decoder import STAMPS, reader_of
-from protocols.messages.records import MessageChannel
+from imuscope.protocols.messages.decoder import STAMPS, reader_of
+from imuscope.protocols.messages.records import MessageChannel
 from tests.each_row import each_row
 from tests.links import rosbags_messages as ros
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import random
 
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.mixed_protocols import FEW, MixedProtocolDetector
-from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.mixed_protocols import FEW, MixedProtocolDetector
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.each_row import each_row
 
 S = 1_000_000_000
@@ -50,10 +50,10 @@ def test_bytes_inside_a_frame_belong_to_it(own: str) -> None:
     """An Xbus frame inside the payload of an Inertial Sense packet is not a message of an MTi."""
     assert examine(own, spoken(own, 30), 1 << 16).others == []
     xbus, isb = PROTOCOLS["xbus"].sample, PROTOCOLS["isb"].sample
-    from protocols.idtp.frames import build as idtp
-    from protocols.isb.frames import DATA
-    from protocols.isb.frames import build as packet
-    from protocols.xbus.frames import build as frame
+    from imuscope.protocols.idtp.frames import build as idtp
+    from imuscope.protocols.isb.frames import DATA
+    from imuscope.protocols.isb.frames import build as packet
+    from imuscope.protocols.xbus.frames import build as frame
 
     hidden = {
         "xbus": b"".join(frame(0x90, isb) for _ in range(10)),

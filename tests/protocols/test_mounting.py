@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.isb.family import FAMILY as ISB
-from protocols.mounting import frame_angles, matrix_of, quaternion_of
-from protocols.xbus.family import FAMILY as XBUS
+from imuscope.protocols.isb.family import FAMILY as ISB
+from imuscope.protocols.mounting import frame_angles, matrix_of, quaternion_of
+from imuscope.protocols.xbus.family import FAMILY as XBUS
 
 PARTS = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from protocols.nmea import LONGEST, SENTENCES, ParsedMessage, find_nmea
+from imuscope.protocols.nmea import LONGEST, SENTENCES, ParsedMessage, find_nmea
 from tests.each_row import each_row
 from tests.protocols.nmea_sentences import EXAMPLES, sentence
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocols.events import Text
-from protocols.isb import sentences
-from protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea
-from protocols.nmea_quantities import NmeaQuantities
-from protocols.schema import Message
+from imuscope.protocols.events import Text
+from imuscope.protocols.isb import sentences
+from imuscope.protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea
+from imuscope.protocols.nmea_quantities import NmeaQuantities
+from imuscope.protocols.schema import Message
 from tests.each_row import each_row
 
 

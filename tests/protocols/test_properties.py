@@ -24,11 +24,11 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from protocols.events import Batch, Event, Reply
-from protocols.idtp import frames as idtp
-from protocols.isb import frames as isb
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.xbus.frames import build
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.idtp import frames as idtp
+from imuscope.protocols.isb import frames as isb
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.xbus.frames import build
 from tests.each_row import each_row
 from tests.protocols import idtp_vectors, isb_vectors, mip_vectors
 from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase, canonical, cut, run

@@ -6,8 +6,8 @@ from math import degrees, sqrt
 
 import pytest
 
-from protocols.registry import PROTOCOLS
-from protocols.sensor_properties import SensorProperties
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.sensor_properties import SensorProperties
 from tests.each_row import each_row
 
 

@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.events import SampleGap, Text
-from protocols.xbus import frames
-from protocols.xbus.enums import SYNC_FUNCTIONS, SYNC_LINES
-from protocols.xbus.product_options import functions_of, lines_of, problems_beyond
-from protocols.xbus.products import MODELS, model_of
-from protocols.xbus.simulator.device import XbusSimulator
-from protocols.xbus.simulator.faults import FaultInjection
-from protocols.xbus.simulator.settings import SETTINGS
-from protocols.xbus.simulator.sync_lines import accepts
+from imuscope.protocols.events import SampleGap, Text
+from imuscope.protocols.xbus import frames
+from imuscope.protocols.xbus.enums import SYNC_FUNCTIONS, SYNC_LINES
+from imuscope.protocols.xbus.product_options import functions_of, lines_of, problems_beyond
+from imuscope.protocols.xbus.products import MODELS, model_of
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.xbus.simulator.faults import FaultInjection
+from imuscope.protocols.xbus.simulator.settings import SETTINGS
+from imuscope.protocols.xbus.simulator.sync_lines import accepts
 from tests.each_row import each_row
 from tests.protocols.decoding import column
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, RejectedFrame, Reply, Text
-from protocols.simulator import trajectory
-from protocols.transactions import DeviceContext
-from protocols.xbus.enums import STRING_TYPES
-from protocols.xbus.simulator.device import XbusSimulator
-from protocols.xbus.simulator.strings import LINES
+from imuscope.protocols.events import Batch, RejectedFrame, Reply, Text
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.enums import STRING_TYPES
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.xbus.simulator.strings import LINES
 from tests.each_row import each_row
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, run
 from tests.protocols.xbus_values import DRIVER

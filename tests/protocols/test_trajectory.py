@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from protocols.simulator import trajectory
+from imuscope.protocols.simulator import trajectory
 
 STEP = 1e-3
 TIMES = np.arange(0, 2 * trajectory.LAP_S, STEP)

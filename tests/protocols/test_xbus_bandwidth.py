@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.transactions import DeviceContext
-from protocols.xbus import frames
-from protocols.xbus.bandwidth import messages_of, size_of
-from protocols.xbus.output_configuration import (
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus import frames
+from imuscope.protocols.xbus.bandwidth import messages_of, size_of
+from imuscope.protocols.xbus.output_configuration import (
     ALWAYS,
     OUTPUTS,
     SATELLITES,
@@ -26,9 +26,9 @@ from protocols.xbus.output_configuration import (
     output_of,
     streams,
 )
-from protocols.xbus.products import MODELS
-from protocols.xbus.simulator.device import XbusSimulator
-from protocols.xbus.simulator.settings import PRODUCTS
+from imuscope.protocols.xbus.products import MODELS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.xbus.simulator.settings import PRODUCTS
 from tests.each_row import each_row
 from tests.protocols.xbus_values import DRIVER
 

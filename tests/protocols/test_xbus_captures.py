@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
-from protocols.xbus.data_identifiers import ITEMS
-from protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
+from imuscope.protocols.xbus.data_identifiers import ITEMS
+from imuscope.protocols.xbus.decoder import XbusDecoder
 from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 from tests.protocols.xbus_vectors import GOLDEN, flat

@@ -10,13 +10,13 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.schema import Command, Setting
-from protocols.xbus import commands
-from protocols.xbus.commands import GROUPS
-from protocols.xbus.json_codec import frame_from_json, frame_to_json
-from protocols.xbus.messages import BY_NAME, MESSAGES
-from protocols.xbus.output_configuration import OUTPUTS
-from protocols.xbus.products import MODELS, model_of
+from imuscope.protocols.schema import Command, Setting
+from imuscope.protocols.xbus import commands
+from imuscope.protocols.xbus.commands import GROUPS
+from imuscope.protocols.xbus.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.xbus.messages import BY_NAME, MESSAGES
+from imuscope.protocols.xbus.output_configuration import OUTPUTS
+from imuscope.protocols.xbus.products import MODELS, model_of
 from tests.each_row import each_row
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, UNKNOWN, sensible, sync
 from tests.protocols.xbus_vectors import COMMANDS, GOLDEN, everything

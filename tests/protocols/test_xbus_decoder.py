@@ -7,10 +7,10 @@ import struct
 import numpy as np
 import pytest
 
-from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from protocols.registry import detect
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.frames import MAX_ACCEPTED, build
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
+from imuscope.protocols.registry import detect
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.frames import MAX_ACCEPTED, build
 from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 

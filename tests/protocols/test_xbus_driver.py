@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from protocols.events import Reply
-from protocols.layouts import EncodeError
-from protocols.registry import PROTOCOLS
-from protocols.transactions import (
+from imuscope.protocols.events import Reply
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.transactions import (
     DeviceContext,
     DeviceRejectedError,
     NoReplyError,
@@ -22,12 +22,12 @@ from protocols.transactions import (
     WaitFor,
     cancel,
 )
-from protocols.xbus import frames, requests
-from protocols.xbus.device_info import identity
-from protocols.xbus.products import MODELS
-from protocols.xbus.simulator.device import XbusSimulator
-from protocols.xbus.simulator.faults import FaultInjection
-from protocols.xbus.simulator.settings import PRODUCTS
+from imuscope.protocols.xbus import frames, requests
+from imuscope.protocols.xbus.device_info import identity
+from imuscope.protocols.xbus.products import MODELS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.xbus.simulator.faults import FaultInjection
+from imuscope.protocols.xbus.simulator.settings import PRODUCTS
 from tests.each_row import each_row
 from tests.protocols.xbus_simulators import CHANGES, Between, DeafXbusDevice, known_of, names, phase, wire
 from tests.protocols.xbus_values import DRIVER, sensible

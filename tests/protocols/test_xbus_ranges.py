@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.layouts import EncodeError, is_open
-from protocols.schema import Command, Field
-from protocols.shown_values import is_scaled, shown_number
-from protocols.transactions import DeviceContext
-from protocols.validation import bounds, find_problems, is_whole
-from protocols.xbus.json_codec import frame_to_json
-from protocols.xbus.products import model_of
+from imuscope.protocols.layouts import EncodeError, is_open
+from imuscope.protocols.schema import Command, Field
+from imuscope.protocols.shown_values import is_scaled, shown_number
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.validation import bounds, find_problems, is_whole
+from imuscope.protocols.xbus.json_codec import frame_to_json
+from imuscope.protocols.xbus.products import model_of
 from tests.each_row import each_row
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, sensible, sync
 

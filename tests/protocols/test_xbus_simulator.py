@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, batches
-from protocols.simulator import trajectory
-from protocols.xbus.data_identifiers import item
-from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, accepted_rates, max_rate, output_of
-from protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusSimulator
-from protocols.xbus.simulator.settings import PRODUCTS
+from imuscope.protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, batches
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.xbus.data_identifiers import item
+from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, accepted_rates, max_rate, output_of
+from imuscope.protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusSimulator
+from imuscope.protocols.xbus.simulator.settings import PRODUCTS
 from tests.each_row import each_row
 from tests.protocols.decoding import column
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run

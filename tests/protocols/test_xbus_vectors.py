@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Reply
-from protocols.layouts import to_display_units
-from protocols.schema import Message
-from protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.json_codec import frame_from_json, frame_to_json
-from protocols.xbus.messages import MESSAGES, form_of
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.layouts import to_display_units
+from imuscope.protocols.schema import Message
+from imuscope.protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.json_codec import frame_from_json, frame_to_json
+from imuscope.protocols.xbus.messages import MESSAGES, form_of
 from tests.each_row import each_row
 from tests.protocols.xbus_vectors import COMMANDS, COMPUTED, DATA, DEVICE, everything, flat, frame
 

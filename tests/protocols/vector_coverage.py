@@ -20,15 +20,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from protocols import nmea, rtcm, ubx
-from protocols.idtp import frames as idtp_frames
-from protocols.idtp import messages as idtp_messages
-from protocols.isb import dataset_loader as isb_tables
-from protocols.isb import frames as isb_frames
-from protocols.isb import messages as isb_messages
-from protocols.xbus import data_identifiers as xbus_items
-from protocols.xbus import enums as xbus_codes
-from protocols.xbus import messages as xbus_messages
+from imuscope.protocols import nmea, rtcm, ubx
+from imuscope.protocols.idtp import frames as idtp_frames
+from imuscope.protocols.idtp import messages as idtp_messages
+from imuscope.protocols.isb import dataset_loader as isb_tables
+from imuscope.protocols.isb import frames as isb_frames
+from imuscope.protocols.isb import messages as isb_messages
+from imuscope.protocols.xbus import data_identifiers as xbus_items
+from imuscope.protocols.xbus import enums as xbus_codes
+from imuscope.protocols.xbus import messages as xbus_messages
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import xbus as xbus_oracle

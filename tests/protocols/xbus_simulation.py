@@ -7,10 +7,10 @@ import functools
 import struct
 from typing import Any
 
-from protocols.events import Event
-from protocols.xbus import frames
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.events import Event
+from imuscope.protocols.xbus import frames
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.protocols.decoding import decode_chunks
 
 S = 10**9

@@ -8,8 +8,8 @@ import copy
 import functools
 from typing import Any
 
-from protocols.transactions import DeviceContext, Values
-from protocols.xbus.simulator.device import XbusSimulator
+from imuscope.protocols.transactions import DeviceContext, Values
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.protocols.xbus_values import DRIVER
 from tests.transaction_player import PlayedWire, play
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.schema import Command, Field
-from protocols.transactions import DeviceContext
-from protocols.validation import bounds
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.products import MODELS
+from imuscope.protocols.schema import Command, Field
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.validation import bounds
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.products import MODELS
 
 DRIVER = XbusDriver()
 UNKNOWN = DeviceContext()

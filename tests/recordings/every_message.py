@@ -11,18 +11,18 @@ from dataclasses import replace
 from itertools import count, product
 from typing import Any
 
-from protocols.composer import ProtocolComposer
-from protocols.idtp.frames import LITE, SAFETY
-from protocols.idtp.frames import build as build_idtp
-from protocols.isb import frames as isb_frames
-from protocols.isb import messages as isb_messages
-from protocols.isb.dataset_loader import CURRENT, SETS
-from protocols.layouts import pack, size_of
-from protocols.registry import PROTOCOLS
-from protocols.schema import Field
-from protocols.xbus import messages as xbus_messages
-from protocols.xbus.data_identifiers import COORDINATES, ITEMS, PRECISIONS, item
-from protocols.xbus.frames import build
+from imuscope.protocols.composer import ProtocolComposer
+from imuscope.protocols.idtp.frames import LITE, SAFETY
+from imuscope.protocols.idtp.frames import build as build_idtp
+from imuscope.protocols.isb import frames as isb_frames
+from imuscope.protocols.isb import messages as isb_messages
+from imuscope.protocols.isb.dataset_loader import CURRENT, SETS
+from imuscope.protocols.layouts import pack, size_of
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.schema import Field
+from imuscope.protocols.xbus import messages as xbus_messages
+from imuscope.protocols.xbus.data_identifiers import COORDINATES, ITEMS, PRECISIONS, item
+from imuscope.protocols.xbus.frames import build
 
 REPEATS = 3
 KINDS = ("i8", "u8", "i16", "u16", "i32", "u32", "i64", "u64", "f32", "f64")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader
 
 ABOUT = {"title": "A drive", "created": "2026-11-21T04:00:00Z", "host": "rover", "version": "0.1.0"}
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.mcap_writer import McapWriter
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.mcap_writer import McapWriter
 
 START = 1_760_000_000_000_000_000
 

@@ -22,16 +22,16 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
-from protocols.events import Batch
-from protocols.schema import Field
-from protocols.xbus.data_identifiers import ITEMS
-from recordings.column_store import ColumnStore
-from recordings.exporters import FORMATS, ExportRequest, export
-from recordings.importers import open_file
-from recordings.mcap_writer import McapWriter
-from server.devices.decode_options import DecodeOptions, checked_options
-from server.devices.protocol_set import all_protocols
-from server.library.decode import decode
+from imuscope.protocols.events import Batch
+from imuscope.protocols.schema import Field
+from imuscope.protocols.xbus.data_identifiers import ITEMS
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.exporters import FORMATS, ExportRequest, export
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.server.devices.decode_options import DecodeOptions, checked_options
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.recordings import every_message
 from tests.recordings.recorded_drive import START

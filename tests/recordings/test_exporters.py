@@ -16,12 +16,12 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from protocols.xbus.frames import build
-from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
-from recordings.exporters import FORMATS, ExportError, ExportRequest, by_suffix, csv_tables, export
-from recordings.exporters.message_table import join, tables, windows
-from recordings.mcap_reader import McapReader
-from recordings.mcap_writer import McapWriter
+from imuscope.protocols.xbus.frames import build
+from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
+from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, by_suffix, csv_tables, export
+from imuscope.recordings.exporters.message_table import join, tables, windows
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_writer import McapWriter
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import ACCELERATION, START, store
 

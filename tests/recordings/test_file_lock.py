@@ -9,18 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from recordings import file_lock, quota
-from recordings.compaction import TEMPORARY_SUFFIX, compact, is_uncompacted
-from recordings.library import Library
-from recordings.mcap_writer import McapWriter, RecordingError
-from server.library.compaction_worker import uncompacted
+from imuscope.recordings import file_lock, quota
+from imuscope.recordings.compaction import TEMPORARY_SUFFIX, compact, is_uncompacted
+from imuscope.recordings.library import Library
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.server.library.compaction_worker import uncompacted
 from tests.recordings.mcap_files import ABOUT, read
 from tests.server_process import ROOT, tied
 
 HOLDER = """
 import sys
 from pathlib import Path
-from recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap_writer import McapWriter
 writer = McapWriter(Path(sys.argv[1]), {})
 writer.chunk("1", "rx", b"a minute of driving", 1)
 print("there", flush=True)

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.isb.logs import HEADER, MARKER
-from protocols.registry import PROTOCOLS
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from recordings.sources import Source
-from recordings.vendor_logs import log_name, parts_of
+from imuscope.protocols.isb.logs import HEADER, MARKER
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sources import Source
+from imuscope.recordings.vendor_logs import log_name, parts_of
 from tests.each_row import each_row
 from tests.protocols.isb_vectors import leaves
 from tests.recordings.vendor_logs import LOGS, NAME, needs_logs

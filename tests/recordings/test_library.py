@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recordings import quota
-from recordings.compaction import compact
-from recordings.importers import SUFFIXES
-from recordings.library import INDEX, KEPT_S, Library
-from recordings.mcap_writer import McapWriter, RecordingError
-from recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
-from recordings.sidecar import Edits, Marker, sidecar_path
-from recordings.upload_names import clean_name
+from imuscope.recordings import quota
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.importers import SUFFIXES
+from imuscope.recordings.library import INDEX, KEPT_S, Library
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
+from imuscope.recordings.sidecar import Edits, Marker, sidecar_path
+from imuscope.recordings.upload_names import clean_name
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import NS, START, recording, store
 
@@ -53,7 +53,7 @@ def test_an_unchanged_file_is_not_looked_into_again(tmp_path: Path, monkeypatch:
     path = recording(tmp_path / "a.mcap")
     library = Library(tmp_path)
     library.all()
-    from recordings import library as module
+    from imuscope.recordings import library as module
 
     looked: list[Path] = []
     monkeypatch.setattr(module, "probe", lambda path: looked.append(path))

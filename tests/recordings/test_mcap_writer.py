@@ -20,10 +20,10 @@ from hypothesis import strategies as st
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
-from recordings import compaction as packing
-from recordings.compaction import compact
-from recordings.mcap_reader import DATA, LENGTH, TIME, McapReader, json_messages
-from recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings import compaction as packing
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.mcap_reader import DATA, LENGTH, TIME, McapReader, json_messages
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from tests.each_row import each_row
 from tests.recordings.mcap_files import ABOUT, Message, messages, read, theirs
 
@@ -251,7 +251,7 @@ def test_a_recording_that_says_it_held_more_is_not_packed(tmp_path: Path) -> Non
 CHILD = """
 import sys, time
 from pathlib import Path
-from recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap_writer import McapWriter
 writer = McapWriter(Path(sys.argv[1]), {})
 n = 0
 while True:

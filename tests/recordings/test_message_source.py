@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as RosWriter
 
-from protocols.events import Batch
-from protocols.messages.decoder import MessageDecoder, reader_of
-from protocols.messages.records import MessageChannel
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from recordings.message_source import MessageSource
+from imuscope.protocols.events import Batch
+from imuscope.protocols.messages.decoder import MessageDecoder, reader_of
+from imuscope.protocols.messages.records import MessageChannel
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.message_source import MessageSource
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import START
 

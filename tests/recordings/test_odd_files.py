@@ -10,12 +10,12 @@ from pathlib import Path
 import httpx
 import pytest
 
-from recordings import quota
-from recordings.importers import open_file
-from recordings.library import INDEX, Library
-from recordings.mcap_writer import RecordingError
-from recordings.sidecar import Edits, sidecar_path
-from server.library.compaction_worker import uncompacted
+from imuscope.recordings import quota
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.library import INDEX, Library
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sidecar import Edits, sidecar_path
+from imuscope.server.library.compaction_worker import uncompacted
 from tests.recordings.store_fixtures import recording
 from tests.server_process import ServerProcess
 from tests.source_files import ROOT, python_files

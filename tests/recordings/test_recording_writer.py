@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from recordings.compaction import compact
-from recordings.mcap_reader import McapReader, json_messages
-from recordings.mcap_writer import McapWriter, RecordingError
-from recordings.recording_writer import GATHER_S, Limits, RecordingWriter
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.recording_writer import GATHER_S, Limits, RecordingWriter
 from tests.recordings.mcap_files import Message, messages, theirs
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recordings.compaction import compact
-from recordings.mcap_writer import McapWriter
-from recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
-from recordings.sources import McapSource
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
+from imuscope.recordings.sources import McapSource
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from mcap.writer import Writer as McapWriter
 
-from recordings.column_store import ColumnStore
-from recordings.exporters import ExportRequest, export
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from server.devices import protocol_set
-from server.library.decode import decode
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.exporters import ExportRequest, export
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import START, store
 

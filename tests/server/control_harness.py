@@ -8,26 +8,26 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from protocols.isb.driver import IsbDriver
-from protocols.isb.stream_discovery import ListeningTimes
-from protocols.transactions import DeviceDriver
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.requests import StateTimes
-from protocols.xbus.simulator.device import XbusSimulator
-from server.configuration import controllers
-from server.configuration.controllers import ControllerRegistry
-from server.configuration.device_controller import DeviceController, QueuedJob
-from server.configuration.timings import ConfigurationTimings
-from server.devices.device_names import DeviceNames
-from server.devices.protocol_set import all_protocols
-from server.devices.sessions import Sessions
-from server.links import open_link
-from server.links.base import LinkSettings, steady_clock
-from server.links.simulated_device import SimulatorOptions
-from server.links.simulated_line import LineFaults
-from server.links.simulator import SimulatorThread
-from server.streaming.telemetry import Telemetry
-from server.wire import Job
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.isb.stream_discovery import ListeningTimes
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.requests import StateTimes
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.configuration import controllers
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.links.simulated_device import SimulatorOptions
+from imuscope.server.links.simulated_line import LineFaults
+from imuscope.server.links.simulator import SimulatorThread
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.wire import Job
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from server.evidence.content import About
-from server.evidence.request import EvidenceRequest
-from server.evidence.worker import write
+from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.server.evidence.content import About
+from imuscope.server.evidence.request import EvidenceRequest
+from imuscope.server.evidence.worker import write
 from tests.recordings.store_fixtures import START, channel, column
 
 LATITUDE, LONGITUDE = 52.2203184, 6.8955273

@@ -10,12 +10,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from protocols.schema import Field, Message
-from protocols.xbus.device_info import identity
-from server.devices.ingest import ProtocolTraits
-from server.devices.protocol_detection import ProtocolSet
-from server.links.base import Attempt, Chunk, Link, LinkError, LinkSettings, Progress
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
+from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.xbus.device_info import identity
+from imuscope.server.devices.ingest import ProtocolTraits
+from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.links.base import Attempt, Chunk, Link, LinkError, LinkSettings, Progress
 
 NOW_NS = 1_700_000_000_000_000_000
 

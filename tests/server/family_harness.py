@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from server import wire
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.devices.session import Session
-from server.links.base import LinkSettings
-from server.streaming.telemetry import Telemetry
+from imuscope.server import wire
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import LinkSettings
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock, FakeLink
 
 STEP_S = 0.1

@@ -9,18 +9,18 @@ from concurrent.futures import Future
 from types import TracebackType
 from typing import Any
 
-from server import http_server
-from server.app import create_app
-from server.auth import Access
-from server.config import Config
-from server.connections import ConnectionLimits
-from server.devices.protocol_detection import ProtocolSet
-from server.devices.sessions import OpenLink
-from server.fleet.fleet_server import FleetServer
-from server.fleet.robots import Robots
-from server.page_files import Files
-from server.services import Services
-from server.timings import ViewerTimings
+from imuscope.server import http_server
+from imuscope.server.app import create_app
+from imuscope.server.auth import Access
+from imuscope.server.config import Config
+from imuscope.server.connections import ConnectionLimits
+from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.devices.sessions import OpenLink
+from imuscope.server.fleet.fleet_server import FleetServer
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.page_files import Files
+from imuscope.server.services import Services
+from imuscope.server.timings import ViewerTimings
 from tests.server.fakes import SPEECH
 from tests.timeouts import PATIENCE_S, http_client
 

@@ -9,10 +9,10 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from recordings.mcap_reader import McapReader
-from server.library.compaction_worker import CompactionWorker
-from server.library.recorder import Recorder, RecordingOptions
-from server.wire import RecorderState
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.library.recorder import Recorder, RecordingOptions
+from imuscope.server.wire import RecorderState
 from tests.bench.tcp_device import TcpDevice
 from tests.server.control_harness import ControlHarness, house
 from tests.server.fakes import FakeLinks

@@ -6,11 +6,11 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_detection import ProtocolSet
-from server.devices.session import Session
-from server.links.base import LinkSettings
-from server.streaming.telemetry import Telemetry
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import LinkSettings
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import SPEECH, FakeClock, FakeLink
 
 

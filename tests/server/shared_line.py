@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.device_controller import DeviceController
 from tests.server.control_harness import ControlHarness
 from tests.waiting import until
 

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from protocols.sensor_properties import SensorProperties
-from server.analysis.registry import analysis_named
-from server.analysis.report import figures_of
-from server.analysis.signal_request import requested_signals
-from server.analysis.signals import Floats, Signal, SignalColumn
-from server.wire import BitsInfo, ChannelInfo, ColumnInfo
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server.analysis.registry import analysis_named
+from imuscope.server.analysis.report import figures_of
+from imuscope.server.analysis.signal_request import requested_signals
+from imuscope.server.analysis.signals import Floats, Signal, SignalColumn
+from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo
 
 START = 1.76e9
 G = 9.80665

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.frames import LITE, SAFETY, build
-from protocols.idtp.simulator import IdtpSimulator
-from server.devices.decode_options import DecodeOptions, url_options
-from server.devices.protocol_detection import unknown_hint
-from server.devices.session import Session
-from server.links import open_link
-from server.links.base import LinkError, LinkSettings
+from imuscope.protocols.idtp.frames import LITE, SAFETY, build
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.server.devices.decode_options import DecodeOptions, url_options
+from imuscope.server.devices.protocol_detection import unknown_hint
+from imuscope.server.devices.session import Session
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkError, LinkSettings
 from tests import virtual_time
 from tests.each_row import each_row
 from tests.protocols.idtp_frames import with_version

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server import wire
-from server.alarms.definitions import AlarmDefinition, Figure, FlagCondition, HealthCondition, StoredAlarm
-from server.alarms.figures import HealthJudge
-from server.alarms.instance import AlarmInstance, compiled
-from server.alarms.machine import BEYOND, UNKNOWN, WITHIN
-from server.errors import DomainError
-from server.streaming.telemetry import Telemetry
+from imuscope.server import wire
+from imuscope.server.alarms.definitions import AlarmDefinition, Figure, FlagCondition, HealthCondition, StoredAlarm
+from imuscope.server.alarms.figures import HealthJudge
+from imuscope.server.alarms.instance import AlarmInstance, compiled
+from imuscope.server.alarms.machine import BEYOND, UNKNOWN, WITHIN
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 
 BEGIN = 1_700_000_000.0

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from server import wire
-from server.alarms import preview
-from server.alarms.definitions import AlarmDefinition, ExpressionCondition
-from server.alarms.preview import judge_of, preview_of, recorded_preview
-from server.config import Config
-from server.errors import DomainError
-from server.streaming.channels import ChannelRows
+from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.server import wire
+from imuscope.server.alarms import preview
+from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition
+from imuscope.server.alarms.preview import judge_of, preview_of, recorded_preview
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.channels import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

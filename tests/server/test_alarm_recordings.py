@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from recordings.mcap_reader import TIME, McapReader, json_messages
-from server.config import Config
+from imuscope.recordings.mcap_reader import TIME, McapReader, json_messages
+from imuscope.server.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer

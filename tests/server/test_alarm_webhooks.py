@@ -14,12 +14,20 @@ from typing import Any
 
 import pytest
 
-from server.alarms.alarm_file import AlarmFile
-from server.alarms.service import FILE
-from server.alarms.webhooks import MAX_QUEUE, UndeliveredError, Webhooks, WebhookTiming, checked_url, post, shown_url
-from server.config import Config
-from server.errors import DomainError
-from server.security_headers import WEBHOOK_HEADER
+from imuscope.server.alarms.alarm_file import AlarmFile
+from imuscope.server.alarms.service import FILE
+from imuscope.server.alarms.webhooks import (
+    MAX_QUEUE,
+    UndeliveredError,
+    Webhooks,
+    WebhookTiming,
+    checked_url,
+    post,
+    shown_url,
+)
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.security_headers import WEBHOOK_HEADER
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.server.fakes import FakeLinks, sample

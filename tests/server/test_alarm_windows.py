@@ -12,21 +12,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from server.alarms.conditions import ExpressionJudge
-from server.alarms.definitions import AlarmDefinition, ExpressionCondition
-from server.alarms.instance import AlarmState
-from server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
-from server.alarms.service import RATES_EVERY, AlarmService
-from server.analysis.expression_functions import Context
-from server.analysis.expression_syntax import parse
-from server.analysis.expressions import evaluate
-from server.analysis.live_expression import RateUnknownError
-from server.analysis.quantities import Quantity
-from server.analysis.signals import Floats, columns_named
-from server.analysis.units import Unit
-from server.streaming.channels import ChannelRows
-from server.streaming.telemetry import Telemetry
-from server.wire import ChannelInfo, ColumnInfo, DeviceInfo
+from imuscope.server.alarms.conditions import ExpressionJudge
+from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition
+from imuscope.server.alarms.instance import AlarmState
+from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
+from imuscope.server.alarms.service import RATES_EVERY, AlarmService
+from imuscope.server.analysis.expression_functions import Context
+from imuscope.server.analysis.expression_syntax import parse
+from imuscope.server.analysis.expressions import evaluate
+from imuscope.server.analysis.live_expression import RateUnknownError
+from imuscope.server.analysis.quantities import Quantity
+from imuscope.server.analysis.signals import Floats, columns_named
+from imuscope.server.analysis.units import Unit
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 from tests.each_row import each_row
 
 RATE, N, BEGIN = 100.0, 900, 1_760_000_000.0

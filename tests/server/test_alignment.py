@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from protocols.simulator.trajectory import vehicle_motion
-from server.analysis import alignment
-from server.analysis.alignment import align
-from server.analysis.signals import Signal
-from server.errors import DomainError
+from imuscope.protocols.simulator.trajectory import vehicle_motion
+from imuscope.server.analysis import alignment
+from imuscope.server.analysis.alignment import align
+from imuscope.server.analysis.signals import Signal
+from imuscope.server.errors import DomainError
 from tests.each_row import each_row
 
 Floats = NDArray[np.float64]

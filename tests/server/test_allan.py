@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.analysis.allan_deviation import allan_curve, averaging_lengths
-from server.analysis.noise_model import fit_noise
-from server.analysis.registry import analysis_named
-from server.analysis.report import figures_of
-from server.analysis.signals import Floats, Signal, SignalColumn, temperature_of
-from server.errors import DomainError
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.server.analysis.allan_deviation import allan_curve, averaging_lengths
+from imuscope.server.analysis.noise_model import fit_noise
+from imuscope.server.analysis.registry import analysis_named
+from imuscope.server.analysis.report import figures_of
+from imuscope.server.analysis.signals import Floats, Signal, SignalColumn, temperature_of
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 from tests.source_files import ROOT
 

@@ -19,14 +19,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import wire
-from server.analysis.methods.statistics import run
-from server.analysis.registry import Analysis, analyses, analysis_named, register_analysis
-from server.analysis.report import figures_of
-from server.analysis.signals import Signal, columns_named, finite_signal
-from server.config import Config
-from server.errors import DomainError
-from server.streaming.channels import ChannelRows
+from imuscope.server import wire
+from imuscope.server.analysis.methods.statistics import run
+from imuscope.server.analysis.registry import Analysis, analyses, analysis_named, register_analysis
+from imuscope.server.analysis.report import figures_of
+from imuscope.server.analysis.signals import Signal, columns_named, finite_signal
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.channels import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

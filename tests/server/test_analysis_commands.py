@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from protocols.xbus.frames import build
-from server.cli import main
-from server.page_files import FOLDER
+from imuscope.protocols.xbus.frames import build
+from imuscope.server.cli import main
+from imuscope.server.page_files import FOLDER
 from tests.server.evidence_harness import content_in
 
 RATE = 100

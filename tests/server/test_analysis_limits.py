@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from server.analysis.jobs import AnalysisJob, Content
-from server.analysis.limits import AnalysisLimits
-from server.analysis.service import AnalysisService
-from server.errors import DomainError
-from server.fork_server import ForkServer, JobLostError
+from imuscope.server.analysis.jobs import AnalysisJob, Content
+from imuscope.server.analysis.limits import AnalysisLimits
+from imuscope.server.analysis.service import AnalysisService
+from imuscope.server.errors import DomainError
+from imuscope.server.fork_server import ForkServer, JobLostError
 from tests.forked_workers import started_afresh
 from tests.waiting import until
 
@@ -181,7 +181,7 @@ def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
 
 def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
     async def main() -> None:
-        forks = ForkServer("server.analysis_worker", *AnalysisLimits().words, idle_s=0.0)
+        forks = ForkServer("imuscope.server.analysis_worker", *AnalysisLimits().words, idle_s=0.0)
         assert (await forks.run(Says("1"))).body == b"1"
         await until(lambda: forks.pid is None, "the end of the fork server")
         assert (await forks.run(Says("2"))).body == b"2"
@@ -192,7 +192,7 @@ def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
 
 def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() -> None:
     async def main() -> None:
-        forks = ForkServer("server.analysis_worker", "no number", "60")
+        forks = ForkServer("imuscope.server.analysis_worker", "no number", "60")
         with pytest.raises(OSError, match="it ended while it started"):
             await forks.run(Says("1"))
         assert forks.pid is None
@@ -216,7 +216,7 @@ def test_closing_does_not_wait_for_the_start() -> None:
 
 def test_closing_ends_the_jobs_under_way(tmp_path: Path) -> None:
     async def main() -> None:
-        forks = ForkServer("server.analysis_worker", *AnalysisLimits().words)
+        forks = ForkServer("imuscope.server.analysis_worker", *AnalysisLimits().words)
         job = asyncio.create_task(forks.run(NeverEnds(tmp_path / "process")))
         pid = await _process_in(tmp_path / "process")
         await forks.close()

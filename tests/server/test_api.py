@@ -15,13 +15,13 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 from websockets.typing import Origin, Subprotocol
 
-from server.app import create_app
-from server.auth import READ_ONLY_POST, Access, Guard
-from server.config import Config
-from server.links.base import Link, LinkError, LinkSettings
-from server.page_files import Files
-from server.streaming.send_queue import SendQueue
-from server.wire import SUBPROTOCOL
+from imuscope.server.app import create_app
+from imuscope.server.auth import READ_ONLY_POST, Access, Guard
+from imuscope.server.config import Config
+from imuscope.server.links.base import Link, LinkError, LinkSettings
+from imuscope.server.page_files import Files
+from imuscope.server.streaming.send_queue import SendQueue
+from imuscope.server.wire import SUBPROTOCOL
 from tests.each_row import each_row
 from tests.server.asgi_client import Answer, ask
 from tests.server.fakes import SPEECH, FakeLink
@@ -226,7 +226,7 @@ def test_the_token_of_the_printed_address_becomes_a_cookie(guarded: Config) -> N
 
 
 def test_an_internal_error_has_the_error_format(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.devices.sessions.Sessions.infos", property(lambda self: 1 / 0))
+    monkeypatch.setattr("imuscope.server.devices.sessions.Sessions.infos", property(lambda self: 1 / 0))
     assert_problem(client.get("/api/devices"), 500, "fault")
 
 

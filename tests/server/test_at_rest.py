@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from protocols.transactions import DeviceContext, DeviceRejectedError
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.simulator.device import XbusSimulator
-from server.configuration.device_controller import DeviceController
-from server.devices.device_demux import QuietReason
-from server.wire import Job
+from imuscope.protocols.transactions import DeviceContext, DeviceRejectedError
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.devices.device_demux import QuietReason
+from imuscope.server.wire import Job
 from tests.each_row import each_row
 from tests.server.control_harness import ControlHarness, bench, house, over
 from tests.server.shared_line import both

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.app import create_app
-from server.auth import Access, RefusedError, is_protected
-from server.config import Config
-from server.errors import status_of
+from imuscope.server.app import create_app
+from imuscope.server.auth import Access, RefusedError, is_protected
+from imuscope.server.config import Config
+from imuscope.server.errors import status_of
 from tests.each_row import each_row
 
 VIEW, CONTROL = "view-token-1", "control-token-1"

@@ -22,18 +22,18 @@ import numpy as np
 import pytest
 from mcap.records import Metadata
 
-from recordings import column_store, mcap_writer, sidecar
-from recordings.importers import open_file
-from recordings.library import INDEX, Library
-from recordings.mcap_reader import McapReader
-from recordings.mcap_records import bytes_of
-from recordings.mcap_writer import McapWriter, RecordingError
-from recordings.probe import probe
-from server.commands.decode import DecodeError, decode_file
-from server.config import MapTiles, load
-from server.configuration.rollback import RollbackRecord, RollbackStore
-from server.configuration.snapshots import SnapshotError, from_text, to_text
-from server.devices.decode_options import DecodeOptions
+from imuscope.recordings import column_store, mcap_writer, sidecar
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.library import INDEX, Library
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_records import bytes_of
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.probe import probe
+from imuscope.server.commands.decode import DecodeError, decode_file
+from imuscope.server.config import MapTiles, load
+from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
+from imuscope.server.configuration.snapshots import SnapshotError, from_text, to_text
+from imuscope.server.devices.decode_options import DecodeOptions
 from tests.decode_options import decode_options
 from tests.server_process import ROOT
 

@@ -12,13 +12,13 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recordings.mcap_reader import McapReader
-from recordings.recording_writer import RecordingWriter
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.devices.session import Session
-from server.links.base import Chunk, LinkSettings
-from server.streaming.telemetry import Telemetry
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.recording_writer import RecordingWriter
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import Chunk, LinkSettings
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.bench.serial_device import frame
 from tests.recordings.mcap_files import messages
 from tests.server.fakes import FakeClock, FakeLink

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.sensor_properties import SensorProperties
-from protocols.simulator.trajectory import MotionState, vehicle_motion
-from recordings.euler import euler_columns
-from recordings.rotations import ENU_FROM, conjugate, product
-from server.analysis.signal_request import requested_signals, unknown_product
-from server.analysis.signals import Floats
-from server.analysis.two_sides import ComparisonAnswer, ComparisonOptions, ComparisonSide, compared
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.simulator.trajectory import MotionState, vehicle_motion
+from imuscope.recordings.euler import euler_columns
+from imuscope.recordings.rotations import ENU_FROM, conjugate, product
+from imuscope.server.analysis.signal_request import requested_signals, unknown_product
+from imuscope.server.analysis.signals import Floats
+from imuscope.server.analysis.two_sides import ComparisonAnswer, ComparisonOptions, ComparisonSide, compared
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 
 TIME = np.arange(0, 30, 0.02)

@@ -25,20 +25,20 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from recordings import bounds
-from recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, McapReader
-from recordings.probe import probe
-from server import http_server, wire
-from server.api.devices import check_path
-from server.config import Config
-from server.configuration.correction_manager import CorrectionManager
-from server.configuration.correction_stream import file_of
-from server.connections import ConnectionLimits
-from server.errors import DomainError
-from server.library import range_query
-from server.links import open_link
-from server.links.base import LinkSettings
-from server.links.replay import split_devices
+from imuscope.recordings import bounds
+from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, McapReader
+from imuscope.recordings.probe import probe
+from imuscope.server import http_server, wire
+from imuscope.server.api.devices import check_path
+from imuscope.server.config import Config
+from imuscope.server.configuration.correction_manager import CorrectionManager
+from imuscope.server.configuration.correction_stream import file_of
+from imuscope.server.connections import ConnectionLimits
+from imuscope.server.errors import DomainError
+from imuscope.server.library import range_query
+from imuscope.server.links import open_link
+from imuscope.server.links.base import LinkSettings
+from imuscope.server.links.replay import split_devices
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -208,7 +208,7 @@ def test_files_are_sources_only_on_the_command_line(tmp_path: Path) -> None:
 
 def test_a_worker_that_uses_too_much_memory_is_stopped() -> None:
     program = """
-from recordings.bounds import bounded
+from imuscope.recordings.bounds import bounded
 bounded(memory=400 << 20)
 try:
     bytearray(600 << 20)
@@ -226,7 +226,7 @@ def test_packing_is_bounded(tmp_path: Path) -> None:
     program = """
 import sys
 from pathlib import Path
-from recordings import bounds, compaction
+from imuscope.recordings import bounds, compaction
 
 def hostile(path):
     if path.name == "large":

@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 import yaml
 
-from protocols.simulator.setups import HARD_IRON, SOFT_IRON, SensorSetup
-from server import wire
-from server.analysis.service import AnalysisService
-from server.calibration.kinds import CalibrationInputs
-from server.calibration.session import MAX_SAMPLES, SampleCollector
-from server.calibration.stretch import CalibrationJob
-from server.config import Config
-from server.devices.protocol_set import all_protocols
-from server.errors import DomainError
-from server.links import open_link
-from server.streaming.channel_store import ChannelStore
-from server.streaming.channels import ChannelRows
+from imuscope.protocols.simulator.setups import HARD_IRON, SOFT_IRON, SensorSetup
+from imuscope.server import wire
+from imuscope.server.analysis.service import AnalysisService
+from imuscope.server.calibration.kinds import CalibrationInputs
+from imuscope.server.calibration.session import MAX_SAMPLES, SampleCollector
+from imuscope.server.calibration.stretch import CalibrationJob
+from imuscope.server.config import Config
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.errors import DomainError
+from imuscope.server.links import open_link
+from imuscope.server.streaming.channel_store import ChannelStore
+from imuscope.server.streaming.channels import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

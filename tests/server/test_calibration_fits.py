@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import optimize
 
-from protocols.simulator import trajectory
-from protocols.simulator.setups import GYRO_BIAS, HARD_IRON, MOTIONS, SOFT_IRON, SensorSetup
-from server.analysis.stillness import step_means, stillness
-from server.analysis.triads import NO_SAMPLES, Floats, Samples
-from server.calibration.directions import CELLS, CENTRES, HALF, RINGS, cells_of, missing_axes
-from server.calibration.gyroscope import NEEDED_S, gyroscope_bias
-from server.calibration.magnetometer import fit_ellipsoid, magnetometer_iron, provisional_centre
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.simulator.setups import GYRO_BIAS, HARD_IRON, MOTIONS, SOFT_IRON, SensorSetup
+from imuscope.server.analysis.stillness import step_means, stillness
+from imuscope.server.analysis.triads import NO_SAMPLES, Floats, Samples
+from imuscope.server.calibration.directions import CELLS, CENTRES, HALF, RINGS, cells_of, missing_axes
+from imuscope.server.calibration.gyroscope import NEEDED_S, gyroscope_bias
+from imuscope.server.calibration.magnetometer import fit_ellipsoid, magnetometer_iron, provisional_centre
 from tests.each_row import each_row
 
 START = 1_760_000_000.0

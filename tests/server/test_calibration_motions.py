@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocols.simulator import trajectory
-from protocols.simulator.setups import ACC_BIAS, ACC_SCALE, SensorSetup
-from server.analysis.triads import NO_SAMPLES, Floats, Samples, Triad
-from server.calibration.accelerometer import six_positions
-from server.calibration.kinds import METHODS, CalibrationOptions, evaluated
-from server.calibration.mounting import MAX_TURN, mounting_rotation
-from server.calibration.report import CalibrationKind, CalibrationReport
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.simulator.setups import ACC_BIAS, ACC_SCALE, SensorSetup
+from imuscope.server.analysis.triads import NO_SAMPLES, Floats, Samples, Triad
+from imuscope.server.calibration.accelerometer import six_positions
+from imuscope.server.calibration.kinds import METHODS, CalibrationOptions, evaluated
+from imuscope.server.calibration.mounting import MAX_TURN, mounting_rotation
+from imuscope.server.calibration.report import CalibrationKind, CalibrationReport
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 
 START = 1_760_000_000.0

@@ -13,18 +13,18 @@ import pytest
 from mcap.reader import make_reader
 from pyarrow.parquet import read_table
 
-from protocols.idtp.frames import build as idtp
-from protocols.isb.frames import DATA
-from protocols.isb.frames import build as isb
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.xbus.frames import build as xbus
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.column_store import ColumnStore
-from recordings.exporters import ExportRequest, export
-from recordings.importers import open_file
-from recordings.probe import probe
-from server.devices import protocol_set
-from server.library.decode import decode
+from imuscope.protocols.idtp.frames import build as idtp
+from imuscope.protocols.isb.frames import DATA
+from imuscope.protocols.isb.frames import build as isb
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.xbus.frames import build as xbus
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.exporters import ExportRequest, export
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.probe import probe
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 
 UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z

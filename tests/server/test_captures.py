@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.xbus.decoder import XbusDecoder
-from server import wire
-from server.devices.device_demux import LinkDecoder, LinkDevices
-from server.devices.device_state import DeviceState
-from server.devices.ingest import LinkTiming
-from server.devices.link_stats import LinkStatistics
-from server.links.base import Chunk
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.server import wire
+from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device_state import DeviceState
+from imuscope.server.devices.ingest import LinkTiming
+from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.links.base import Chunk
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.server.fakes import FakeClock
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch
-from protocols.isb.decoder import IsbDecoder
-from protocols.schema import Bits, Field, Message
-from server.streaming import channels
-from server.streaming.channels import ChannelRegistry
-from server.wire import ChannelInfo
+from imuscope.protocols.events import Batch
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.schema import Bits, Field, Message
+from imuscope.server.streaming import channels
+from imuscope.server.streaming.channels import ChannelRegistry
+from imuscope.server.wire import ChannelInfo
 from tests.each_row import each_row
 from tests.protocols.isb_vectors import by_did
 

@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.frames import get_data, stop
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.frames import get_data, stop
 from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S, http_client
@@ -25,7 +25,7 @@ def test_version_and_help_are_answered() -> None:
 
 
 def test_heavy_parts_are_not_imported_for_help() -> None:
-    code = "import sys, server.cli; print(sorted({'numba', 'fastapi', 'numpy'} & set(sys.modules)))"
+    code = "import sys, imuscope.server.cli; print(sorted({'numba', 'fastapi', 'numpy'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.strip() == "[]"
 

@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 
-from protocols.decode_options import DecodeOption
-from protocols.idtp.frames import SAFETY, SECURE, build
-from server.commands import arguments
-from server.commands.completion import script
-from server.config import Config
-from server.devices.decode_options import source_options
+from imuscope.protocols.decode_options import DecodeOption
+from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
+from imuscope.server.commands import arguments
+from imuscope.server.commands.completion import script
+from imuscope.server.config import Config
+from imuscope.server.devices.decode_options import source_options
 from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.waiting import block_until
@@ -196,7 +196,7 @@ def test_completion_knows_every_command_and_option(shell: str) -> None:
 
 
 def test_an_unwritable_output_is_one_line() -> None:
-    code = [sys.executable, "-m", "server.cli", "completion", "bash"]
+    code = [sys.executable, "-m", "imuscope.server.cli", "completion", "bash"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(code, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 1

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from protocols.registry import PROTOCOLS
-from protocols.transactions import DeviceContext
-from server.commands.commands import WIDTH, CommandListRow, manual
-from server.commands.compose import ComposeError
-from server.configuration.form_builder import all_forms
-from server.devices.decode_options import DecodeOptions
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.commands.commands import WIDTH, CommandListRow, manual
+from imuscope.server.commands.compose import ComposeError
+from imuscope.server.configuration.form_builder import all_forms
+from imuscope.server.devices.decode_options import DecodeOptions
 from tests.server_process import imuscope
 
 

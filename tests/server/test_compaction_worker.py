@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from server.library.compaction_worker import CompactionWorker
-from server.workers import Worker
+from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.workers import Worker
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
 from tests.waiting import until

@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from recordings.euler import quaternion_columns
-from recordings.rotations import slerp
-from server import wire
-from server.analysis.comparison import (
+from imuscope.recordings.euler import quaternion_columns
+from imuscope.recordings.rotations import slerp
+from imuscope.server import wire
+from imuscope.server.analysis.comparison import (
     attitude_difference,
     difference,
     difference_figures,
     outline,
 )
-from server.analysis.signals import Signal
-from server.config import Config
-from server.errors import DomainError
-from server.streaming.channels import ChannelRows
+from imuscope.server.analysis.signals import Signal
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.channels import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.frames import LITE, SAFETY, build
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.nmea import sentence
-from protocols.transactions import DeviceContext
-from protocols.xbus.simulator.device import XbusSimulator
-from server.commands.commands import manual
-from server.commands.compose import ComposeError, composers, find_composer, frame_of, frames_of, parse
-from server.commands.inspect import inspect_file
-from server.devices.decode_options import DecodeOptions, checked_options
+from imuscope.protocols.idtp.frames import LITE, SAFETY, build
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.nmea import sentence
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.commands.commands import manual
+from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, frames_of, parse
+from imuscope.server.commands.inspect import inspect_file
+from imuscope.server.devices.decode_options import DecodeOptions, checked_options
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.server_process import imuscope

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from server.config import Config, ConfigError, is_loopback, load
+from imuscope.server.config import Config, ConfigError, is_loopback, load
 from tests.each_row import each_row
 
 

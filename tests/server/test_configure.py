@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from server.wire import SUBPROTOCOL
+from imuscope.server.wire import SUBPROTOCOL
 from tests.each_row import each_row
 from tests.server.control_harness import at_rate, outputs
 from tests.server_process import ServerProcess

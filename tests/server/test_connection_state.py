@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.devices.connection_state import (
+from imuscope.server.devices.connection_state import (
     OPEN_STATES,
     TRANSITIONS,
     Connection,
@@ -17,10 +17,10 @@ from server.devices.connection_state import (
     ConnectionState,
     IllegalTransitionError,
 )
-from server.devices.decode_options import DecodeOptions
-from server.devices.session import Session
-from server.links.base import LinkError, LinkSettings
-from server.streaming.telemetry import Telemetry
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import LinkError, LinkSettings
+from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
 from tests.decode_options import decode_options
 from tests.each_row import each_row

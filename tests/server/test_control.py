@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from protocols.events import Event
-from protocols.transactions import DeviceContext, ReopenLink, Send, Sleep, WaitFor, cancel
-from protocols.xbus.driver import XbusDriver
-from server.configuration.device_controller import MAX_WAITING, ControlError, DeviceController
-from server.configuration.transaction_runner import Runner
-from server.links.base import LinkError
-from server.wire import TrafficEntry
+from imuscope.protocols.events import Event
+from imuscope.protocols.transactions import DeviceContext, ReopenLink, Send, Sleep, WaitFor, cancel
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.server.configuration.device_controller import MAX_WAITING, ControlError, DeviceController
+from imuscope.server.configuration.transaction_runner import Runner
+from imuscope.server.links.base import LinkError
+from imuscope.server.wire import TrafficEntry
 from tests.server.control_harness import house, outputs, over
 from tests.waiting import until
 

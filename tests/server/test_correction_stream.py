@@ -15,20 +15,20 @@ from typing import Any
 
 import pytest
 
-from protocols.events import Event
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.rtcm import RtcmFramer, epoch_ms
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.simulator.device import XbusSimulator
-from server.configuration import correction_stream
-from server.configuration.api_models import Corrections
-from server.configuration.correction_log import CorrectionLog
-from server.configuration.correction_stream import CorrectionForwarder, gga, source_of, without_password
-from server.configuration.ntrip import Caster, CorrectionError, mounts
-from server.devices.position_tracker import Position
-from server.links.base import LinkError
-from server.wire import DeviceInfo
+from imuscope.protocols.events import Event
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.configuration import correction_stream
+from imuscope.server.configuration.api_models import Corrections
+from imuscope.server.configuration.correction_log import CorrectionLog
+from imuscope.server.configuration.correction_stream import CorrectionForwarder, gga, source_of, without_password
+from imuscope.server.configuration.ntrip import Caster, CorrectionError, mounts
+from imuscope.server.devices.position_tracker import Position
+from imuscope.server.links.base import LinkError
+from imuscope.server.wire import DeviceInfo
 from tests.each_row import each_row
 from tests.server.correction_messages import NUMBERS, STREAM, message
 from tests.waiting import PATIENCE_S, until

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from recordings.sources import McapSource
+from imuscope.recordings.sources import McapSource
 from tests.server.correction_messages import NUMBERS, STREAM
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client

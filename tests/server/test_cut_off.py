@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from server.configuration import cut_off
-from server.configuration.device_controller import DeviceController, QueuedJob
-from server.links.simulator import SimulatorLink
+from imuscope.server.configuration import cut_off
+from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.links.simulator import SimulatorLink
 from tests.server.control_harness import ControlHarness, house, outputs, over
 from tests.waiting import until
 

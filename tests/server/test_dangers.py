@@ -11,16 +11,16 @@ from typing import Any
 
 import pytest
 
-from protocols.isb.baud_change import line_change
-from protocols.isb.commands import COMMAND_ROWS
-from protocols.isb.driver import IsbDriver
-from protocols.transactions import DeviceContext
-from server.commands import send
-from server.commands.send import SendError
-from server.configuration.dangers import dangers_of_write
-from server.configuration.form_builder import forms_of
-from server.configuration.risk_check import plan_command
-from server.devices.decode_options import DecodeOptions
+from imuscope.protocols.isb.baud_change import line_change
+from imuscope.protocols.isb.commands import COMMAND_ROWS
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.commands import send
+from imuscope.server.commands.send import SendError
+from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.configuration.form_builder import forms_of
+from imuscope.server.configuration.risk_check import plan_command
+from imuscope.server.devices.decode_options import DecodeOptions
 from tests.each_row import each_row
 from tests.server.control_harness import BRIEFEST, house
 

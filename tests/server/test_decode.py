@@ -11,9 +11,9 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from protocols.xbus.frames import build
-from server.cli import main
-from server.commands.decode import Bar
+from imuscope.protocols.xbus.frames import build
+from imuscope.server.cli import main
+from imuscope.server.commands.decode import Bar
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.recordings.vendor_logs import LOGS, NAME, needs_logs
@@ -43,7 +43,7 @@ def test_a_terminated_decode_leaves_no_folder_behind(tmp_path: Path, monkeypatch
         folders.extend(tmp_path.glob(".decode-*"))
         os.kill(os.getpid(), signal.SIGTERM)
 
-    monkeypatch.setattr("server.commands.decode.open_file", terminated)
+    monkeypatch.setattr("imuscope.server.commands.decode.open_file", terminated)
     with pytest.raises(SystemExit) as ended:
         main(["decode", str(tmp_path / "a.mcap"), "-o", str(tmp_path / "run.csv")])
     assert ended.value.code == 128 + signal.SIGTERM

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from protocols.decode_options import RESERVED, DecodeOption, merged
-from protocols.family import ProtocolInfo
-from protocols.idtp.custom_payloads import parse
-from protocols.registry import PROTOCOLS
-from protocols.schema import Field, Message
-from server.api.decode_options_body import DecodeOptionsBody
-from server.commands import arguments as options
-from server.commands.common import decode_options_of
-from server.config import Config, ConfigError, load
-from server.devices.decode_options import (
+from imuscope.protocols.decode_options import RESERVED, DecodeOption, merged
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.idtp.custom_payloads import parse
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.schema import Field, Message
+from imuscope.server.api.decode_options_body import DecodeOptionsBody
+from imuscope.server.commands import arguments as options
+from imuscope.server.commands.common import decode_options_of
+from imuscope.server.config import Config, ConfigError, load
+from imuscope.server.devices.decode_options import (
     DecodeOptionError,
     DecodeOptions,
     changed,
@@ -28,8 +28,8 @@ from server.devices.decode_options import (
     secret_text,
     url_options,
 )
-from server.links.registry import link_kinds
-from server.links.simulated_device import simulators
+from imuscope.server.links.registry import link_kinds
+from imuscope.server.links.simulated_device import simulators
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import asyncio
 
-from server.devices.connection_state import ConnectionEvent
-from server.devices.decode_options import DecodeOptions
-from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
-from server.devices.session import Session
-from server.devices.sessions import Sessions
-from server.links.base import Chunk, Link, LinkSettings
-from server.streaming.clients import FLUSH_S
-from server.streaming.send_queue import SendQueue
-from server.streaming.telemetry import Telemetry
+from imuscope.server.devices.connection_state import ConnectionEvent
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
+from imuscope.server.devices.session import Session
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.links.base import Chunk, Link, LinkSettings
+from imuscope.server.streaming.clients import FLUSH_S
+from imuscope.server.streaming.send_queue import SendQueue
+from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
 from tests.each_row import each_row
 from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server import wire
-from server.analysis.derived_channels import DerivedChannels
-from server.analysis.expression_syntax import ExpressionError
-from server.analysis.signal_definitions import FILE, SignalDefinition, SignalDefinitions
-from server.config import Config
-from server.errors import DomainError
-from server.streaming.channels import ChannelRows
-from server.streaming.telemetry import Telemetry
+from imuscope.server import wire
+from imuscope.server.analysis.derived_channels import DerivedChannels
+from imuscope.server.analysis.expression_syntax import ExpressionError
+from imuscope.server.analysis.signal_definitions import FILE, SignalDefinition, SignalDefinitions
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

@@ -14,9 +14,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from server.commands import doctor
-from server.diagnostics import checks
-from server.diagnostics.checks import Finding, Machine, run_checks
+from imuscope.server.commands import doctor
+from imuscope.server.diagnostics import checks
+from imuscope.server.diagnostics.checks import Finding, Machine, run_checks
 from tests.each_row import each_row
 from tests.server_process import imuscope
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from server.streaming.event_log import AT_ONCE, CHANGES_RESENT, MARKS_KEPT, EventLog
-from server.wire import EventInfo, EventKind
+from imuscope.server.streaming.event_log import AT_ONCE, CHANGES_RESENT, MARKS_KEPT, EventLog
+from imuscope.server.wire import EventInfo, EventKind
 
 
 def event(seq: int, kind: EventKind, *, device: str = "1", time: float | None = None) -> EventInfo:

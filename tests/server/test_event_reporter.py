@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from protocols.events import RejectedFrame
-from server.devices.event_reporter import EventReporter
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.events import RejectedFrame
+from imuscope.server.devices.event_reporter import EventReporter
+from imuscope.server.streaming.telemetry import Telemetry
 
 
 def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]], int]:

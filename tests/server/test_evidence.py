@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.mcap_writer import RecordingError
-from server.evidence.content import About
-from server.evidence.job import evidence_work
-from server.evidence.note_times import pieces_of
-from server.evidence.position import REDACTED, Scrubber
-from server.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
-from server.evidence.series import gaps_in, intervals_for, tick_of
-from server.evidence.worker import MOST_BYTES
-from server.library.api_models import RecordingInfo
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.evidence.content import About
+from imuscope.server.evidence.job import evidence_work
+from imuscope.server.evidence.note_times import pieces_of
+from imuscope.server.evidence.position import REDACTED, Scrubber
+from imuscope.server.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
+from imuscope.server.evidence.series import gaps_in, intervals_for, tick_of
+from imuscope.server.evidence.worker import MOST_BYTES
+from imuscope.server.library.api_models import RecordingInfo
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import START
 from tests.server.evidence_harness import ECEF, LATITUDE, LONGITUDE, block_in, content_in, drive, made, series_in

@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.exporters import FORMATS, ExportRequest, export
-from recordings.importers import open_file
-from recordings.mcap_writer import McapWriter
-from server.devices import protocol_set
-from server.library import export_sizes
-from server.library.decode import decode
-from server.library.one_file import one_file
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.exporters import FORMATS, ExportRequest, export
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.server.devices import protocol_set
+from imuscope.server.library import export_sizes
+from imuscope.server.library.decode import decode
+from imuscope.server.library.one_file import one_file
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import START
 

@@ -13,16 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal as scipy_signal
 
-from server import wire
-from server.analysis.expression_functions import FUNCTIONS, Context
-from server.analysis.expression_syntax import ExpressionError, parse
-from server.analysis.expressions import evaluate, notes_of
-from server.analysis.live_expression import LiveExpression
-from server.analysis.quantities import Quantity
-from server.analysis.signal_request import ExpressionSignal, requested_signals
-from server.analysis.signals import Floats, SignalColumn
-from server.analysis.units import SYMBOLS, Unit
-from server.errors import DomainError
+from imuscope.server import wire
+from imuscope.server.analysis.expression_functions import FUNCTIONS, Context
+from imuscope.server.analysis.expression_syntax import ExpressionError, parse
+from imuscope.server.analysis.expressions import evaluate, notes_of
+from imuscope.server.analysis.live_expression import LiveExpression
+from imuscope.server.analysis.quantities import Quantity
+from imuscope.server.analysis.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.analysis.signals import Floats, SignalColumn
+from imuscope.server.analysis.units import SYMBOLS, Unit
+from imuscope.server.errors import DomainError
 from tests.each_row import each_row
 
 RATE = 100.0

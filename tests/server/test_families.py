@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from protocols.events import batches
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusSimulator
-from server import wire, wire_codec
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.links.base import LinkError
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.events import batches
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server import wire, wire_codec
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.links.base import LinkError
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from server.links.base import LinkError
+from imuscope.server.links.base import LinkError
 from tests.links.message_sources import Watched, has, watched
 from tests.server_process import ServerProcess
 

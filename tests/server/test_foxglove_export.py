@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from recordings.topics import Encoder, bodies, stamps, tables
-from server.cli import main
+from imuscope.recordings.topics import Encoder, bodies, stamps, tables
+from imuscope.server.cli import main
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import channel, column
 from tests.server.foxglove_client import attached, protobuf

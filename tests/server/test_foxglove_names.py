@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from foxglove.messages import FrameTransform, LocationFix
 
-from recordings.file_names import device_names
-from server.integrations import foxglove_worker
-from server.wire_codec import SampleFrame
+from imuscope.recordings.file_names import device_names
+from imuscope.server.integrations import foxglove_worker
+from imuscope.server.wire_codec import SampleFrame
 from tests.recordings.store_fixtures import channel, column
 
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.analysis.methods.histogram import MOST_BINS
-from server.analysis.registry import analysis_named
-from server.analysis.report import figures_of
-from server.analysis.signals import Signal
+from imuscope.server.analysis.methods.histogram import MOST_BINS
+from imuscope.server.analysis.registry import analysis_named
+from imuscope.server.analysis.report import figures_of
+from imuscope.server.analysis.signals import Signal
 from tests.each_row import each_row
 
 

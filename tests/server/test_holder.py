@@ -11,16 +11,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.isb.configuration_frames import SETTINGS
-from protocols.isb.stored_settings import STORED
-from protocols.registry import PROTOCOLS
-from protocols.transactions import DeviceContext
-from server.holder.arbiter import MOST_TURN_S, QUIET_S, SERVER, Arbiter
-from server.holder.client_frames import ClientFrames, FrameRules
-from server.holder.line_budget import LEAST_BURST, LineBudget
-from server.holder.messages import HEADER, MOST_BODY, MessageError, MessageKind, MessageReader, json_message, message
-from server.holder.queues import ClientQueue, FrameSize, frame_bounds
-from server.holder.shares import ShareAddress, ShareError
+from imuscope.protocols.isb.configuration_frames import SETTINGS
+from imuscope.protocols.isb.stored_settings import STORED
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.holder.arbiter import MOST_TURN_S, QUIET_S, SERVER, Arbiter
+from imuscope.server.holder.client_frames import ClientFrames, FrameRules
+from imuscope.server.holder.line_budget import LEAST_BURST, LineBudget
+from imuscope.server.holder.messages import (
+    HEADER,
+    MOST_BODY,
+    MessageError,
+    MessageKind,
+    MessageReader,
+    json_message,
+    message,
+)
+from imuscope.server.holder.queues import ClientQueue, FrameSize, frame_bounds
+from imuscope.server.holder.shares import ShareAddress, ShareError
 from tests.each_row import each_row
 from tests.source_files import ROOT
 
@@ -329,7 +337,7 @@ def test_another_protocol_on_the_socket_is_refused(head: bytes) -> None:
 def test_the_holder_imports_nothing_heavy() -> None:
     modules = [(one.frame_size, one.configuration_frames) for one in PROTOCOLS.values()]
     code = (
-        "import sys, server.holder.__main__; from server.holder.client_frames import FrameRules; "
+        "import sys, imuscope.server.holder.__main__; from imuscope.server.holder.client_frames import FrameRules; "
         f"[FrameRules.of(*one) for one in {modules!r}]; "
         "print([name for name in ('numpy', 'numba', 'asyncio', 'fastapi', 'ssl') if name in sys.modules])"
     )

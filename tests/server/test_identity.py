@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from protocols.events import Reply
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.device_info import identity as xbus_identity
-from protocols.xbus.enums import STATUS_BITS
-from protocols.xbus.simulator.device import XbusSimulator
-from server.devices.device_state import DeviceState
-from server.devices.ingest import DeviceIdentity
-from server.streaming.telemetry import Telemetry
-from server.wire import DeviceInfo
+from imuscope.protocols.events import Reply
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.device_info import identity as xbus_identity
+from imuscope.protocols.xbus.enums import STATUS_BITS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.devices.device_state import DeviceState
+from imuscope.server.devices.ingest import DeviceIdentity
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.wire import DeviceInfo
 from tests.each_row import each_row
 
 

@@ -7,14 +7,14 @@ import json
 import struct
 from pathlib import Path
 
-from protocols.idtp.custom_payloads import parse
-from protocols.idtp.frames import LITE, SAFETY, build
-from protocols.isb.frames import DATA
-from protocols.isb.frames import build as isb_packet
-from protocols.xbus.frames import build as xbus_frame
-from server.commands.inspect import inspect_file
-from server.devices.decode_options import DecodeOptions
-from server.printable import json_text, printable
+from imuscope.protocols.idtp.custom_payloads import parse
+from imuscope.protocols.idtp.frames import LITE, SAFETY, build
+from imuscope.protocols.isb.frames import DATA
+from imuscope.protocols.isb.frames import build as isb_packet
+from imuscope.protocols.xbus.frames import build as xbus_frame
+from imuscope.server.commands.inspect import inspect_file
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.printable import json_text, printable
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import wire
-from server.analysis.expression_syntax import ExpressionError
-from server.analysis.registry import analysis_named
-from server.analysis.signal_request import ExpressionSignal, requested_signals
-from server.analysis.signals import Signal, SignalColumn
-from server.errors import DomainError
+from imuscope.server import wire
+from imuscope.server.analysis.expression_syntax import ExpressionError
+from imuscope.server.analysis.registry import analysis_named
+from imuscope.server.analysis.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.analysis.signals import Signal, SignalColumn
+from imuscope.server.errors import DomainError
 
 START = 1_760_000_000.0
 CHANNELS = [

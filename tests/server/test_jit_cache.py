@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from protocols import jit
-from server import jit_cache
-from server.version import VERSION
+from imuscope.protocols import jit
+from imuscope.server import jit_cache
+from imuscope.server.version import VERSION
 
 
 @pytest.fixture(autouse=True)

@@ -12,14 +12,14 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from recordings.column_store import ColumnStore
-from recordings.importers import open_file
-from recordings.library import Library
-from recordings.mcap_reader import McapReader
-from recordings.sources import McapSource
-from recordings.tabular import TableSource
-from server.config import Config
-from server.library.one_file import one_file
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.library import Library
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.sources import McapSource
+from imuscope.recordings.tabular import TableSource
+from imuscope.server.config import Config
+from imuscope.server.library.one_file import one_file
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink

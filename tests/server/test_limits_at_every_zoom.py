@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
-from server.alarms.conditions import ExpressionJudge
-from server.alarms.definitions import AlarmDefinition, ExpressionCondition
-from server.alarms.machine import AlarmMachine, AlarmTiming
-from server.alarms.preview import recorded_preview
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
+from imuscope.server.alarms.conditions import ExpressionJudge
+from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition
+from imuscope.server.alarms.machine import AlarmMachine, AlarmTiming
+from imuscope.server.alarms.preview import recorded_preview
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 
 RATE, HOUR, BEGIN = 1000.0, 3_600_000, 1_760_000_000.0
 LIMIT = 50.0

@@ -14,16 +14,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from server import wire
-from server.analysis.expression_functions import FUNCTIONS, Context
-from server.analysis.expression_syntax import ExpressionError, parse
-from server.analysis.expressions import evaluate
-from server.analysis.live_expression import LiveExpression, usual_rate
-from server.analysis.live_streams import WAIT_S, Piece
-from server.analysis.quantities import Quantity
-from server.analysis.signals import Floats, columns_named
-from server.analysis.units import Unit
-from server.errors import DomainError
+from imuscope.server import wire
+from imuscope.server.analysis.expression_functions import FUNCTIONS, Context
+from imuscope.server.analysis.expression_syntax import ExpressionError, parse
+from imuscope.server.analysis.expressions import evaluate
+from imuscope.server.analysis.live_expression import LiveExpression, usual_rate
+from imuscope.server.analysis.live_streams import WAIT_S, Piece
+from imuscope.server.analysis.quantities import Quantity
+from imuscope.server.analysis.signals import Floats, columns_named
+from imuscope.server.analysis.units import Unit
+from imuscope.server.errors import DomainError
 from tests.each_row import each_row
 
 RATES = {1: 100.0, 2: 40.0, 3: 100.0, 4: 100.0}

@@ -17,10 +17,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S
-from server.config import Config
-from server.limiters import TokenBucket
-from server.wire import SUBPROTOCOL
+from imuscope.server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S
+from imuscope.server.config import Config
+from imuscope.server.limiters import TokenBucket
+from imuscope.server.wire import SUBPROTOCOL
 from tests import load_clients
 from tests.bench.serial_devices import Speakers, heard_in
 from tests.server.fakes import FakeLink

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from websockets.typing import Subprotocol
 
-from server import logging_setup
-from server.config import Config, ConfigError, load
-from server.links.base import LinkError
-from server.wire import SUBPROTOCOL
+from imuscope.server import logging_setup
+from imuscope.server.config import Config, ConfigError, load
+from imuscope.server.links.base import LinkError
+from imuscope.server.wire import SUBPROTOCOL
 from tests.each_row import each_row
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer

@@ -6,10 +6,17 @@ from typing import Any
 
 import pytest
 
-from server.auth import Access, Guard, RefusedError
-from server.config import Config
-from server.errors import status_of
-from server.login_throttle import ADDRESSES, MAX_FAILURES, UNGUESSABLE, LoginThrottle, client_group, short_tokens
+from imuscope.server.auth import Access, Guard, RefusedError
+from imuscope.server.config import Config
+from imuscope.server.errors import status_of
+from imuscope.server.login_throttle import (
+    ADDRESSES,
+    MAX_FAILURES,
+    UNGUESSABLE,
+    LoginThrottle,
+    client_group,
+    short_tokens,
+)
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 from tests.server.asgi_client import Answer, ask

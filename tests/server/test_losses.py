@@ -6,10 +6,10 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from protocols.idtp.frames import build as idtp_frame
-from protocols.xbus.frames import build
-from protocols.xbus.simulator.device import XbusSimulator
-from server.devices.decode_options import DecodeOptions
+from imuscope.protocols.idtp.frames import build as idtp_frame
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.devices.decode_options import DecodeOptions
 from tests.each_row import each_row
 from tests.server.family_harness import FamilyHarness
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from recordings.compaction import compact
-from recordings.exporters import export
-from recordings.exporters.request import ExportError, ExportRequest
-from recordings.importers import open_file
-from recordings.probe import probe
-from server.devices.protocol_set import all_protocols
-from server.library.decode import decode
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.exporters import export
+from imuscope.recordings.exporters.request import ExportError, ExportRequest
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.probe import probe
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.decode import decode
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros
 from tests.links.message_sources import has, sdk_server, sending, watched

@@ -13,10 +13,10 @@ from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
 from websockets.typing import Subprotocol
 
-from server.config import Config
-from server.prometheus_text import Histogram, PrometheusText
-from server.version import VERSION
-from server.wire import SUBPROTOCOL
+from imuscope.server.config import Config
+from imuscope.server.prometheus_text import Histogram, PrometheusText
+from imuscope.server.version import VERSION
+from imuscope.server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S, connect

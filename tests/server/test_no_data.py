@@ -8,7 +8,7 @@ from typing import Any
 
 from websockets.typing import Subprotocol
 
-from server import wire
+from imuscope.server import wire
 from tests.bench.serial_device import Feed
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, get

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import yaml
 
-from protocols.sensor_properties import SensorProperties
-from server.analysis.data_sheet import TOLERANCE, data_sheet_of
-from server.analysis.registry import FiguresOfSignal, analysis_named
-from server.analysis.report import figures_of
-from server.analysis.signals import DataSheetNoise, Floats, Signal
-from server.errors import DomainError
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server.analysis.data_sheet import TOLERANCE, data_sheet_of
+from imuscope.server.analysis.registry import FiguresOfSignal, analysis_named
+from imuscope.server.analysis.report import figures_of
+from imuscope.server.analysis.signals import DataSheetNoise, Floats, Signal
+from imuscope.server.errors import DomainError
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 
 RATE = 100.0
 SHEET = DataSheetNoise("MTi-630", 0.005, 8 / 3600)

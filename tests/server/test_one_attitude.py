@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from protocols.mounting import frame_angles, matrix_of, quaternion_of
-from recordings.euler import euler_columns, quaternion_columns
-from recordings.rotations import READ, angle_of, conjugate, product
-from server.analysis.signal_request import requested_signals
-from server.calibration.mounting import mounting_angles
-from server.ros2.axes import attitudes
-from server.wire import ChannelInfo, ColumnInfo
+from imuscope.protocols.mounting import frame_angles, matrix_of, quaternion_of
+from imuscope.recordings.euler import euler_columns, quaternion_columns
+from imuscope.recordings.rotations import READ, angle_of, conjugate, product
+from imuscope.server.analysis.signal_request import requested_signals
+from imuscope.server.calibration.mounting import mounting_angles
+from imuscope.server.ros2.axes import attitudes
+from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 from tests.source_files import ROOT
 

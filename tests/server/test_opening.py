@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from protocols import events
-from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.column_store import ColumnStore
-from recordings.compaction import compact
-from recordings.health_history import health_history
-from recordings.importers import open_file
-from recordings.mcap_writer import McapWriter
-from recordings.sources import McapSource
-from server.devices import protocol_set
-from server.library.decode import decode
-from server.streaming.channels import ChannelRegistry
-from server.wire import ChannelInfo
+from imuscope.protocols import events
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.health_history import health_history
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.sources import McapSource
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
+from imuscope.server.streaming.channels import ChannelRegistry
+from imuscope.server.wire import ChannelInfo
 from tests.recordings.recorded_drive import START, drive
 
 
@@ -88,7 +88,7 @@ def test_a_recording_that_names_no_protocol_is_recognised(tmp_path: Path) -> Non
 
 def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tmp_path: Path) -> None:
     """An IMX recorded from power-on counts from zero until its receiver knows the week."""
-    from protocols.isb.simulator.device import IsbSimulator
+    from imuscope.protocols.isb.simulator.device import IsbSimulator
 
     path = tmp_path / "a.mcap"
     device = IsbSimulator(start_ns=0)
@@ -126,8 +126,8 @@ def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None
 
 
 def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from server.library import decode as opening
-    from server.library.recording_detail import channels_of
+    from imuscope.server.library import decode as opening
+    from imuscope.server.library.recording_detail import channels_of
 
     monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)
     monkeypatch.setattr(opening, "LAST_SHOWN_S", 0.0)
@@ -154,8 +154,8 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A long CSV was a progress bar to its last row."""
-    from recordings import tabular
-    from server.library import decode as opening
+    from imuscope.recordings import tabular
+    from imuscope.server.library import decode as opening
 
     monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)
     monkeypatch.setattr(opening, "LAST_SHOWN_S", 0.0)

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.xbus.simulator.device import XbusSimulator
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.devices.session import Session
-from server.links.base import LinkError, LinkSettings
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import LinkError, LinkSettings
+from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
 from tests.each_row import each_row
 from tests.server.fakes import NOW_NS, FakeClock, FakeLink

@@ -13,17 +13,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.family import ProtocolInfo
-from protocols.idtp.json_codec import frame_to_json as idtp_values
-from protocols.isb.json_codec import frame_to_json as isb_values
-from protocols.registry import PROTOCOLS
-from protocols.xbus.frames import build
-from protocols.xbus.json_codec import frame_to_json as xbus_values
-from server.config import Config
-from server.devices.byte_memory import LinkMemory
-from server.devices.protocol_set import all_protocols
-from server.library.packets import SampleArrival, live_bytes, packets_around
-from server.links.base import Chunk
+from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.idtp.json_codec import frame_to_json as idtp_values
+from imuscope.protocols.isb.json_codec import frame_to_json as isb_values
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.json_codec import frame_to_json as xbus_values
+from imuscope.server.config import Config
+from imuscope.server.devices.byte_memory import LinkMemory
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.packets import SampleArrival, live_bytes, packets_around
+from imuscope.server.links.base import Chunk
 from tests.each_row import each_row
 from tests.server.fakes import FakeLinks
 from tests.server.in_process_server import InProcessServer

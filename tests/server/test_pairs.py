@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.analysis.pairs import paired, shortened, thinned
-from server.analysis.signals import Signal
-from server.config import Config
+from imuscope.server.analysis.pairs import paired, shortened, thinned
+from imuscope.server.analysis.signals import Signal
+from imuscope.server.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

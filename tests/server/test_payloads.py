@@ -12,16 +12,16 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
-from protocols.idtp.frames import SAFETY, build
-from protocols.isb.frames import DATA
-from protocols.isb.frames import build as isb_packet
-from recordings.column_store import ColumnStore
-from recordings.exporters import ExportRequest, export
-from recordings.importers import open_file
-from recordings.rrd.chunks import name_of
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.library.decode import decode
+from imuscope.protocols.idtp.frames import SAFETY, build
+from imuscope.protocols.isb.frames import DATA
+from imuscope.protocols.isb.frames import build as isb_packet
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.exporters import ExportRequest, export
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.rrd.chunks import name_of
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.decode import decode
 from tests.recordings.rrd_tables import column, entities
 
 COUNT = 30

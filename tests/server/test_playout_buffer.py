@@ -7,8 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from server.integrations.playout_buffer import DELAY_S, FAR_S, MAX_WAITING, MESSAGES_PER_S, OVERDUE_S, PlayoutBuffer
-from server.wire_codec import SampleFrame
+from imuscope.server.integrations.playout_buffer import (
+    DELAY_S,
+    FAR_S,
+    MAX_WAITING,
+    MESSAGES_PER_S,
+    OVERDUE_S,
+    PlayoutBuffer,
+)
+from imuscope.server.wire_codec import SampleFrame
 
 AHEAD = 1_000_000.0  # of the server's clock against the local one
 

@@ -16,16 +16,16 @@ from typing import Any
 
 import pytest
 
-from protocols.events import Batch, RejectedFrame, SampleGap
-from protocols.transactions import DeviceContext
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.frames import build
-from server.commands.arguments import parse
-from server.commands.common import shares_by_source
-from server.links.simulated_device import SimulatorOptions, make_device
-from server.links.simulator import SimulatorThread
-from server.links.source_url import SourceUrl
+from imuscope.protocols.events import Batch, RejectedFrame, SampleGap
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.frames import build
+from imuscope.server.commands.arguments import parse
+from imuscope.server.commands.common import shares_by_source
+from imuscope.server.links.simulated_device import SimulatorOptions, make_device
+from imuscope.server.links.simulator import SimulatorThread
+from imuscope.server.links.source_url import SourceUrl
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links.shared_port import opened

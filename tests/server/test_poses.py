@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recordings import rotations
-from recordings.column_store import ExactRows
-from recordings.euler import euler_columns
-from server.integrations import meshes, poses
-from server.integrations.replay_sync import ReplayFollower
-from server.wire_codec import SampleFrame
+from imuscope.recordings import rotations
+from imuscope.recordings.column_store import ExactRows
+from imuscope.recordings.euler import euler_columns
+from imuscope.server.integrations import meshes, poses
+from imuscope.server.integrations.replay_sync import ReplayFollower
+from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
 
 Q = rotations.Quaternion

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.analysis.registry import FiguresOfSignal, analysis_named
-from server.commands.analyse import SignalReport, print_table
-from server.errors import DomainError
+from imuscope.server.analysis.registry import FiguresOfSignal, analysis_named
+from imuscope.server.commands.analyse import SignalReport, print_table
+from imuscope.server.errors import DomainError
 from tests.each_row import each_row
 from tests.server.simulated_sensors import (
     B_SHEET,

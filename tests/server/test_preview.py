@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from protocols.layouts import EncodeError
-from protocols.registry import PROTOCOLS
-from protocols.schema import Bits, Field
-from protocols.transactions import DeviceContext
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.family import tables
-from server.configuration.api_models import PreviewResult
-from server.configuration.form_builder import field_form, forms_of
-from server.configuration.preview import DevicePresentState, SerialLine, fit, preview_command, preview_setting
-from server.configuration.value_format import entry_comment, entry_title, entry_value, key_of, numbers, words
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.schema import Bits, Field
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.family import tables
+from imuscope.server.configuration.api_models import PreviewResult
+from imuscope.server.configuration.form_builder import field_form, forms_of
+from imuscope.server.configuration.preview import DevicePresentState, SerialLine, fit, preview_command, preview_setting
+from imuscope.server.configuration.value_format import entry_comment, entry_title, entry_value, key_of, numbers, words
 from tests.each_row import each_row
 from tests.server.control_harness import outputs
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from server.processes import program_of
+from imuscope.server.processes import program_of
 from tests.each_row import each_row
 
 
@@ -15,7 +15,9 @@ from tests.each_row import each_row
         (b"minicom\0-D\0/run/imuscope", "python"),
         (b"/a/.venv/bin/python\0/a/.venv/bin/imuscope\0serve", "imuscope"),
         (b"imuscope serve /dev/ttyUSB0", "imuscope"),  # as its title has it
-        (b"python\0-m\0server.holder\0/dev/ttyUSB0", "imuscope"),
+        (b"python\0-m\0imuscope.server.holder\0/dev/ttyUSB0", "imuscope"),
+        (b"python\0-m\0imuscope\0serve", "imuscope"),
+        (b"python\0-m\0imuscope_of_others", "python"),
     ],
 )
 def test_a_program_is_ours_by_what_was_started(tmp_path: Path, line: bytes, name: str) -> None:

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 import serial
 
-from protocols.isb.frames import get_data
-from protocols.transactions import DeviceContext
-from protocols.xbus.frames import build
-from protocols.xbus.simulator.device import XbusSimulator
-from server.configuration.put_back import PutBackStore
-from server.links.simulator import SimulatorThread
+from imuscope.protocols.isb.frames import get_data
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.configuration.put_back import PutBackStore
+from imuscope.server.links.simulator import SimulatorThread
 from tests.server.control_harness import BRIEFEST, bench, house
 from tests.waiting import until
 

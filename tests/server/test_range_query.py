@@ -11,18 +11,18 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
-from recordings.mcap_writer import RecordingError
-from recordings.sources import McapSource
-from server import wire, wire_codec
-from server.devices import protocol_set
-from server.library.api_models import RecordingInfo
-from server.library.column_cache import ColumnCache, DecodeJob
-from server.library.decode import decode
-from server.library.range_query import arrow_of, frame_of, json_of, live, recorded, statistics_in
-from server.library.recording_detail import channels_of, detail
-from server.streaming.channels import ChannelRows
-from server.streaming.telemetry import Telemetry
+from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sources import McapSource
+from imuscope.server import wire, wire_codec
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.api_models import RecordingInfo
+from imuscope.server.library.column_cache import ColumnCache, DecodeJob
+from imuscope.server.library.decode import decode
+from imuscope.server.library.range_query import arrow_of, frame_of, json_of, live, recorded, statistics_in
+from imuscope.server.library.recording_detail import channels_of, detail
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 

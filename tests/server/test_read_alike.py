@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.custom_payloads import parse, written
-from protocols.idtp.frames import SAFETY, SECURE, build
-from recordings.importers import open_file
-from server.devices.decode_options import DecodeOptions, recorded
-from server.devices.protocol_set import all_protocols
-from server.library.column_cache import ColumnCache
-from server.library.decode import decode
+from imuscope.protocols.idtp.custom_payloads import parse, written
+from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
+from imuscope.recordings.importers import open_file
+from imuscope.server.devices.decode_options import DecodeOptions, recorded
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.column_cache import ColumnCache
+from imuscope.server.library.decode import decode
 from tests.decode_options import decode_options
 from tests.server_process import imuscope
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from recordings.compaction import is_uncompacted
-from recordings.importers import open_file
-from recordings.mcap_reader import McapReader
-from server.commands.record import amount
+from imuscope.recordings.compaction import is_uncompacted
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.server.commands.record import amount
 from tests.bench.tcp_device import TcpDevice
 from tests.each_row import each_row
 from tests.server.recorder_harness import chunks

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from recordings.mcap_reader import McapReader, json_messages
-from server import wire_codec
-from server.library.recorded_settings import settings_of
-from server.library.recorder import RecordingOptions
+from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.server import wire_codec
+from imuscope.server.library.recorded_settings import settings_of
+from imuscope.server.library.recorder import RecordingOptions
 from tests.each_row import each_row
 from tests.server.control_harness import SILENT, outputs
 from tests.server.recorder_harness import chunks, in_a_loop, recorder

@@ -11,19 +11,19 @@ import pyarrow.parquet as pq
 from mcap.reader import make_reader
 from scipy import signal
 
-from recordings.column_store import ColumnStore, ExactRows
-from recordings.compaction import compact
-from recordings.exporters import ExportRequest, export
-from recordings.mcap_reader import McapReader, json_messages
-from recordings.recording_writer import Limits
-from recordings.sources import McapSource
-from server.analysis.recorded_signals import add_computed_signals
-from server.analysis.signal_definitions import SignalDefinition, SignalDefinitions
-from server.devices import protocol_set
-from server.library.decode import decode
-from server.library.recorder import Recorder, RecordingOptions
-from server.library.recording_detail import channels_of
-from server.library.sources import decoding_sources
+from imuscope.recordings.column_store import ColumnStore, ExactRows
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.exporters import ExportRequest, export
+from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.recording_writer import Limits
+from imuscope.recordings.sources import McapSource
+from imuscope.server.analysis.recorded_signals import add_computed_signals
+from imuscope.server.analysis.signal_definitions import SignalDefinition, SignalDefinitions
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
+from imuscope.server.library.recorder import Recorder, RecordingOptions
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.library.sources import decoding_sources
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.recorder_harness import in_a_loop, recorder

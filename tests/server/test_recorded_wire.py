@@ -10,11 +10,11 @@ from typing import Any, get_args
 
 from pydantic import TypeAdapter
 
-from recordings.health_history import HealthHistory
-from server import wire
-from server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo
-from server.library.api_models import MarkerInfo, RecordingDetail, RecordingInfo
-from server.previous_names import with_previous_keys
+from imuscope.recordings.health_history import HealthHistory
+from imuscope.server import wire
+from imuscope.server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo
+from imuscope.server.library.api_models import MarkerInfo, RecordingDetail, RecordingInfo
+from imuscope.server.previous_names import with_previous_keys
 from tests.each_row import each_row
 from tests.record_wire import FAMILIES, recorded
 from tests.wire_scenes import SCENES

@@ -15,20 +15,20 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from recordings import quota
-from recordings.compaction import compact, is_uncompacted
-from recordings.file_names import free_path, slug
-from recordings.library import INDEX
-from recordings.mcap_reader import McapReader, json_messages
-from recordings.mcap_writer import AtomicRecordFile, McapWriter, RecordingError
-from recordings.recording_writer import Limits
-from recordings.sources import McapSource
-from server.config import Config
-from server.devices.session import Session
-from server.errors import DomainError
-from server.library.api_models import MarkerRequest
-from server.library.compaction_worker import CompactionWorker, uncompacted
-from server.library.recorder import RecordingOptions
+from imuscope.recordings import quota
+from imuscope.recordings.compaction import compact, is_uncompacted
+from imuscope.recordings.file_names import free_path, slug
+from imuscope.recordings.library import INDEX
+from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_writer import AtomicRecordFile, McapWriter, RecordingError
+from imuscope.recordings.recording_writer import Limits
+from imuscope.recordings.sources import McapSource
+from imuscope.server.config import Config
+from imuscope.server.devices.session import Session
+from imuscope.server.errors import DomainError
+from imuscope.server.library.api_models import MarkerRequest
+from imuscope.server.library.compaction_worker import CompactionWorker, uncompacted
+from imuscope.server.library.recorder import RecordingOptions
 from tests.bench.tcp_device import TcpDevice
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from server import generate_docs
-from server.config import Config
-from server.reference.blocks import Code, Heading, Items, Paragraph, TableBlock, parse, to_html, to_markdown
-from server.reference.pages import PAGES, ReferencePages
+from imuscope.server import generate_docs
+from imuscope.server.config import Config
+from imuscope.server.reference.blocks import Code, Heading, Items, Paragraph, TableBlock, parse, to_html, to_markdown
+from imuscope.server.reference.pages import PAGES, ReferencePages
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -55,7 +55,7 @@ def test_files_are_not_stale(openapi: Mapping[str, Any]) -> None:
         for path, text in generate_docs.documents(openapi)
         if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
-    assert stale == [], "run python -m server.generate_docs"
+    assert stale == [], "run python -m imuscope.server.generate_docs"
 
 
 @each_row("name", PAGES)

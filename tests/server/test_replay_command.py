@@ -19,10 +19,10 @@ from pathlib import Path
 
 import pytest
 
-from recordings.importers import open_file
-from recordings.replay import ReplayClock
-from server.cli import main
-from server.commands.replay import ReplayError, _play, address
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.replay import ReplayClock
+from imuscope.server.cli import main
+from imuscope.server.commands.replay import ReplayError, _play, address
 from tests import virtual_time
 from tests.each_row import each_row
 from tests.fork_server import Child

@@ -23,13 +23,13 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 from websockets.exceptions import ConnectionClosed
 
-from recordings.rrd.chunks import name_of
-from server import wire
-from server.integrations.proxy import ViewError
-from server.integrations.rerun import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
-from server.streaming.channels import ChannelRows
-from server.streaming.telemetry import Telemetry
-from server.wire_codec import SampleFrame
+from imuscope.recordings.rrd.chunks import name_of
+from imuscope.server import wire
+from imuscope.server.integrations.proxy import ViewError
+from imuscope.server.integrations.rerun import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.recordings.rrd_tables import entities, numbers
@@ -250,7 +250,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     rate: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Three seconds of a device, published 60 times a second on a clock of the test."""
-    from server.integrations import rerun_worker
+    from imuscope.server.integrations import rerun_worker
 
     clock = SimpleNamespace(now=50.0)
     monkeypatch.setattr(rerun_worker, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
@@ -298,7 +298,7 @@ def listens(port: int) -> None:
 
 def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
     """Rerun's own program in the viewer's place; what reached it is saved and read."""
-    from server.integrations.rerun_assets import program
+    from imuscope.server.integrations.rerun_assets import program
 
     out, log = tmp_path / "got.rrd", tmp_path / "log"
     environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin", "NO_COLOR": "1"}
@@ -336,7 +336,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
 
 def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
     """A stalled viewer: it accepts the connection and reads nothing. Rerun's SDK stores all data sent to it."""
-    from server.integrations import rerun_remote
+    from imuscope.server.integrations import rerun_remote
 
     async def look(address: str) -> None:
         now = asyncio.get_running_loop().time

@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.frames import LITE, SAFETY, SECURE, build
-from server.cli import main
-from server.config import Config
-from server.devices import protocol_set
-from server.devices.decode_options import DecodeOptions
-from server.devices.sequence_store import MAX_DEVICES, SequenceStore, check_format_version
-from server.devices.session import Session
-from server.links.base import LinkError, LinkSettings
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.idtp.frames import LITE, SAFETY, SECURE, build
+from imuscope.server.cli import main
+from imuscope.server.config import Config
+from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.sequence_store import MAX_DEVICES, SequenceStore, check_format_version
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import LinkError, LinkSettings
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.server.fakes import FakeClock, FakeLink, FakeLinks
@@ -368,7 +368,7 @@ def test_a_full_disk_loses_no_stored_sequence_numbers(tmp_path: Path, monkeypatc
     def refuse(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("server.devices.sequence_store.atomic_write.write_atomic", refuse)
+    monkeypatch.setattr("imuscope.server.devices.sequence_store.atomic_write.write_atomic", refuse)
     store = SequenceStore(tmp_path)
     store.update(KEY, {1: 5})
     store.save()

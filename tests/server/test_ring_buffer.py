@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.streaming.ring_buffer import RingBuffer
-from server.wire_codec import decode_samples
+from imuscope.server.streaming.ring_buffer import RingBuffer
+from imuscope.server.wire_codec import decode_samples
 
 DTYPES = ["f4", "f4", "u1", "i8", "u2"]
 

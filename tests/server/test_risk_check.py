@@ -5,10 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-from protocols.isb.driver import IsbDriver
-from protocols.transactions import DeviceContext
-from server.configuration.device_controller import DeviceController
-from server.configuration.risk_check import plan_command
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.risk_check import plan_command
 from tests.each_row import each_row
 
 PRESENT = SimpleNamespace(setting_of=lambda command: None)

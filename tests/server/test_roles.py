@@ -16,11 +16,11 @@ from typing import Any
 import pytest
 from starlette.routing import Route, WebSocketRoute
 
-from server import wire
-from server.app import create_app
-from server.auth import Access, Guard, is_protected, path_on_robot
-from server.config import Config
-from server.wire_codec import WireError, decode_text
+from imuscope.server import wire
+from imuscope.server.app import create_app
+from imuscope.server.auth import Access, Guard, is_protected, path_on_robot
+from imuscope.server.config import Config
+from imuscope.server.wire_codec import WireError, decode_text
 from tests.each_row import each_row
 from tests.server.asgi_client import ACCEPTED, Answer, Reached, ask
 

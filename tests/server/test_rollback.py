@@ -10,15 +10,15 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from protocols.transactions import DeviceContext, Transaction
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings import atomic_write
-from server.configuration.device_controller import ControlError, DeviceController
-from server.configuration.rollback import RollbackRecord, RollbackStore
-from server.links.base import LinkError
-from server.links.simulator import SimulatorLink, SimulatorThread
-from server.wire import PendingRollback
+from imuscope.protocols.transactions import DeviceContext, Transaction
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings import atomic_write
+from imuscope.server.configuration.device_controller import ControlError, DeviceController
+from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.simulator import SimulatorLink, SimulatorThread
+from imuscope.server.wire import PendingRollback
 from tests.each_row import each_row
 from tests.server.control_harness import SILENT, ControlHarness, at_rate, bench, house, over
 from tests.server_process import ServerProcess

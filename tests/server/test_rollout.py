@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from protocols.isb.driver import IsbDriver
-from protocols.transactions import DeviceContext
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.products import MODELS
-from server.configuration.budget import overload, overload_error
-from server.configuration.preview import DevicePresentState, SerialLine
-from server.configuration.products import base_name, mismatch, same_product
-from server.configuration.settings_diff import ComparedValues, compare
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.products import MODELS
+from imuscope.server.configuration.budget import overload, overload_error
+from imuscope.server.configuration.preview import DevicePresentState, SerialLine
+from imuscope.server.configuration.products import base_name, mismatch, same_product
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from tests.each_row import each_row
 from tests.server.control_harness import house, outputs
 

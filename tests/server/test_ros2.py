@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 import zenoh
 
-from server.integrations.ros2 import MODULE
-from server.ros2 import type_support
-from server.ros2.attachment import Attachment, gid_of
-from server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
+from imuscope.server.integrations.ros2 import MODULE
+from imuscope.server.ros2 import type_support
+from imuscope.server.ros2.attachment import Attachment, gid_of
+from imuscope.server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
 from tests.each_row import each_row
 from tests.forked_workers import workers_of
 from tests.free_ports import free_port

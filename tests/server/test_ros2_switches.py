@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from recordings import atomic_write
-from server.config import ConfigError, load
-from server.errors import DomainError
-from server.integrations import ros2_switches
-from server.integrations.ros2_switches import FILE, TopicSwitches
+from imuscope.recordings import atomic_write
+from imuscope.server.config import ConfigError, load
+from imuscope.server.errors import DomainError
+from imuscope.server.integrations import ros2_switches
+from imuscope.server.integrations.ros2_switches import FILE, TopicSwitches
 from tests.each_row import each_row
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from protocols.xbus.simulator.device import XbusSimulator
-from server.configuration.risk_check import plan_changes
-from server.links import LinkError, open_link
-from server.links.simulated_device import SimulatorOptions, make_device
-from server.links.source_url import SourceUrl
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.configuration.risk_check import plan_changes
+from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.simulated_device import SimulatorOptions, make_device
+from imuscope.server.links.source_url import SourceUrl
 from tests.each_row import each_row
 from tests.server.control_harness import house, over
 from tests.waiting import until

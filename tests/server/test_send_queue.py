@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.streaming.ring_buffer import RingBuffer
-from server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
-from server.wire_codec import decode_samples, encode_samples
+from imuscope.server.streaming.ring_buffer import RingBuffer
+from imuscope.server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
+from imuscope.server.wire_codec import decode_samples, encode_samples
 
 NOTHING = HistoryStream({})
 

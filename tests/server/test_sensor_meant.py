@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from protocols.xbus.simulator.device import XbusSimulator
-from server.api.configure import apply, confirmed, wanted_sensor
-from server.configuration.api_models import ApplyRequest
-from server.configuration.device_controller import DeviceController
-from server.configuration.sensor_check import doubts, sensor_of
-from server.devices.device_names import DeviceNames
-from server.errors import DomainError
-from server.links.simulated_device import SimulatorOptions
-from server.links.simulated_line import LineFaults
-from server.links.simulator import SimulatorThread
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.api.configure import apply, confirmed, wanted_sensor
+from imuscope.server.configuration.api_models import ApplyRequest
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.sensor_check import doubts, sensor_of
+from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.errors import DomainError
+from imuscope.server.links.simulated_device import SimulatorOptions
+from imuscope.server.links.simulated_line import LineFaults
+from imuscope.server.links.simulator import SimulatorThread
 from tests.server.control_harness import ControlHarness, house, outputs, over
 from tests.waiting import until
 

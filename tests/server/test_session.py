@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Event, RejectedFrame, Reply
-from server.devices import device_state, protocol_detection
-from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
-from server.devices.session import GIVE_UP_S, Session
-from server.devices.sessions import Sessions
-from server.links.base import LinkError, LinkSettings
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.events import Batch, Event, RejectedFrame, Reply
+from imuscope.server.devices import device_state, protocol_detection
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.session import GIVE_UP_S, Session
+from imuscope.server.devices.sessions import Sessions
+from imuscope.server.links.base import LinkError, LinkSettings
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.protocols.protocol_cases import SPEAKERS
 from tests.server.fakes import SPEECH, FakeClock, FakeDecoder, FakeLink, sample

@@ -6,14 +6,14 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
-from protocols.registry import PROTOCOLS
-from protocols.transactions import DeviceContext
-from server.api.snapshots import compare_sides
-from server.configuration.api_models import CompareRequest, SideRef
-from server.configuration.device_controller import DeviceController
-from server.configuration.form_builder import forms_of
-from server.configuration.settings_diff import ComparedValues, compare
-from server.errors import DomainError
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.api.snapshots import compare_sides
+from imuscope.server.configuration.api_models import CompareRequest, SideRef
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.form_builder import forms_of
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.errors import DomainError
 from tests.server.control_harness import house
 
 IMX = DeviceContext(product="IMX-5", serial_number="1", firmware="2.7.1.0")

@@ -11,28 +11,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
-from protocols.transactions import DeviceContext, NoReplyError
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.driver import XbusDriver
-from protocols.xbus.frames import build
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.mcap_reader import McapReader, json_messages
-from recordings.mcap_writer import McapWriter
-from recordings.sources import McapSource
-from server.cli import main
-from server.configuration.budget import overload
-from server.configuration.correction_manager import CorrectionManager
-from server.configuration.device_controller import DeviceController
-from server.configuration.preview import fit, preview_setting
-from server.configuration.risk_check import SHARED, plan_changes
-from server.devices.protocol_set import all_protocols
-from server.errors import DomainError
-from server.library.decode import decode
-from server.library.recorder import Recorder, RecordingOptions
-from server.links import LinkError, open_link
-from server.links.simulated_device import SharedLine, SimulatorOptions, make_device
-from server.links.source_url import SourceUrl
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
+from imuscope.protocols.transactions import DeviceContext, NoReplyError
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.sources import McapSource
+from imuscope.server.cli import main
+from imuscope.server.configuration.budget import overload
+from imuscope.server.configuration.correction_manager import CorrectionManager
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.preview import fit, preview_setting
+from imuscope.server.configuration.risk_check import SHARED, plan_changes
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.errors import DomainError
+from imuscope.server.library.decode import decode
+from imuscope.server.library.recorder import Recorder, RecordingOptions
+from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.simulated_device import SharedLine, SimulatorOptions, make_device
+from imuscope.server.links.source_url import SourceUrl
 from tests.each_row import each_row
 from tests.server.control_harness import house, outputs, over
 from tests.server.correction_messages import NUMBERS, STREAM

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from server.devices.processor_use import OVER_S, ProcessorUse
-from server.streaming.clients import FLUSH_S
-from server.streaming.send_queue import SendQueue
-from server.streaming.shedding import CALM_S, PAGE_INTERVAL_S, PICTURE_FACTOR, Shedding
-from server.streaming.telemetry import Telemetry
+from imuscope.server.devices.processor_use import OVER_S, ProcessorUse
+from imuscope.server.streaming.clients import FLUSH_S
+from imuscope.server.streaming.send_queue import SendQueue
+from imuscope.server.streaming.shedding import CALM_S, PAGE_INTERVAL_S, PICTURE_FACTOR, Shedding
+from imuscope.server.streaming.telemetry import Telemetry
 
 TICK_S = 0.1
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import serial
 
-from protocols.registry import PROTOCOLS
+from imuscope.protocols.registry import PROTOCOLS
 from tests.each_row import each_row
 from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S

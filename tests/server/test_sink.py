@@ -10,22 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Decoder
-from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.simulator.device import XbusSimulator
-from recordings.column_store import ColumnStoreWriter
-from recordings.health_history import HealthHistoryWriter
-from server import wire
-from server.devices.device_demux import LinkDecoder, LinkDevices
-from server.devices.device_state import DeviceState
-from server.devices.ingest import LinkTiming
-from server.library.collector import MAX_EVENTS, RecordingSink
-from server.links.base import Chunk
-from server.streaming.channels import ChannelRows
-from server.streaming.sink import SampleArchive, TelemetrySink
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.events import Decoder
+from imuscope.protocols.idtp.decoder import IdtpDecoder
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.column_store import ColumnStoreWriter
+from imuscope.recordings.health_history import HealthHistoryWriter
+from imuscope.server import wire
+from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device_state import DeviceState
+from imuscope.server.devices.ingest import LinkTiming
+from imuscope.server.library.collector import MAX_EVENTS, RecordingSink
+from imuscope.server.links.base import Chunk
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.sink import SampleArchive, TelemetrySink
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock
 
 

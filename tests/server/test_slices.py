@@ -10,17 +10,17 @@ from typing import cast
 
 import pytest
 
-from server.devices import slices
-from server.devices.event_reporter import TEXT_SORTS
-from server.devices.link_stats import MAX_MESSAGES
-from server.devices.slices import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, Slices, Turns
-from server.links import open_link
-from server.links.base import CHUNK_COST, Chunk, LinkSettings
-from server.links.reader_thread import ANSWER_NS, WAKE_NS, ChunkQueue
-from server.links.tcp import TcpLink
-from server.links.udp import UdpLink
-from server.metrics import Metrics, Sources
-from server.wire import RecorderState
+from imuscope.server.devices import slices
+from imuscope.server.devices.event_reporter import TEXT_SORTS
+from imuscope.server.devices.link_stats import MAX_MESSAGES
+from imuscope.server.devices.slices import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, Slices, Turns
+from imuscope.server.links import open_link
+from imuscope.server.links.base import CHUNK_COST, Chunk, LinkSettings
+from imuscope.server.links.reader_thread import ANSWER_NS, WAKE_NS, ChunkQueue
+from imuscope.server.links.tcp import TcpLink
+from imuscope.server.links.udp import UdpLink
+from imuscope.server.metrics import Metrics, Sources
+from imuscope.server.wire import RecorderState
 from tests.each_row import each_row
 from tests.fault_injection.fault_harness import stage
 from tests.manual_clock import ManualClock
@@ -113,7 +113,7 @@ def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.MonkeyPa
     """Regression: 64 MB were queued and decoded in one turn of the event loop. A recording gets the bytes before any
     are dropped.
     """
-    monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 10_000)
+    monkeypatch.setattr("imuscope.server.links.reader_thread.MAX_HELD", 10_000)
 
     async def check() -> None:
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
@@ -213,7 +213,7 @@ def test_a_datagram_is_cut_where_nothing_is_framed_by_its_end(protocol: str, who
 
 
 def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 10_000)
+    monkeypatch.setattr("imuscope.server.links.reader_thread.MAX_HELD", 10_000)
 
     async def check() -> None:
         link = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
@@ -235,7 +235,7 @@ def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.Mon
 
 def test_a_flood_is_reported_and_turns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """20 MB of sentence heads by UDP froze the server for good; here 2 MB, of which most cannot wait."""
-    monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 300_000)
+    monkeypatch.setattr("imuscope.server.links.reader_thread.MAX_HELD", 300_000)
 
     async def check() -> None:
         async with stage("udp://127.0.0.1:0?protocol=xbus") as made:
@@ -263,7 +263,7 @@ def test_a_flood_is_reported_and_turns_stay_short(monkeypatch: pytest.MonkeyPatc
 
 def test_random_message_names_do_not_fill_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each distinct sentence was a meter, a channel with its ring, and a line of the log, for ever."""
-    monkeypatch.setattr("server.streaming.channels.MAX_CHANNELS", 3)
+    monkeypatch.setattr("imuscope.server.streaming.channels.MAX_CHANNELS", 3)
     letters = "ABCDEFGHIJKLM"
     names = [f"P{a}{b}{c}" for a in letters for b in letters for c in letters][:1000]
 

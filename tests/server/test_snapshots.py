@@ -10,15 +10,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.isb.driver import IsbDriver
-from protocols.isb.stored_settings import settings_of
-from protocols.schema import Field, Setting
-from protocols.transactions import DeviceContext
-from protocols.xbus.driver import XbusDriver
-from server.configuration import snapshots
-from server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
-from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, from_text, to_text
-from server.configuration.value_format import field_at, title_at, value_at
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.isb.stored_settings import settings_of
+from imuscope.protocols.schema import Field, Setting
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.server.configuration import snapshots
+from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
+from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, from_text, to_text
+from imuscope.server.configuration.value_format import field_at, title_at, value_at
 from tests.each_row import each_row
 
 ROWS = {row.name: row for row in XbusDriver().settings(DeviceContext(product="MTi-630"))}

@@ -5,21 +5,22 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from server.library import sources
+from imuscope.server.library import sources
 from tests.server_process import ROOT
 
 RUN = """
 import sys
-from server import decode_worker
-from protocols import registry
-from recordings import importers
-print(*(module for module in sys.modules if module.partition(".")[0] in ("protocols", "recordings", "server")))
+from imuscope.server import decode_worker
+from imuscope.protocols import registry
+from imuscope.recordings import importers
+print(*(module for module in sys.modules if module.partition(".")[0] == "imuscope"))
 """
 
 
 def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
     done = subprocess.run([sys.executable, "-c", RUN], cwd=ROOT, capture_output=True, text=True, check=True)
     found = set(sources.decoding_sources())
+    assert "imuscope.recordings.importers" in done.stdout
     for module in done.stdout.split():
         place = ROOT.joinpath(*module.split("."))
         there = {place.with_suffix(".py"), place / "__init__.py"} & found
@@ -27,7 +28,7 @@ def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
 
 
 def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
-    found = {str(path.relative_to(ROOT)) for path in sources.decoding_sources()}
+    found = {str(path.relative_to(sources.PACKAGE)) for path in sources.decoding_sources()}
     assert found >= {
         *(f"recordings/{name}.py" for name in ("euler", "tabular", "importers", "vendor_logs")),
         *(f"recordings/{name}.py" for name in ("messages", "message_source", "health_history")),

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from server.analysis.registry import analysis_named
-from server.analysis.report import figures_of
-from server.analysis.signals import Floats, Signal
-from server.errors import DomainError
+from imuscope.server.analysis.registry import analysis_named
+from imuscope.server.analysis.report import figures_of
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.errors import DomainError
 from tests.each_row import each_row
 
 START = 1_760_000_000.0

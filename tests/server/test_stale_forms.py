@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from protocols.registry import PROTOCOLS
-from protocols.transactions import DeviceContext
-from server.configuration.device_controller import DeviceController
-from server.configuration.preview import load_of
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.preview import load_of
 from tests.each_row import each_row
 from tests.server.control_harness import ControlHarness, house, outputs, over
 from tests.waiting import until

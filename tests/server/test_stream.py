@@ -14,11 +14,11 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from server import wire, wire_codec
-from server.config import Config
-from server.streaming.channels import ChannelRows
-from server.streaming.telemetry import Telemetry
-from server.timings import ViewerTimings
+from imuscope.server import wire, wire_codec
+from imuscope.server.config import Config
+from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.timings import ViewerTimings
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from starlette.requests import Request
 
-from recordings.column_store import ExactRows
-from server.api.recording_data import _only_one
-from server.errors import DomainError
-from server.library.export_jobs import file_stem
-from server.library.range_query import QueryResult, ordered
-from server.wire import ChannelInfo
+from imuscope.recordings.column_store import ExactRows
+from imuscope.server.api.recording_data import _only_one
+from imuscope.server.errors import DomainError
+from imuscope.server.library.export_jobs import file_stem
+from imuscope.server.library.range_query import QueryResult, ordered
+from imuscope.server.wire import ChannelInfo
 
 
 def test_rows_of_a_query_go_by_their_time() -> None:

@@ -13,22 +13,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from protocols.clock_sync import ClockSync
-from protocols.events import Batch, Event
-from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusSimulator
-from server import wire
-from server.devices import jitter_causes
-from server.devices.decode_options import DecodeOptions
-from server.devices.jitter_causes import cause_of
-from server.devices.protocol_set import all_protocols
-from server.devices.session import Session
-from server.links.base import LinkSettings
-from server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
-from server.links.simulated_line import LineFaults, SimulatedLine
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.clock_sync import ClockSync
+from imuscope.protocols.events import Batch, Event
+from imuscope.protocols.idtp.simulator import IdtpSimulator
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server import wire
+from imuscope.server.devices import jitter_causes
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.jitter_causes import cause_of
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import LinkSettings
+from imuscope.server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
+from imuscope.server.links.simulated_line import LineFaults, SimulatedLine
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.protocols.timing_model import EPOCH_NS, ModelDevice, Way, mapped, stream
 from tests.server.fakes import FakeClock, FakeLink

@@ -20,9 +20,9 @@ import viser
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
-from server import http_server, tls
-from server.config import Config, ConfigError, load
-from server.connections import ConnectionLimits
+from imuscope.server import http_server, tls
+from imuscope.server.config import Config, ConfigError, load
+from imuscope.server.connections import ConnectionLimits
 from tests.each_row import each_row
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connecting, http_client

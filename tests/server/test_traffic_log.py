@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch, Reply
-from protocols.registry import PROTOCOLS
-from protocols.schema import Field, Message
-from protocols.xbus.frames import build
-from server.configuration.controllers import decode
-from server.configuration.traffic_log import MAX_A_SECOND, MAX_ENTRIES, TrafficLog, values_text
-from server.streaming.telemetry import Telemetry
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.xbus.frames import build
+from imuscope.server.configuration.controllers import decode
+from imuscope.server.configuration.traffic_log import MAX_A_SECOND, MAX_ENTRIES, TrafficLog, values_text
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock
 
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Reply
-from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.frames import build as idtp_frame
-from protocols.isb.decoder import IsbDecoder
-from protocols.isb.frames import DATA
-from protocols.isb.frames import build as isb_frame
-from protocols.schema import Field, Message
-from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.frames import build as xbus_frame
-from server import wire
-from server.devices.device_demux import LinkDecoder, LinkDevices
-from server.devices.device_state import DeviceState
-from server.links.base import Chunk
-from server.streaming.telemetry import Telemetry
-from server.streaming.unknown_payloads import MAX_BYTES, MAX_KINDS, UnknownPayloadTracker
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.idtp.decoder import IdtpDecoder
+from imuscope.protocols.idtp.frames import build as idtp_frame
+from imuscope.protocols.isb.decoder import IsbDecoder
+from imuscope.protocols.isb.frames import DATA
+from imuscope.protocols.isb.frames import build as isb_frame
+from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.xbus.decoder import XbusDecoder
+from imuscope.protocols.xbus.frames import build as xbus_frame
+from imuscope.server import wire
+from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device_state import DeviceState
+from imuscope.server.links.base import Chunk
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.streaming.unknown_payloads import MAX_BYTES, MAX_KINDS, UnknownPayloadTracker
 from tests.server.fakes import FakeClock
 
 

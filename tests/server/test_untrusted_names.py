@@ -15,10 +15,10 @@ from urllib.parse import quote
 import httpx
 import pytest
 
-from recordings.upload_names import clean_name
-from server.api.unicode_guard import is_whole
-from server.config import Config
-from server.configuration.snapshots import Snapshot, Snapshots
+from imuscope.recordings.upload_names import clean_name
+from imuscope.server.api.unicode_guard import is_whole
+from imuscope.server.config import Config
+from imuscope.server.configuration.snapshots import Snapshot, Snapshots
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink

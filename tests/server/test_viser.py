@@ -15,9 +15,9 @@ import httpx
 import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
-from server.config import Config
-from server.integrations.viser import MODULE
-from server.timings import ViewerTimings
+from imuscope.server.config import Config
+from imuscope.server.integrations.viser import MODULE
+from imuscope.server.timings import ViewerTimings
 from tests.forked_workers import workers_of
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -184,8 +184,9 @@ def test_viser_ends_with_the_server_however_that_ends(tmp_path: Path) -> None:
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     """The start would take seconds longer: what draws, hands on or reads tables is imported by who does that."""
     code = (
-        "import sys; import server.cli; import server.fleet.publisher; from server.app import create_app; "
-        "from server.auth import Access; from server.config import Config; "
+        "import sys; import imuscope.server.cli; import imuscope.server.fleet.publisher; "
+        "from imuscope.server.app import create_app; "
+        "from imuscope.server.auth import Access; from imuscope.server.config import Config; "
         "config = Config(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
         "create_app(config, Access(config)); print(*{name.split('.')[0] for name in sys.modules})"
     )

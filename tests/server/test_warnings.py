@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from protocols.idtp.frames import build
-from recordings.importers import open_file
-from server.devices import protocol_set
-from server.library.decode import decode
+from imuscope.protocols.idtp.frames import build
+from imuscope.recordings.importers import open_file
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
 
 
 def test_a_warning_is_the_sentence_and_not_its_fields(tmp_path: Path) -> None:

@@ -9,19 +9,19 @@ from typing import Any
 
 import pytest
 
-from protocols.isb.driver import IsbDriver
-from protocols.isb.messages import places
-from protocols.isb.simulator.device import IsbSimulator
-from protocols.isb.simulator.settings import FLASH, summed
-from protocols.layouts import EncodeError
-from protocols.transactions import DeviceContext
-from recordings import atomic_write
-from server.configuration import rollback
-from server.configuration.device_controller import DeviceController
-from server.configuration.risk_check import plan_changes
-from server.configuration.settings_diff import ComparedValues, compare
-from server.errors import DomainError
-from server.links.simulator import SimulatorLink
+from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.isb.messages import places
+from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.isb.simulator.settings import FLASH, summed
+from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.transactions import DeviceContext
+from imuscope.recordings import atomic_write
+from imuscope.server.configuration import rollback
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.risk_check import plan_changes
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.errors import DomainError
+from imuscope.server.links.simulator import SimulatorLink
 from tests.server.control_harness import BRIEFEST, ControlHarness, house, over
 from tests.waiting import until
 

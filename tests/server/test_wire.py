@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import generate_route_types, generate_ts_types, wire, wire_codec
-from server.reference import typescript
+from imuscope.server import generate_route_types, generate_ts_types, wire, wire_codec
+from imuscope.server.reference import typescript
 from tests.each_row import each_row
 
 DTYPES = list(wire.Dtype.__args__)  # type: ignore[attr-defined]
@@ -125,12 +125,12 @@ def test_any_text_is_accepted_or_refused(text: str) -> None:
 
 @each_row("target", typescript.TARGETS, ids=lambda target: target.about)
 def test_types_of_the_page_are_not_stale(target: typescript.Target) -> None:
-    """Run `python -m server.generate_ts_types` when this fails."""
+    """Run `python -m imuscope.server.generate_ts_types` when this fails."""
     assert target.path.read_text(encoding="utf-8") == typescript.generate(target)
 
 
 def test_routes_of_the_page_are_not_stale() -> None:
-    """Run `python -m server.generate_ts_types` when this fails."""
+    """Run `python -m imuscope.server.generate_ts_types` when this fails."""
     assert generate_ts_types.ROUTES.read_text(encoding="utf-8") == generate_ts_types.generate_routes()
 
 

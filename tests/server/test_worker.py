@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from recordings.mcap_writer import RecordingError
-from server.workers import Worker
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.workers import Worker
 from tests.each_row import each_row
 
 ECHO = "import json, sys; print(json.dumps({'asked': json.load(sys.stdin), 'words': sys.argv[1:]}))"

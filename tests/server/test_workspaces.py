@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from recordings import atomic_write
-from server.app import create_app
-from server.auth import Access
-from server.config import Config
-from server.errors import DomainError
-from server.workspaces import ANY, FOLDER, MAX_BYTES, MAX_NAME, WorkspaceStore, clean_name
+from imuscope.recordings import atomic_write
+from imuscope.server.app import create_app
+from imuscope.server.auth import Access
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.workspaces import ANY, FOLDER, MAX_BYTES, MAX_NAME, WorkspaceStore, clean_name
 from tests.each_row import each_row
 from tests.server.asgi_client import ask
 from tests.server.fakes import FakeLink
@@ -196,7 +196,7 @@ def test_a_damaged_file_hides_no_other(tmp_path: Path, damage: bytes) -> None:
 
 
 def test_there_is_an_end_to_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.workspaces.MAX_WORKSPACES", 2)
+    monkeypatch.setattr("imuscope.server.workspaces.MAX_WORKSPACES", 2)
     store = WorkspaceStore(tmp_path)
     first = store.put("one", workspace(), None)
     store.put("two", workspace(), None)

@@ -28,9 +28,9 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from protocols.isb.dataset_loader import SETS, SOURCE, TABLES
-from protocols.isb.streams import GPX_PRESETS, PRESETS
-from protocols.schema import Bits
+from imuscope.protocols.isb.dataset_loader import SETS, SOURCE, TABLES
+from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
+from imuscope.protocols.schema import Bits
 from tests.vendor.constants import Constants, constants, expressions
 
 KEPT = Path(__file__).parents[1] / "golden" / "isb" / "vendor.json"

@@ -17,8 +17,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from protocols.schema import Bits
-from protocols.xbus import data_identifiers, enums, messages
+from imuscope.protocols.schema import Bits
+from imuscope.protocols.xbus import data_identifiers, enums, messages
 from tests.vendor.constants import Constants, constants
 
 KEPT = Path(__file__).parents[1] / "golden" / "xbus" / "vendor.json"

@@ -28,13 +28,13 @@ from collections import Counter
 
 import numpy as np
 
-from protocols.embedded_protocols import STARTS, find
-from protocols.events import Text
-from protocols.isb import frames
-from protocols.isb.frames import ACK, DATA, GET_DATA, NACK, WITH_OFFSET
-from protocols.isb.simulator import nmea
-from protocols.isb.simulator.settings import SettingsMemory, factory
-from protocols.isb.simulator.signals import (
+from imuscope.protocols.embedded_protocols import STARTS, find
+from imuscope.protocols.events import Text
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.frames import ACK, DATA, GET_DATA, NACK, WITH_OFFSET
+from imuscope.protocols.isb.simulator import nmea
+from imuscope.protocols.isb.simulator.settings import SettingsMemory, factory
+from imuscope.protocols.isb.simulator.signals import (
     BLOCK_NS,
     DTYPES,
     GNSS,
@@ -52,9 +52,9 @@ from protocols.isb.simulator.signals import (
     packets,
     rows_of,
 )
-from protocols.isb.streams import BY_BIT, dids_of
-from protocols.simulator.setups import AS_BUILT, SensorSetup
-from protocols.stream_parser import StreamParser
+from imuscope.protocols.isb.streams import BY_BIT, dids_of
+from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
+from imuscope.protocols.stream_parser import StreamParser
 
 PRODUCTS = ("IMX-5", "GPX-1")  # the second is gpx.py
 IMU_SOURCES = ("nav", "imu")

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from protocols.isb.field_docs import BAUD_RATES
-from protocols.isb.simulator import nmea
-from protocols.isb.simulator.device import RMC_PERSISTENT, RMC_PRESERVE, IsbSimulator
-from protocols.isb.simulator.settings import SettingsMemory, size, summed
-from protocols.isb.simulator.signals import DTYPES, FIRST_FIX_NS, GNSS_NS, S
-from protocols.isb.streams import BY_GPX_BIT, dids_of
+from imuscope.protocols.isb.field_docs import BAUD_RATES
+from imuscope.protocols.isb.simulator import nmea
+from imuscope.protocols.isb.simulator.device import RMC_PERSISTENT, RMC_PRESERVE, IsbSimulator
+from imuscope.protocols.isb.simulator.settings import SettingsMemory, size, summed
+from imuscope.protocols.isb.simulator.signals import DTYPES, FIRST_FIX_NS, GNSS_NS, S
+from imuscope.protocols.isb.streams import BY_GPX_BIT, dids_of
 
 DEV_INFO, GPS1_VERSION, SYS_CMD = 1, 17, 7
 GPX_DEV_INFO, GPX_FLASH, GPX_STATUS, GPX_RMC, NMEA = 120, 121, 123, 126, 8

@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from protocols.isb.dataset_loader import SETS
-from protocols.isb.field_docs import BAUD_RATES
-from protocols.isb.simulator.signals import DTYPES, GNSS_NS
-from protocols.simulator.trajectory import PLACE
+from imuscope.protocols.isb.dataset_loader import SETS
+from imuscope.protocols.isb.field_docs import BAUD_RATES
+from imuscope.protocols.isb.simulator.signals import DTYPES, GNSS_NS
+from imuscope.protocols.simulator.trajectory import PLACE
 
 SYS_FAULT, NMEA, FLASH, GPS1_VERSION, MAG_CAL, BIT = 2, 8, 12, 17, 19, 64
 STORED_SETS = (61, 73, 87, 90, 94)  # RTK options, survey, wheels, CAN, calibration in the field

@@ -31,12 +31,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.isb.dataset_loader import SETS
-from protocols.isb.frames import DATA, FIRST, HEADER, SECOND, TRAILER
-from protocols.isb.time_base import GPS_EPOCH, WEEK_S
-from protocols.layouts import element
-from protocols.simulator import trajectory
-from protocols.simulator.setups import AS_BUILT, SensorSetup
+from imuscope.protocols.isb.dataset_loader import SETS
+from imuscope.protocols.isb.frames import DATA, FIRST, HEADER, SECOND, TRAILER
+from imuscope.protocols.isb.time_base import GPS_EPOCH, WEEK_S
+from imuscope.protocols.layouts import element
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

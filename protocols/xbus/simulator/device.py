@@ -32,17 +32,17 @@ from typing import Literal
 
 import numpy as np
 
-from protocols.simulator.setups import AS_BUILT, SensorSetup
-from protocols.xbus import frames
-from protocols.xbus.config_effects import BAUD_RATES
-from protocols.xbus.enums import INTERVAL, SEND_LATEST, TRIGGER
-from protocols.xbus.output_configuration import accepted_rates, max_rate, output_of
-from protocols.xbus.product_options import LONGEST_PERIOD
-from protocols.xbus.simulator.faults import NONE, FaultInjection
-from protocols.xbus.simulator.handlers import ACTIONS
-from protocols.xbus.simulator.io import PowerCutError, ReplyQueue, RequestParser
-from protocols.xbus.simulator.measurement import BLOCK_NS, Measurement, renumbered
-from protocols.xbus.simulator.settings import (
+from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
+from imuscope.protocols.xbus import frames
+from imuscope.protocols.xbus.config_effects import BAUD_RATES
+from imuscope.protocols.xbus.enums import INTERVAL, SEND_LATEST, TRIGGER
+from imuscope.protocols.xbus.output_configuration import accepted_rates, max_rate, output_of
+from imuscope.protocols.xbus.product_options import LONGEST_PERIOD
+from imuscope.protocols.xbus.simulator.faults import NONE, FaultInjection
+from imuscope.protocols.xbus.simulator.handlers import ACTIONS
+from imuscope.protocols.xbus.simulator.io import PowerCutError, ReplyQueue, RequestParser
+from imuscope.protocols.xbus.simulator.measurement import BLOCK_NS, Measurement, renumbered
+from imuscope.protocols.xbus.simulator.settings import (
     BAUDRATE,
     ERROR_MESSAGE,
     ERROR_PARAMETER,
@@ -60,8 +60,8 @@ from protocols.xbus.simulator.settings import (
     factory_settings,
     strings_of,
 )
-from protocols.xbus.simulator.signals import XbusSignalSource
-from protocols.xbus.simulator.strings import Sentences
+from imuscope.protocols.xbus.simulator.signals import XbusSignalSource
+from imuscope.protocols.xbus.simulator.strings import Sentences
 
 WAKE_UP_WINDOW_NS = 500_000_000
 BOOT_NS = 300_000_000  # from Reset to WakeUp

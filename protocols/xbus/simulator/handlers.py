@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from protocols.simulator import trajectory
-from protocols.xbus.enums import CLOCK_BIAS
-from protocols.xbus.products import ALL, FILTER, RTK
-from protocols.xbus.simulator.settings import (
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.xbus.enums import CLOCK_BIAS
+from imuscope.protocols.xbus.products import ALL, FILTER, RTK
+from imuscope.protocols.xbus.simulator.settings import (
     ALIGNMENT,
     ERROR_MESSAGE,
     ERROR_PARAMETER,
@@ -29,10 +29,10 @@ from protocols.xbus.simulator.settings import (
     SYNC,
     RequestRefusedError,
 )
-from protocols.xbus.simulator.sync_lines import SOFTWARE, accepts, is_sync_out
+from imuscope.protocols.xbus.simulator.sync_lines import SOFTWARE, accepts, is_sync_out
 
 if TYPE_CHECKING:
-    from protocols.xbus.simulator.device import XbusSimulator
+    from imuscope.protocols.xbus.simulator.device import XbusSimulator
 
 MAX_ITEMS = 32  # of an output configuration
 MAX_DELAY, MAX_OFFSET = 60_000, 30_000  # tables 9 and 10, 100 µs

@@ -12,8 +12,8 @@ from __future__ import annotations
 import random
 from collections.abc import Collection, Iterator
 
-from protocols.xbus import frames
-from protocols.xbus.simulator.faults import FaultInjection
+from imuscope.protocols.xbus import frames
+from imuscope.protocols.xbus.simulator.faults import FaultInjection
 
 STALL_NS = 200_000_000  # age at which an incomplete request is dropped
 ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a device alone on its line answers

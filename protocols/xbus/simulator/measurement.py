@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.simulator import trajectory
-from protocols.xbus import frames
-from protocols.xbus.output_configuration import ALWAYS, streams
-from protocols.xbus.simulator.signals import ItemValues, XbusSignalSource
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.xbus import frames
+from imuscope.protocols.xbus.output_configuration import ALWAYS, streams
+from imuscope.protocols.xbus.simulator.signals import ItemValues, XbusSignalSource
 
 Array = NDArray[Any]
 

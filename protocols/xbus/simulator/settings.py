@@ -17,11 +17,11 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from protocols.xbus.config_effects import BAUD_RATES
-from protocols.xbus.enums import GNSS_PLATFORMS
-from protocols.xbus.output_configuration import ALWAYS
-from protocols.xbus.product_options import LONGEST_PERIOD
-from protocols.xbus.products import ALL, CLASSIC, FILTER, ONE, RTK, SIX, Model, model_of
+from imuscope.protocols.xbus.config_effects import BAUD_RATES
+from imuscope.protocols.xbus.enums import GNSS_PLATFORMS
+from imuscope.protocols.xbus.output_configuration import ALWAYS
+from imuscope.protocols.xbus.product_options import LONGEST_PERIOD
+from imuscope.protocols.xbus.products import ALL, CLASSIC, FILTER, ONE, RTK, SIX, Model, model_of
 
 ERROR_PERIOD, ERROR_MESSAGE, ERROR_BAUD, ERROR_PARAMETER = 3, 4, 32, 33  # table 5
 BAUDRATE, PORT_CONFIG, LOCATION, STRINGS, PERIOD, SKIP = 0x18, 0x8C, 0x84, 0x8E, 0x04, 0xD4

@@ -22,9 +22,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.simulator import trajectory
-from protocols.simulator.setups import AS_BUILT, SensorSetup
-from protocols.xbus.output_configuration import OUTPUTS
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
+from imuscope.protocols.xbus.output_configuration import OUTPUTS
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

@@ -21,12 +21,12 @@ from functools import cached_property
 
 import numpy as np
 
-from protocols.nmea import checksum
-from protocols.simulator import trajectory
-from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
-from protocols.xbus.enums import STRING_TYPES
-from protocols.xbus.simulator.measurement import BLOCK_NS
-from protocols.xbus.simulator.signals import Array, Floats, ItemValues, XbusSignalSource
+from imuscope.protocols.nmea import checksum
+from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
+from imuscope.protocols.xbus.enums import STRING_TYPES
+from imuscope.protocols.xbus.simulator.measurement import BLOCK_NS
+from imuscope.protocols.xbus.simulator.signals import Array, Floats, ItemValues, XbusSignalSource
 
 _KNOTS = 1 / 0.514444
 _COURSE_FROM = 0.2  # m/s: below it no true course is sent

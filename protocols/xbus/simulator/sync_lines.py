@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from protocols.xbus.products import Model
+from imuscope.protocols.xbus.products import Model
 
 _SEND_LATEST, _GNSS_PULSE = 8, 14
 _FUNCTIONS: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]] = {  # Table 11, by column: sync in, sync out

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from protocols.registry import log_formats
-from recordings.exporters.raw_bytes import log_writer, write_bytes
-from recordings.exporters.registry import ExportFormat, register_exporter
+from imuscope.protocols.registry import log_formats
+from imuscope.recordings.exporters.raw_bytes import log_writer, write_bytes
+from imuscope.recordings.exporters.registry import ExportFormat, register_exporter
 
 for family, log in log_formats():
     if log.exported:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from recordings.exporters.registry import ExportFormat, lazy, register_exporter
+from imuscope.recordings.exporters.registry import ExportFormat, lazy, register_exporter
 
 register_exporter(
     ExportFormat(
         "csv",
         "CSV",
         ".csv",
-        lazy("recordings.exporters.csv_tables"),
+        lazy("imuscope.recordings.exporters.csv_tables"),
         order=0,
         words="full precision, units, one table per message",
         per_byte=1.4,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from recordings.exporters.registry import ExportFormat, lazy, register_exporter
+from imuscope.recordings.exporters.registry import ExportFormat, lazy, register_exporter
 
 register_exporter(
     ExportFormat(
         "csv-aligned",
         "CSV, aligned",
         ".csv",
-        lazy("recordings.exporters.csv_aligned"),
+        lazy("imuscope.recordings.exporters.csv_aligned"),
         order=10,
         label="CSV, one table",
         words="rows aligned to the fastest message",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from recordings.exporters.registry import ExportFormat, lazy, register_exporter
+from imuscope.recordings.exporters.registry import ExportFormat, lazy, register_exporter
 
 register_exporter(
     ExportFormat(
         "mcap",
         "MCAP, decoded",
         ".mcap",
-        lazy("recordings.exporters.mcap_decoded"),
+        lazy("imuscope.recordings.exporters.mcap_decoded"),
         order=30,
         label="MCAP",
         words="decoded, with schemas, for other viewers",

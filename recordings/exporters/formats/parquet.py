@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from recordings.exporters.registry import ExportFormat, lazy, register_exporter
+from imuscope.recordings.exporters.registry import ExportFormat, lazy, register_exporter
 
 register_exporter(
     ExportFormat(
         "parquet",
         "Parquet",
         ".parquet",
-        lazy("recordings.exporters.parquet"),
+        lazy("imuscope.recordings.exporters.parquet"),
         order=20,
         words="one table per message",
         per_byte=1.3,

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recordings.exporters.registry import ExportFormat, register_exporter
-from recordings.exporters.request import ExportRequest, ExportStep
+from imuscope.recordings.exporters.registry import ExportFormat, register_exporter
+from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """Write the file; returns it."""
-    from recordings.rrd.writer import write_rrd
+    from imuscope.recordings.rrd.writer import write_rrd
 
     chosen = [info["id"] for info in request.infos]
     write_rrd(

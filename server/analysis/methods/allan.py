@@ -13,18 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from server.analysis import noise_model
-from server.analysis.allan_deviation import allan_curve, averaging_lengths, intervals
-from server.analysis.data_sheet import sheet_curve, verdicts, withheld
-from server.analysis.noise_model import NoiseModel, fit_noise
-from server.analysis.noise_yaml import FORMATS
-from server.analysis.preconditions import Measured, obstacles, unchecked
-from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
-from server.analysis.rest import rest_of
-from server.analysis.sampling import sampling_of, unwrapped
-from server.analysis.signals import Floats, Signal
-from server.analysis.thermal_drift import ThermalDrift, thermal_drift
-from server.errors import DomainError
+from imuscope.server.analysis import noise_model
+from imuscope.server.analysis.allan_deviation import allan_curve, averaging_lengths, intervals
+from imuscope.server.analysis.data_sheet import sheet_curve, verdicts, withheld
+from imuscope.server.analysis.noise_model import NoiseModel, fit_noise
+from imuscope.server.analysis.noise_yaml import FORMATS
+from imuscope.server.analysis.preconditions import Measured, obstacles, unchecked
+from imuscope.server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
+from imuscope.server.analysis.rest import rest_of
+from imuscope.server.analysis.sampling import sampling_of, unwrapped
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.analysis.thermal_drift import ThermalDrift, thermal_drift
+from imuscope.server.errors import DomainError
 
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from server.analysis.registry import Analysis, Result, Settings, register_analysis
-from server.analysis.signals import Signal
-from server.errors import DomainError
+from imuscope.server.analysis.registry import Analysis, Result, Settings, register_analysis
+from imuscope.server.analysis.signals import Signal
+from imuscope.server.errors import DomainError
 
 MAX_SAMPLES = 1_000_000
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from recordings.statistics import statistics_of
-from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, register_analysis
-from server.analysis.signals import Floats, Signal
+from imuscope.recordings.statistics import statistics_of
+from imuscope.server.analysis.registry import Analysis, AnalysisOption, Result, Settings, register_analysis
+from imuscope.server.analysis.signals import Floats, Signal
 
 MOST_BINS = 2000
 WIDEST = 1e15

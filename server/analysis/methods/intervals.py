@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
-from server.analysis.signals import Signal
-from server.errors import DomainError
+from imuscope.server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
+from imuscope.server.analysis.signals import Signal
+from imuscope.server.errors import DomainError
 
 MAX_TIME = 9e9  # unix s
 DESCENDING = 1.0

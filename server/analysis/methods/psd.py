@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from server.analysis.peaks import peaks_of
-from server.analysis.registry import Analysis, Result, Settings, register_analysis
-from server.analysis.sampling import sampling_of, unwrapped
-from server.analysis.signals import Floats, Signal
-from server.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, mean_spectrum, segments_for
+from imuscope.server.analysis.peaks import peaks_of
+from imuscope.server.analysis.registry import Analysis, Result, Settings, register_analysis
+from imuscope.server.analysis.sampling import sampling_of, unwrapped
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, mean_spectrum, segments_for
 
 OUTSIDE = 0.025  # probability beyond each end of the interval
 

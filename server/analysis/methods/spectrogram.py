@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, register_analysis
-from server.analysis.sampling import sampling_of, unwrapped
-from server.analysis.signals import Floats, Signal
-from server.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
+from imuscope.server.analysis.registry import Analysis, AnalysisOption, Result, Settings, register_analysis
+from imuscope.server.analysis.sampling import sampling_of, unwrapped
+from imuscope.server.analysis.signals import Floats, Signal
+from imuscope.server.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
 
 CELLS = 1_000_000  # of the result, which is 20 MB as text
 

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from recordings.statistics import statistics_of
-from server.analysis.registry import Analysis, AnalysisOption, Result, register_analysis
-from server.analysis.signals import Floats, Signal
+from imuscope.recordings.statistics import statistics_of
+from imuscope.server.analysis.registry import Analysis, AnalysisOption, Result, register_analysis
+from imuscope.server.analysis.signals import Floats, Signal
 
 NAN = float("nan")
 

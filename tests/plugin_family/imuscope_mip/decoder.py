@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.embedded_protocols import STARTS, find
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.framing import ID, OFFSET, SIZE
+from imuscope.protocols.layouts import Layout, size_of, unpack
+from imuscope.protocols.schema import Direction, Message
+from imuscope.protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
 from imuscope_mip.json_codec import frame_to_json, name_of, plain, rows_of
 from imuscope_mip.messages import DATA, Row
 from imuscope_mip.options import ARRIVAL
 from imuscope_mip.packets import HEADER, parts_of, scan
-from protocols.embedded_protocols import STARTS, find
-from protocols.events import Batch, Event, Reply
-from protocols.framing import ID, OFFSET, SIZE
-from protocols.layouts import Layout, size_of, unpack
-from protocols.schema import Direction, Message
-from protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
 
 NS = 1_000_000_000
 WEEK_S = 604_800
@@ -120,7 +120,7 @@ def _offset(event: Event) -> int:
 
 
 class MipLister:
-    """Chunks in, lines out; see protocols.family.FrameLister.
+    """Chunks in, lines out; see imuscope.protocols.family.FrameLister.
 
     Args:
         timestamps: an option of the decoder; a listing shows what was sent.

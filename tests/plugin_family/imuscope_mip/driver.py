@@ -13,13 +13,10 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from imuscope_mip.json_codec import frame_from_json, name_of, rows_of
-from imuscope_mip.messages import ERRORS, FUNCTIONS, ROTATION, ROTATION_NAME
-from imuscope_mip.packets import HEADER, SUM, SYNC
-from protocols.events import Batch, Event, Reply
-from protocols.layouts import EncodeError, size_of, unpack
-from protocols.schema import Command, Field, Setting
-from protocols.transactions import (
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.layouts import EncodeError, size_of, unpack
+from imuscope.protocols.schema import Command, Field, Setting
+from imuscope.protocols.transactions import (
     ByteRange,
     DeviceContext,
     DeviceDriver,
@@ -31,6 +28,9 @@ from protocols.transactions import (
     WaitFor,
     WriteResult,
 )
+from imuscope_mip.json_codec import frame_from_json, name_of, rows_of
+from imuscope_mip.messages import ERRORS, FUNCTIONS, ROTATION, ROTATION_NAME
+from imuscope_mip.packets import HEADER, SUM, SYNC
 
 TRIES, TIMEOUT_S, ALIVE_S = 3, 0.5, 1.5
 TOLERANCE = 1e-6
@@ -76,7 +76,7 @@ SETTINGS = (
 
 
 class MipDriver(DeviceDriver):
-    """See protocols.transactions.DeviceDriver."""
+    """See imuscope.protocols.transactions.DeviceDriver."""
 
     name = "mip"
     usual_rates = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)

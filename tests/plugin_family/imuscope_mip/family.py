@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from imuscope.protocols.composer import ProtocolComposer
+from imuscope.protocols.events import Batch
+from imuscope.protocols.family import FamilyHints, PanelDefaults, PositionFix, ProtocolInfo
+from imuscope.protocols.schema import Field
+from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorRequest
 from imuscope_mip.decoder import MipDecoder, MipLister, detection_score
 from imuscope_mip.driver import IDENTIFY_REQUEST, MipDriver, identity
 from imuscope_mip.json_codec import frame_from_json
 from imuscope_mip.messages import ROWS
 from imuscope_mip.options import OPTIONS
 from imuscope_mip.packets import HEADER, SUM, SYNC, build, scan
-from protocols.composer import ProtocolComposer
-from protocols.events import Batch
-from protocols.family import FamilyHints, PanelDefaults, PositionFix, ProtocolInfo
-from protocols.schema import Field
-from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorRequest
 
 DRIVER = MipDriver()
 USB_VENDOR = 0x199B

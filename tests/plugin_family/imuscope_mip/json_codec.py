@@ -13,10 +13,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from imuscope.protocols.layouts import EncodeError, pack, unpack
+from imuscope.protocols.schema import Field
 from imuscope_mip.messages import ACK, BY_NAME, Row, row_of, row_of_bytes
 from imuscope_mip.packets import build, parts_of
-from protocols.layouts import EncodeError, pack, unpack
-from protocols.schema import Field
 
 _NUMBERS = re.compile(r"0x([0-9A-Fa-f]{2})([0-9A-Fa-f]{2})\Z")
 

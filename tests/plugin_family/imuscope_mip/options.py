@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from protocols.decode_options import DecodeOption
+from imuscope.protocols.decode_options import DecodeOption
 
 ARRIVAL = "arrival"
 OPTIONS = (

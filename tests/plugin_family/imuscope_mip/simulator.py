@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.simulator import trajectory
 from imuscope_mip.messages import (
     ACK,
     BASE,
@@ -29,7 +30,6 @@ from imuscope_mip.messages import (
     G,
 )
 from imuscope_mip.packets import HEADER, SUM, SYNC, build, checksum, parts_of
-from protocols.simulator import trajectory
 
 PRODUCT = "3DM-GX5-45"
 FIRMWARE = 1_121
@@ -52,7 +52,7 @@ class Stored:
 
 
 class MipSimulator:
-    """See protocols.simulator.family.SimulatedDevice.
+    """See imuscope.protocols.simulator.family.SimulatedDevice.
 
     Args:
         rate: packets of each kind a second.

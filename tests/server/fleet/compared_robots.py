@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from server.fleet.device_settings import DeviceSettings
-from server.fleet.summaries import RobotDevice, RobotSummary
+from imuscope.server.fleet.device_settings import DeviceSettings
+from imuscope.server.fleet.summaries import RobotDevice, RobotSummary
 
 PRODUCT = "MTi-630-8A1G6"
 

@@ -13,10 +13,10 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from server.cli import main as imuscope
-from server.fleet import delta_tables
-from server.fleet import upload as uploading
-from server.fleet.tables import SETTINGS, TABLES
+from imuscope.server.cli import main as imuscope
+from imuscope.server.fleet import delta_tables
+from imuscope.server.fleet import upload as uploading
+from imuscope.server.fleet.tables import SETTINGS, TABLES
 
 HALTED = "halted"
 PLACES = ("object", "table", "rows", *TABLES)

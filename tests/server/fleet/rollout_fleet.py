@@ -18,13 +18,13 @@ from typing import Any
 import httpx
 import pytest
 
-from server.commands.fleet import create_fleet_server
-from server.config import Config
-from server.devices.protocol_set import all_protocols
-from server.fleet import fleet_server, publisher
-from server.fleet.rollout_steps import RolloutTiming
-from server.fleet_settings import FleetServerSettings, FleetSettings
-from server.links import open_link
+from imuscope.server.commands.fleet import create_fleet_server
+from imuscope.server.config import Config
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.fleet import fleet_server, publisher
+from imuscope.server.fleet.rollout_steps import RolloutTiming
+from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.links import open_link
 from tests.free_ports import free_port
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 from deltalake import DeltaTable
 
-from server.cli import main
+from imuscope.server.cli import main
 
 ENDLESS = "SELECT sum(range) FROM range(1000000000000000)"
 """A question that only ends by a limit of time: its rows pass by. Two ranges that are crossed would be kept in memory,

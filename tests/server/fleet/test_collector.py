@@ -8,13 +8,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from server.fleet import collector as module
-from server.fleet import keys
-from server.fleet.collector import Collector
-from server.fleet.database import FleetBatch, FleetDatabase, FleetDatabaseError, StoredEvent, StoredRobot
-from server.fleet.journal import Journal
-from server.fleet.reports import ReportedDevice, RobotEvent, RobotReport, RobotStatus, encode
-from server.fleet.robots import Robots
+from imuscope.server.fleet import collector as module
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.collector import Collector
+from imuscope.server.fleet.database import FleetBatch, FleetDatabase, FleetDatabaseError, StoredEvent, StoredRobot
+from imuscope.server.fleet.journal import Journal
+from imuscope.server.fleet.reports import ReportedDevice, RobotEvent, RobotReport, RobotStatus, encode
+from imuscope.server.fleet.robots import Robots
 
 NAME = "otter-7"
 KEY = keys.report_key(NAME)
@@ -354,8 +354,8 @@ def test_a_batch_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 def test_the_log_of_events_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.fleet.database.MAX_EVENTS", 10)
-    monkeypatch.setattr("server.fleet.database.PRUNE_EVERY", 5)
+    monkeypatch.setattr("imuscope.server.fleet.database.MAX_EVENTS", 10)
+    monkeypatch.setattr("imuscope.server.fleet.database.PRUNE_EVERY", 5)
     database = FleetDatabase(tmp_path)
     for number in range(8):
         database.write(FleetBatch(events=[StoredEvent("a", "", number, 0.0, "link", "info", "t", "")] * 5))

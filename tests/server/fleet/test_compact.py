@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from server.fleet.tables import TABLES
+from imuscope.server.fleet.tables import TABLES
 from tests.recordings.recorded_drive import START, drive
 from tests.server.fleet.store_fixtures import Commands
 from tests.server_process import ROOT, tied
@@ -74,8 +74,8 @@ def test_a_store_that_cannot_be_compacted_says_why(commands: Commands, store: Pa
 
 COMPACT_FOR_EVER = """
 import sys
-from server.fleet.compact import compact
-from server.fleet.store import StoreError, location
+from imuscope.server.fleet.compact import compact
+from imuscope.server.fleet.store import StoreError, location
 while True:
     try:
         for table in compact(location(sys.argv[1]), remove=True):
@@ -99,7 +99,17 @@ def test_uploads_of_several_processes_go_on_while_files_are_joined(
         uploads = [
             subprocess.Popen(
                 tied(
-                    [sys.executable, "-m", "server.cli", "upload", str(file), "--store", str(store), "--robot", robot]
+                    [
+                        sys.executable,
+                        "-m",
+                        "imuscope.server.cli",
+                        "upload",
+                        str(file),
+                        "--store",
+                        str(store),
+                        "--robot",
+                        robot,
+                    ]
                 ),
                 cwd=ROOT,
                 stdout=subprocess.DEVNULL,

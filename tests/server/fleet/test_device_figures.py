@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from server import wire
-from server.fleet.device_figures import DeviceFigures
-from server.streaming.telemetry import Telemetry
+from imuscope.server import wire
+from imuscope.server.fleet.device_figures import DeviceFigures
+from imuscope.server.streaming.telemetry import Telemetry
 
 
 class Figures:

@@ -7,11 +7,11 @@ from pathlib import Path
 import pyarrow as pa
 from deltalake import DeltaTable, write_deltalake
 
-from server.fleet.delta_dataset import dataset_of
-from server.fleet.delta_tables import open_table
-from server.fleet.parquet_files import files_of
-from server.fleet.store import StoreLocation, location
-from server.fleet.tables import DEVICES, RECORDINGS, SAMPLES, TABLES
+from imuscope.server.fleet.delta_dataset import dataset_of
+from imuscope.server.fleet.delta_tables import open_table
+from imuscope.server.fleet.parquet_files import files_of
+from imuscope.server.fleet.store import StoreLocation, location
+from imuscope.server.fleet.tables import DEVICES, RECORDINGS, SAMPLES, TABLES
 from tests.each_row import each_row
 from tests.server.fleet.store_fixtures import Commands, delta
 

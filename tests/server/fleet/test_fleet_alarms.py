@@ -13,12 +13,12 @@ from typing import Any
 import httpx
 import pytest
 
-from server.errors import DomainError
-from server.fleet.fleet_alarms import FILE, FleetAlarms
-from server.fleet.reports import ReportedDevice, RobotStatus
-from server.fleet.status_summary import summary_of
-from server.fleet.summaries import RobotSummary
-from server.fleet_settings import FleetServerSettings
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.fleet_alarms import FILE, FleetAlarms
+from imuscope.server.fleet.reports import ReportedDevice, RobotStatus
+from imuscope.server.fleet.status_summary import summary_of
+from imuscope.server.fleet.summaries import RobotSummary
+from imuscope.server.fleet_settings import FleetServerSettings
 from tests.each_row import each_row
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port

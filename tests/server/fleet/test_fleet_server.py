@@ -15,10 +15,10 @@ import httpx
 import pytest
 import zenoh
 
-from server.fleet import keys
-from server.fleet.access import FleetAccessError, RouterSettings, access_rules, as_document, read_robots
-from server.fleet.bus import BusCredentials, open_bus
-from server.fleet.reports import RobotReport, RobotStatus, encode
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.access import FleetAccessError, RouterSettings, access_rules, as_document, read_robots
+from imuscope.server.fleet.bus import BusCredentials, open_bus
+from imuscope.server.fleet.reports import RobotReport, RobotStatus, encode
 from tests.each_row import each_row
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port

@@ -12,9 +12,9 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from server.fleet import keys
-from server.fleet.bus import BusCredentials
-from server.fleet.reports import RobotReport, RobotStatus, encode
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.bus import BusCredentials
+from imuscope.server.fleet.reports import RobotReport, RobotStatus, encode
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.registry import PROTOCOLS
-from server.errors import DomainError
-from server.fleet.device_settings import (
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.device_settings import (
     MAX_SETTINGS,
     DeviceSettings,
     decode_settings,
@@ -23,9 +23,9 @@ from server.fleet.device_settings import (
     encode_settings,
     writable_settings,
 )
-from server.fleet.group_profiles import FILE, GroupProfiles
-from server.fleet.known_settings import KnownSettings
-from server.fleet.reports import ReportedDevice, ReportError
+from imuscope.server.fleet.group_profiles import FILE, GroupProfiles
+from imuscope.server.fleet.known_settings import KnownSettings
+from imuscope.server.fleet.reports import ReportedDevice, ReportError
 from tests.free_ports import free_port
 from tests.server.control_harness import house, outputs
 from tests.server.fleet.compared_robots import PRODUCT, robot, settings_at

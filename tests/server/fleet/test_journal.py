@@ -17,11 +17,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from server.fleet import journal as module
-from server.fleet import journal_files
-from server.fleet.journal import FOLDER, Journal
-from server.fleet.journal_files import JOIN_ABOVE, JournalFiles, StoredRun
-from server.fleet.reports import RobotEvent, RobotStatus, decode_journal
+from imuscope.server.fleet import journal as module
+from imuscope.server.fleet import journal_files
+from imuscope.server.fleet.journal import FOLDER, Journal
+from imuscope.server.fleet.journal_files import JOIN_ABOVE, JournalFiles, StoredRun
+from imuscope.server.fleet.reports import RobotEvent, RobotStatus, decode_journal
 from tests.free_ports import free_port
 from tests.server_process import ROOT, ServerProcess, tied
 from tests.timeouts import get
@@ -32,9 +32,9 @@ LIMIT = 10**6
 REPORTS_FOR_EVER = """
 import sys, time
 from pathlib import Path
-from server.fleet import journal as module
-from server.fleet.journal import Journal
-from server.fleet.reports import RobotEvent
+from imuscope.server.fleet import journal as module
+from imuscope.server.fleet.journal import Journal
+from imuscope.server.fleet.reports import RobotEvent
 module.WRITE_S = 0.05
 journal = Journal(folder=Path(sys.argv[1]))
 journal.start()

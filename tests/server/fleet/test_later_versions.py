@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.fleet import keys
-from server.fleet.collector import Collector
-from server.fleet.journal import Journal
-from server.fleet.later_versions import MAX_MORE, MAX_TEXT, unknown_parts
-from server.fleet.reports import JournalAnswer, ReportError, RobotStatus, decode_journal, decode_report, encode
-from server.fleet.robots import Robots
-from server.fleet.summaries import FleetRobots
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.collector import Collector
+from imuscope.server.fleet.journal import Journal
+from imuscope.server.fleet.later_versions import MAX_MORE, MAX_TEXT, unknown_parts
+from imuscope.server.fleet.reports import JournalAnswer, ReportError, RobotStatus, decode_journal, decode_report, encode
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.fleet.summaries import FleetRobots
 from tests.each_row import each_row
 
 BOOT = "0123456789abcdef"

@@ -12,11 +12,11 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from server.devices.decode_options import DecodeOptions
-from server.fleet import limited_line
-from server.fleet.limited_line import BURST_S, LimitedLine, Pace
-from server.fleet.store import StoreError, limited, location
-from server.fleet.upload import upload
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.fleet import limited_line
+from imuscope.server.fleet.limited_line import BURST_S, LimitedLine, Pace
+from imuscope.server.fleet.store import StoreError, limited, location
+from imuscope.server.fleet.upload import upload
 from tests.free_ports import free_port
 from tests.manual_clock import SleptTime
 from tests.timeouts import PATIENCE_S

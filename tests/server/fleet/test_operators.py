@@ -8,10 +8,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server.auth import Access, Guard
-from server.config import Config
-from server.fleet.access import FleetAccessError
-from server.fleet.operators import Operators, read_operators
+from imuscope.server.auth import Access, Guard
+from imuscope.server.config import Config
+from imuscope.server.fleet.access import FleetAccessError
+from imuscope.server.fleet.operators import Operators, read_operators
 from tests.each_row import each_row
 from tests.server.asgi_client import Answer, Reached, ask
 from tests.server.fleet.robot_with_pages import CONTROL, VIEW, base, commands, fleet_of, token

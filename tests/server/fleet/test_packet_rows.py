@@ -12,10 +12,10 @@ import pyarrow as pa
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from server.fleet import samples
-from server.fleet.metadata import RecordingKey
-from server.fleet.packet_rows import packet_windows
+from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.server.fleet import samples
+from imuscope.server.fleet.metadata import RecordingKey
+from imuscope.server.fleet.packet_rows import packet_windows
 from tests.recordings.store_fixtures import START, channel, column
 
 QUANTITIES = ("Acceleration", "MagneticField", "BaroPressure")

@@ -13,16 +13,16 @@ from typing import Any
 import msgspec
 import pytest
 
-from server.errors import DomainError
-from server.fleet import page_server, robot_pages
-from server.fleet.access import RouterSettings
-from server.fleet.bus import BusCredentials, client_settings, open_bus
-from server.fleet.page_messages import MAX_PART, Beat, End, Head, Open, Part, Stop, encode
-from server.fleet.page_server import PageServer
-from server.fleet.page_window import LARGEST, SMALLEST, Window
-from server.fleet.reports import RobotStatus
-from server.fleet.robot_pages import PageStream, RobotPages
-from server.fleet.status_summary import summary_of
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet import page_server, robot_pages
+from imuscope.server.fleet.access import RouterSettings
+from imuscope.server.fleet.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.fleet.page_messages import MAX_PART, Beat, End, Head, Open, Part, Stop, encode
+from imuscope.server.fleet.page_server import PageServer
+from imuscope.server.fleet.page_window import LARGEST, SMALLEST, Window
+from imuscope.server.fleet.reports import RobotStatus
+from imuscope.server.fleet.robot_pages import PageStream, RobotPages
+from imuscope.server.fleet.status_summary import summary_of
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.waiting import until

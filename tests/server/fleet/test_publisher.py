@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from server.cli import main
-from server.config import Config
-from server.fleet.publisher import ByteBudget, FleetSettingsError, credentials_of, robot_name
-from server.fleet_settings import FleetSettings
+from imuscope.server.cli import main
+from imuscope.server.config import Config
+from imuscope.server.fleet.publisher import ByteBudget, FleetSettingsError, credentials_of, robot_name
+from imuscope.server.fleet_settings import FleetSettings
 from tests.each_row import each_row
 
 
@@ -44,7 +44,7 @@ def test_a_name_on_the_command_line_leaves_the_settings_of_the_file(
     file = tmp_path / "robot.toml"
     file.write_text('[fleet]\nrouter = "tcp/fleet:7447"\nname = "image"\ngroup = "otters"\n')
     configs: list[Config] = []
-    monkeypatch.setattr("server.commands.serve.run", lambda config, *_, **__: configs.append(config))
+    monkeypatch.setattr("imuscope.server.commands.serve.run", lambda config, *_, **__: configs.append(config))
     assert main(["serve", "sim:xbus", "--config", str(file), "--fleet-name", "otter-7"]) in (0, None)
     assert main(["serve", "sim:xbus", "--fleet", "tcp/other:7447", "--fleet-name", "otter-8"]) in (0, None)
     assert configs[0].fleet == FleetSettings(router="tcp/fleet:7447", name="otter-7", group="otters")

@@ -15,7 +15,7 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
-from server.fleet.tables import TABLES
+from imuscope.server.fleet.tables import TABLES
 from tests.each_row import each_row
 from tests.server.fleet.store_fixtures import ENDLESS, Commands
 from tests.server_process import ROOT
@@ -49,7 +49,7 @@ def test_an_answer_in_each_format(commands: Commands, recording: Path, store: Pa
     assert row == {**{name: str(value) for name, value in expected.items()}, "x": "", "big": "9007199254740993"}
     _, out, _ = commands.run("query", "--store", store, sql)
     assert [line.split()[0] for line in out.splitlines()] == ["robot", "─────", "otter", "(1"]
-    words = [sys.executable, "-m", "server.cli", "query", "--store", str(store), sql, "--format", "arrow"]
+    words = [sys.executable, "-m", "imuscope.server.cli", "query", "--store", str(store), sql, "--format", "arrow"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, check=True)
     assert pa.ipc.open_stream(done.stdout).read_all().column("lost").to_pylist() == [5]
 
@@ -120,7 +120,7 @@ def busiest_thread_s(pid: int) -> float:
 
 
 def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "server.cli", "query", "--store", str(store), ENDLESS]
+    words = [sys.executable, "-m", "imuscope.server.cli", "query", "--store", str(store), ENDLESS]
     process = subprocess.Popen(
         words,
         cwd=ROOT,

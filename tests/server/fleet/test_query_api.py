@@ -17,14 +17,14 @@ import pyarrow.parquet as pq
 import pytest
 from deltalake import DeltaTable
 
-from server.config import Config
-from server.devices.decode_options import DecodeOptions
-from server.fleet.questions import QUESTIONS
-from server.fleet.store import location
-from server.fleet.tables import TABLES
-from server.fleet.upload import upload
-from server.store_settings import StoreSettings
-from server.workers import Worker
+from imuscope.server.config import Config
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.fleet.questions import QUESTIONS
+from imuscope.server.fleet.store import location
+from imuscope.server.fleet.tables import TABLES
+from imuscope.server.fleet.upload import upload
+from imuscope.server.store_settings import StoreSettings
+from imuscope.server.workers import Worker
 from tests.each_row import each_row
 from tests.forked_workers import started_afresh
 from tests.recordings.recorded_drive import drive

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.fleet import keys, reports
-from server.fleet.journal import Journal
-from server.fleet.reports import (
+from imuscope.server.fleet import keys, reports
+from imuscope.server.fleet.journal import Journal
+from imuscope.server.fleet.reports import (
     JournalAnswer,
     ReportedDevice,
     ReportError,

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from server.errors import DomainError
-from server.fleet import robot_line
-from server.fleet.page_messages import End, Head, Open, Part
-from server.fleet.robot_line import LineError, RobotLine
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet import robot_line
+from imuscope.server.fleet.page_messages import End, Head, Open, Part
+from imuscope.server.fleet.robot_line import LineError, RobotLine
 from tests.each_row import each_row
 from tests.waiting import until
 

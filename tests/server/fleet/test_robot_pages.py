@@ -14,12 +14,12 @@ import pytest
 import zenoh
 from websockets.exceptions import ConnectionClosed
 
-from server import wire, wire_codec
-from server.fleet import keys
-from server.fleet.bus import BusCredentials
-from server.fleet.page_messages import Open, encode
-from server.fleet.publisher import FleetSettingsError, allowed_pages
-from server.fleet_settings import FleetSettings
+from imuscope.server import wire, wire_codec
+from imuscope.server.fleet import keys
+from imuscope.server.fleet.bus import BusCredentials
+from imuscope.server.fleet.page_messages import Open, encode
+from imuscope.server.fleet.publisher import FleetSettingsError, allowed_pages
+from imuscope.server.fleet_settings import FleetSettings
 from tests.fleet_robot import FleetRobot
 from tests.server.control_harness import at_rate, bench
 from tests.server.fleet.robot_with_pages import (

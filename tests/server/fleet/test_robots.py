@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.config import Config
-from server.fleet.robots import Robots, TooManyRobotsError
-from server.fleet.summaries import FleetRobots, RobotDevice, RobotSummary
+from imuscope.server.config import Config
+from imuscope.server.fleet.robots import Robots, TooManyRobotsError
+from imuscope.server.fleet.summaries import FleetRobots, RobotDevice, RobotSummary
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -115,7 +115,7 @@ def test_a_revision_of_another_run_is_answered_with_all(robots: Robots) -> None:
 
 
 def test_removals_that_are_forgotten_are_answered_with_all(robots: Robots, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.fleet.robots.MAX_GONE", 1)
+    monkeypatch.setattr("imuscope.server.fleet.robots.MAX_GONE", 1)
     robots.update(robot("a"))
     robots.update(robot("b"))
     before = robots.revision

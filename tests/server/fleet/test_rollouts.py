@@ -13,15 +13,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusSimulator
-from server.errors import DomainError
-from server.fleet.device_settings import encode_settings
-from server.fleet.group_profiles import GroupProfiles
-from server.fleet.robot_line import LineError, decoded
-from server.fleet.rollout_models import Rollout, wave_sizes
-from server.fleet.rollout_plan import plan_of
-from server.fleet.rollouts import RolloutFiles
+from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.errors import DomainError
+from imuscope.server.fleet.device_settings import encode_settings
+from imuscope.server.fleet.group_profiles import GroupProfiles
+from imuscope.server.fleet.robot_line import LineError, decoded
+from imuscope.server.fleet.rollout_models import Rollout, wave_sizes
+from imuscope.server.fleet.rollout_plan import plan_of
+from imuscope.server.fleet.rollouts import RolloutFiles
 from tests.each_row import each_row
 from tests.server.fleet.compared_robots import robot, settings_at
 from tests.server.fleet.rollout_fleet import BRIEF, LONG_S, OTHER_HZ, PROFILE_HZ, RolloutFleet

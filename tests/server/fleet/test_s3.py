@@ -15,10 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from server.devices.decode_options import DecodeOptions
-from server.fleet import limited_line
-from server.fleet.store import limited, location
-from server.fleet.upload import upload
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.fleet import limited_line
+from imuscope.server.fleet.store import limited, location
+from imuscope.server.fleet.upload import upload
 from tests.free_ports import free_port
 from tests.manual_clock import SleptTime
 from tests.server.fleet.faulty_proxy import FaultyProxy
@@ -73,7 +73,17 @@ def check(commands: Commands, recording: Path, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("s3_port")
 def test_two_uploads_at_once_are_one(commands: Commands, recording: Path, tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "server.cli", "upload", str(recording), "--store", STORE, "--robot", "otter"]
+    words = [
+        sys.executable,
+        "-m",
+        "imuscope.server.cli",
+        "upload",
+        str(recording),
+        "--store",
+        STORE,
+        "--robot",
+        "otter",
+    ]
     processes = [subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL) for _ in range(2)]
     assert [process.wait() for process in processes] == [0, 0]
     assert "was uploaded before" in commands.upload(recording, STORE)

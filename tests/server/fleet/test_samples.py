@@ -11,12 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from recordings.importers import open_file
-from server.devices.protocol_set import all_protocols
-from server.fleet.questions import QUESTIONS
-from server.fleet.samples import fields_for, plain_name, sample_rows
-from server.fleet.tables import SAMPLES, SIGNAL, UNIT
-from server.library.decode import decode
+from imuscope.recordings.importers import open_file
+from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.fleet.questions import QUESTIONS
+from imuscope.server.fleet.samples import fields_for, plain_name, sample_rows
+from imuscope.server.fleet.tables import SAMPLES, SIGNAL, UNIT
+from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import START, drive
 from tests.server.fleet.store_fixtures import Commands, delta

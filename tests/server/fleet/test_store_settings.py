@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from server.config import ConfigError, load
-from server.store_settings import StoreSettings
+from imuscope.server.config import ConfigError, load
+from imuscope.server.store_settings import StoreSettings
 from tests.each_row import each_row
 from tests.server.fleet.store_fixtures import Commands
 

@@ -7,8 +7,8 @@ import re
 
 import pyarrow as pa
 
-from server.fleet.questions import QUESTIONS
-from server.fleet.tables import TABLES
+from imuscope.server.fleet.questions import QUESTIONS
+from imuscope.server.fleet.tables import TABLES
 from tests.each_row import each_row
 from tests.server_process import ROOT
 

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from recordings import sidecar
-from recordings.compaction import compact
-from recordings.importers import open_file
-from recordings.mcap_writer import McapWriter
-from recordings.message_source import MessageSource
-from server.fleet import upload as uploading
-from server.fleet.store import StoreError, location, store_error
-from server.fleet.tables import TABLES
+from imuscope.recordings import sidecar
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.message_source import MessageSource
+from imuscope.server.fleet import upload as uploading
+from imuscope.server.fleet.store import StoreError, location, store_error
+from imuscope.server.fleet.tables import TABLES
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import START, drive
 from tests.server.fleet import halting_upload, without_package
@@ -287,8 +287,8 @@ def test_errors_of_the_libraries_become_one_sentence(said: str, words: str) -> N
 def test_a_server_that_does_not_answer_is_one_line(
     commands: Commands, recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("server.fleet.store.RETRY_S", 1)
-    monkeypatch.setattr("server.fleet.store.MAX_RETRIES", 1)
+    monkeypatch.setattr("imuscope.server.fleet.store.RETRY_S", 1)
+    monkeypatch.setattr("imuscope.server.fleet.store.MAX_RETRIES", 1)
     for name, value in (("ENDPOINT_URL", "http://127.0.0.1:9"), ("ACCESS_KEY_ID", "a"), ("SECRET_ACCESS_KEY", "b")):
         monkeypatch.setenv(f"AWS_{name}", value)
     monkeypatch.setenv("AWS_REGION", "us-east-1")

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from recordings import sidecar
-from recordings.library import LibraryEntry
-from recordings.probe import RecordingProbe
-from recordings.sidecar import Edits
-from server.config import ConfigError, load
-from server.fleet.upload_cleanup import DAY_S, edits_of, next_to_go
-from server.fleet.upload_log import UploadLog, UploadOutcome
-from server.store_settings import StoreSettings
+from imuscope.recordings import sidecar
+from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.probe import RecordingProbe
+from imuscope.recordings.sidecar import Edits
+from imuscope.server.config import ConfigError, load
+from imuscope.server.fleet.upload_cleanup import DAY_S, edits_of, next_to_go
+from imuscope.server.fleet.upload_log import UploadLog, UploadOutcome
+from imuscope.server.store_settings import StoreSettings
 from tests.each_row import each_row
 
 NOW = 1_760_000_000.0

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from recordings.library import LibraryEntry
-from recordings.probe import RecordingProbe
-from recordings.sidecar import Edits
-from server.config import ConfigError, load
-from server.fleet.upload_rules import pause_until, refusal
-from server.store_settings import StoreSettings
+from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.probe import RecordingProbe
+from imuscope.recordings.sidecar import Edits
+from imuscope.server.config import ConfigError, load
+from imuscope.server.fleet.upload_rules import pause_until, refusal
+from imuscope.server.store_settings import StoreSettings
 from tests.each_row import each_row
 
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 
-from recordings import sidecar
-from server.config import Config
-from server.fleet import uploads
-from server.fleet_settings import FleetSettings
-from server.library.compaction_worker import CompactionWorker
-from server.store_settings import StoreSettings
-from server.workers import Worker
+from imuscope.recordings import sidecar
+from imuscope.server.config import Config
+from imuscope.server.fleet import uploads
+from imuscope.server.fleet_settings import FleetSettings
+from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.store_settings import StoreSettings
+from imuscope.server.workers import Worker
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks

@@ -12,10 +12,12 @@ def main() -> int:
     """Run the command as if nothing that needs the package had been imported; returns its exit status."""
     package, *words = sys.argv[1:]
     for name in list(sys.modules):
-        if name.partition(".")[0] == package or name.startswith(("server.fleet", "server.commands", "server.cli")):
+        if name.partition(".")[0] == package or name.startswith(
+            ("imuscope.server.fleet", "imuscope.server.commands", "imuscope.server.cli")
+        ):
             del sys.modules[name]
     sys.modules[package] = None  # type: ignore[assignment]
-    from server.cli import main as imuscope
+    from imuscope.server.cli import main as imuscope
 
     return imuscope(words)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from server.wire_codec import SampleFrame
+from imuscope.server.wire_codec import SampleFrame
 
 T0 = 1_795_000_000.0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from server.ros2.key_expressions import (
+from imuscope.server.ros2.key_expressions import (
     KeyExpressionError,
     QosProfile,
     RosEndpoint,

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.sensor_properties import SensorProperties
-from server.ros2 import type_support
-from server.ros2.messages import FrameNames, builders_of
-from server.ros2.quantities import quantities_of
-from server.wire_codec import SampleFrame
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server.ros2 import type_support
+from imuscope.server.ros2.messages import FrameNames, builders_of
+from imuscope.server.ros2.quantities import quantities_of
+from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
 from tests.server.ros2.samples import T0, frame, info, xyz
 

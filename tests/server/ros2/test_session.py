@@ -6,7 +6,7 @@ from contextlib import closing
 
 import pytest
 
-from server.ros2.session import (
+from imuscope.server.ros2.session import (
     IMPATIENT,
     RouterAbsentError,
     ZenohSessionError,
@@ -38,13 +38,15 @@ def test_a_router_may_come_late_and_come_again() -> None:
 
 def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A session that accepts no connections, as seen from nodes of the router's host."""
-    monkeypatch.setattr("server.ros2.session._is_here", lambda host: False)
+    monkeypatch.setattr("imuscope.server.ros2.session._is_here", lambda host: False)
     port = free_port()
     with monkeypatch.context() as patch:
-        patch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
+        patch.setattr("imuscope.server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
         with pytest.raises(RouterAbsentError, match=f"There is no Zenoh router at tcp/127.0.0.1:{port}."):
             open_session(f"tcp/127.0.0.1:{port}")
-    monkeypatch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)})
+    monkeypatch.setattr(
+        "imuscope.server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)}
+    )
     with running_router(port) as router:
         session = open_session(f"tcp/127.0.0.1:{port}")
         token = session.liveliness().declare_token("@ros2_lv/0/test")
@@ -59,10 +61,12 @@ def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.Monke
 
 
 def test_messages_of_a_client_reach_a_peer_of_the_router(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)})
+    monkeypatch.setattr(
+        "imuscope.server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)}
+    )
     port = free_port()
     with running_router(port), closing(open_session(f"tcp/127.0.0.1:{port}")) as peer:
-        monkeypatch.setattr("server.ros2.session._is_here", lambda host: False)
+        monkeypatch.setattr("imuscope.server.ros2.session._is_here", lambda host: False)
         with closing(open_session(f"tcp/127.0.0.1:{port}")) as client:
             received: list[bytes] = []
             peer.declare_subscriber("0/**", lambda sample: received.append(bytes(sample.payload)))

@@ -1,4 +1,4 @@
-/** Types of the forms. Generated from server/configuration/api_models.py by `python -m server.generate_ts_types`; do not edit. */
+/** Types of the forms. Generated from server/configuration/api_models.py by `python -m imuscope.server.generate_ts_types`; do not edit. */
 
 import type { BitsInfo } from "../wire/types";
 

@@ -1,4 +1,4 @@
-/** Routes of the HTTP API. Generated from its OpenAPI document by `python -m server.generate_ts_types`; do not edit. */
+/** Routes of the HTTP API. Generated from its OpenAPI document by `python -m imuscope.server.generate_ts_types`; do not edit. */
 
 import type { Attempt, DeviceHealth, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";

@@ -1,0 +1,74 @@
+"""The wheel, installed beside other packages of common names, as on a robot."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import urllib.request
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.server_process import tied
+from tests.source_files import ROOT
+from tests.timeouts import PATIENCE_S
+
+FOREIGN = {"server/__init__.py": "", "protocols.py": "", "recordings/__init__.py": "", "tests/__init__.py": ""}
+RAISES = "raise RuntimeError(f'{__name__} of a robot was imported by imuscope')\n"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the contents of the wheel, as an installer unpacks it."""
+    folder = tmp_path_factory.mktemp("installed")
+    build = [sys.executable, "-m", "uv", "build", "--quiet", "--wheel", "--out-dir", str(folder / "dist")]
+    subprocess.run(build, cwd=ROOT, check=True, timeout=PATIENCE_S)
+    [wheel] = (folder / "dist").glob("*.whl")
+    with zipfile.ZipFile(wheel) as file:
+        file.extractall(folder / "site")
+    return folder / "site"
+
+
+@pytest.fixture
+def environment(installed: Path, tmp_path: Path) -> dict[str, str]:
+    """Environment of a robot whose PYTHONPATH has folders and files of the same names."""
+    for name, text in FOREIGN.items():
+        path = tmp_path / "robot" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text + RAISES)
+    return os.environ | {"PYTHONPATH": f"{tmp_path / 'robot'}{os.pathsep}{installed}", "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def test_it_installs_one_name(installed: Path) -> None:
+    names = {path.name for path in installed.iterdir()}
+    assert {name for name in names if not name.endswith(".dist-info")} == {"imuscope"}
+    assert not [path for path in installed.rglob("*") if path.is_symlink()]
+    assert (installed / "imuscope" / "server" / "page" / "index.html").is_file()
+
+
+def test_it_starts_beside_others_of_the_same_names(
+    installed: Path, environment: dict[str, str], tmp_path: Path
+) -> None:
+    where = [sys.executable, "-c", "import imuscope.server.cli as cli; print(cli.__file__)"]
+    found = subprocess.check_output(where, env=environment, cwd=tmp_path, text=True, timeout=PATIENCE_S)
+    assert Path(found.strip()).is_relative_to(installed)
+    module = [sys.executable, "-m", "imuscope"]
+    version = subprocess.check_output([*module, "--version"], env=environment, cwd=tmp_path / "robot", text=True)
+    assert version.startswith("imuscope ")
+    words = ["sim:xbus", "--host", "127.0.0.1", "--port", "0", "--data", str(tmp_path / "data")]
+    with subprocess.Popen(
+        tied([*module, "serve", *words]), env=environment, cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            url = next(line for line in process.stdout if line.startswith("http://")).strip()
+            with urllib.request.urlopen(f"{url}api/devices", timeout=PATIENCE_S) as answer:
+                assert [one["source"] for one in json.load(answer)] == ["sim:xbus"]
+            with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
+                assert b"<html" in answer.read()
+        finally:
+            process.terminate()
+    assert process.returncode == 0
