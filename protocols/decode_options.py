@@ -1,6 +1,6 @@
 """Declaration of decode options: information from the user that the bytes of a device do not contain.
 
-A family lists its options (`ProtocolInfo.options`). From each of them the program makes, without another line:
+A family lists its options (`Decoding.options`). From each of them the program makes, without another line:
 
     --tick-unit ms                                 a flag of the command line
     udp://:5000?tick_unit=ms                       an option of a source

@@ -1,8 +1,8 @@
 """A protocol family: everything the rest of the program knows about a protocol and its devices, as one object.
 
-A family is found through the entry-point group `imuscope.protocols` (protocols/plugins.py). Only `name`, `title`,
-`decoder`, `likeness`, `listing`, `sample` and `scan` are needed to show, record and replay a device; the other members
-are optional features. docs/add-a-protocol-family.md explains how to write one.
+A family is found through the entry-point group `imuscope.protocols` (protocols/plugins.py). Only its name and
+title, `likeness`, `listing`, `sample` and `scan` of its frames, and its decoder are needed to show, record and replay a
+device; the other members are optional features. docs/add-a-protocol-family.md explains how to write one.
 """
 
 from __future__ import annotations
@@ -207,130 +207,207 @@ class FamilyHints:
 
 
 @dataclass(frozen=True, slots=True)
-class ProtocolInfo:
-    """One protocol family.
+class FrameFormat:
+    """Frames of a protocol: how they are found, listed and made.
 
     Args:
-        name: as on the command line ("xbus").
-        title: display name.
-        short: for narrow places; "" for the name in capitals.
-        decoder: makes a decoder; takes `direction` (schema.Direction), the side to read.
         likeness: (score 0..1, words) of some bytes.
         listing: makes a parser of a file into lines of plain values, for `imuscope inspect`.
         sample: a few valid bytes.
         scan: finds frames as strictly as possible without a key; for streams of mixed protocols.
         is_certain: for a table of frames and their bytes, which are hardly chance: for a protocol whose only check is
             one byte. None: all.
-        options: information from the user on how to decode, keywords of decoder and listing
-            (protocols/decode_options.py).
-        payload_definition: how the user defines a vendor's own payload types; None if it cannot be done.
+        rows: rows of its messages, named as its listing prints them: title, text and section of the document.
+        composer: makes frames from words and JSON, with the settings of the given options.
         permissive: keywords of a decoder that accepts frames unchecked, for inspecting bytes.
-        datagrams: whether the decoder has that keyword: every chunk is a datagram.
-        silence: whether its decoder accepts more after a silence: it has the keyword `arrivals` (False: the arrival
-            times are not those of a link), and its listing has `feed_chunks`, as decoders do.
         frame_size: name of a module with a function `frame_size(data, at)` (server/holder/queues.py, FrameSize), which
             imports nothing heavy: with it a slow client of a shared port loses whole frames. "" for none.
         configuration_frames: name of a module with a function `effect_of(frame)` (server/holder/client_frames.py,
             Effect), which imports nothing heavy: with it imuscope waits while a client of a shared port configures the
             device, and shows what it changed. "" for none.
-        output_changes: recognises interruptions of the output that somebody asked for; None if samples are not counted.
-        rows: rows of its messages, named as its listing prints them: title, text and section of the document.
-        identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
-        identify_request: harmless request to any device of the protocol for its identity; b"" for none.
-        stamped: its device time is that of a host's clock, UTC: samples have this time, which is not mapped.
-        counts: its samples or frames are numbered, so that lost ones are counted.
-        counter: name of the quantity that has the numbers, where a device can be set not to send it; "" for frames that
-            always have them.
-        bauds: default rates of its devices' serial lines; a search for the rate tries them first.
+    """
+
+    likeness: Callable[[bytes], tuple[float, str]]
+    listing: Callable[..., FrameLister]
+    sample: bytes
+    scan: Scan
+    is_certain: Callable[[Ints, Bytes], NDArray[np.bool_]] | None = None
+    rows: Callable[[], Iterable[Message]] = lambda: ()
+    composer: Callable[[Mapping[str, Any]], ProtocolComposer] | None = None
+    permissive: Mapping[str, Any] = field(default_factory=dict)
+    frame_size: str = ""
+    configuration_frames: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Decoding:
+    """Decoding of a protocol, and reasons for rejecting its frames.
+
+    Args:
+        decoder: makes a decoder; takes `direction` (schema.Direction), the side to read.
+        options: information from the user on how to decode, keywords of decoder and listing
+            (protocols/decode_options.py).
+        payload_definition: how the user defines a vendor's own payload types; None if it cannot be done.
         protection: protection of the frames of a batch, in words; None if it is the same for all.
-        sender: name for senders (Batch.device) if a stream names them: its name is then its serial number, and the
-            address of commands.
-        driver: configures its devices; None if they cannot be configured.
-        composer: makes frames from words and JSON, with the settings of the given options.
-        tables: of its settings with an editor of their own, by its name (schema.Setting.editor); `values` are its
-            settings as far as read.
-        entry_words: title and value of a record with a key (schema.Field.key_mask), for display; the key alone is
-            enough for the title. None for other records.
-        utc: UTC of each sample of a batch as reported by the device, ns since the Unix epoch (UNKNOWN of dates.py if
-            not reported); None if the device never reports it.
-        dated: start of a log, by its head.
-        absent: flags of its status words, by name, which a product does not have.
-        position: the newest position in a batch; None without one.
-        corrections: how its devices accept RTCM; None if they do not.
-        mounting: the setting that takes a mounting rotation; None if there is none.
-        log_header, log_formats: of the vendor's own files.
-        simulator: its simulated devices; None for none.
         refusals: reasons for refusing intact frames (framing.REFUSED) → their meaning, and what to do.
         remedies: reasons for rejecting frames that a decode option would avoid → what to do.
         listed_rejects: further reasons in a list of frames, if they depend on an option.
         unprotected: prefix of the protection (`protection`) of frames whose payload is not protected, and what to do
             about them on a network; "" for none.
-        usb_vendors, usb_products: names of USB ids.
-        hints: for the page.
-        panels: initial arrangement of the page for a device.
-        sensors: axes and noise of a product's sensors, for programs that need them in messages (ROS).
-        abbreviations: parts of its names of flags and choices that stay in capitals: "GPX".
-        host_drivers: beginnings of the names of programs for its devices → where the port is set in them.
-        supported: tables of products, firmware and data for the documentation.
     """
 
-    name: str
-    title: str
     decoder: Callable[..., Decoder]
-    likeness: Callable[[bytes], tuple[float, str]]
-    listing: Callable[..., FrameLister]
-    sample: bytes
-    scan: Scan
-    short: str = ""
-    is_certain: Callable[[Ints, Bytes], NDArray[np.bool_]] | None = None
     options: tuple[DecodeOption, ...] = ()
     payload_definition: PayloadDefinition | None = None
-    permissive: Mapping[str, Any] = field(default_factory=dict)
-    datagrams: bool = False
-    silence: bool = False
-    output_changes: Callable[[], OutputChanges] | None = None
-    frame_size: str = ""
-    stamped: bool = False
-    counts: bool = False
-    counter: str = ""
-    configuration_frames: str = ""
-    rows: Callable[[], Iterable[Message]] = lambda: ()
-    identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
-    identify_request: bytes = b""
-    bauds: tuple[int, ...] = ()
     protection: Callable[[Batch], str] | None = None
-    sender: str = ""
-    driver: DeviceDriver | None = None
-    composer: Callable[[Mapping[str, Any]], ProtocolComposer] | None = None
-    tables: Callable[[DeviceContext, Mapping[str, Values]], Mapping[str, RateTable]] = lambda known, values: {}
-    entry_words: Callable[[Mapping[str, Any]], tuple[str, str] | None] = lambda entry: None
-    utc: Callable[[Batch], Ints | None] = lambda batch: None
-    dated: Callable[[Reply], int | None] = lambda reply: None
-    absent: Callable[[str], tuple[str, ...]] = lambda product: ()
-    position: Callable[[Batch], PositionFix | None] = lambda batch: None
-    corrections: CorrectionInput | None = None
-    mounting: MountingSetting | None = None
-    log_header: LogHeader | None = None
-    log_formats: tuple[LogFormat, ...] = ()
-    simulator: SimulatorInfo | None = None
     refusals: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     remedies: Mapping[str, RejectRemedy] = field(default_factory=dict)
     listed_rejects: Mapping[str, str] = field(default_factory=dict)
     unprotected: tuple[str, str] = ("", "")
+
+
+@dataclass(frozen=True, slots=True)
+class StreamTraits:
+    """Properties of the stream of a protocol: datagrams, losses, times.
+
+    Args:
+        datagrams: whether the decoder has that keyword: every chunk is a datagram.
+        silence: whether its decoder accepts more after a silence: it has the keyword `arrivals` (False: the arrival
+            times are not those of a link), and its listing has `feed_chunks`, as decoders do.
+        output_changes: recognises interruptions of the output that somebody asked for; None if samples are not counted.
+        stamped: its device time is that of a host's clock, UTC: samples have this time, which is not mapped.
+        counts: its samples or frames are numbered, so that lost ones are counted.
+        counter: name of the quantity that has the numbers, where a device can be set not to send it; "" for frames that
+            always have them.
+        utc: UTC of each sample of a batch as reported by the device, ns since the Unix epoch (UNKNOWN of dates.py if
+            not reported); None if the device never reports it.
+        dated: start of a log, by its head.
+    """
+
+    datagrams: bool = False
+    silence: bool = False
+    output_changes: Callable[[], OutputChanges] | None = None
+    stamped: bool = False
+    counts: bool = False
+    counter: str = ""
+    utc: Callable[[Batch], Ints | None] = lambda batch: None
+    dated: Callable[[Reply], int | None] = lambda reply: None
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceTraits:
+    """Devices of a protocol: who they are, how they are found, what they have.
+
+    Args:
+        identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
+        identify_request: harmless request to any device of the protocol for its identity; b"" for none.
+        bauds: default rates of its devices' serial lines; a search for the rate tries them first.
+        sender: name for senders (Batch.device) if a stream names them: its name is then its serial number, and the
+            address of commands.
+        absent: flags of its status words, by name, which a product does not have.
+        position: the newest position in a batch; None without one.
+        sensors: axes and noise of a product's sensors, for programs that need them in messages (ROS).
+        usb_vendors, usb_products: names of USB ids.
+        host_drivers: beginnings of the names of programs for its devices → where the port is set in them.
+    """
+
+    identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
+    identify_request: bytes = b""
+    bauds: tuple[int, ...] = ()
+    sender: str = ""
+    absent: Callable[[str], tuple[str, ...]] = lambda product: ()
+    position: Callable[[Batch], PositionFix | None] = lambda batch: None
+    sensors: Callable[[str], SensorProperties] = lambda product: SensorProperties()
     usb_vendors: Mapping[int, str] = field(default_factory=dict)
     usb_products: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    host_drivers: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigurationTraits:
+    """Configuration of the devices of a protocol.
+
+    Args:
+        driver: configures its devices; None if they cannot be configured.
+        tables: of its settings with an editor of their own, by its name (schema.Setting.editor); `values` are its
+            settings as far as read.
+        entry_words: title and value of a record with a key (schema.Field.key_mask), for display; the key alone is
+            enough for the title. None for other records.
+        corrections: how its devices accept RTCM; None if they do not.
+        mounting: the setting that takes a mounting rotation; None if there is none.
+    """
+
+    driver: DeviceDriver | None = None
+    tables: Callable[[DeviceContext, Mapping[str, Values]], Mapping[str, RateTable]] = lambda known, values: {}
+    entry_words: Callable[[Mapping[str, Any]], tuple[str, str] | None] = lambda entry: None
+    corrections: CorrectionInput | None = None
+    mounting: MountingSetting | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VendorLogs:
+    """The vendor's own files.
+
+    Args:
+        log_header, log_formats: of the vendor's own files.
+    """
+
+    log_header: LogHeader | None = None
+    log_formats: tuple[LogFormat, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PageWords:
+    """Words and arrangement of the page for a protocol.
+
+    Args:
+        short: for narrow places; "" for the name in capitals.
+        hints: for the page.
+        panels: initial arrangement of the page for a device.
+        abbreviations: parts of its names of flags and choices that stay in capitals: "GPX".
+        supported: tables of products, firmware and data for the documentation.
+    """
+
+    short: str = ""
     hints: FamilyHints = FamilyHints()
     panels: PanelDefaults = PanelDefaults()
-    sensors: Callable[[str], SensorProperties] = lambda product: SensorProperties()
     abbreviations: tuple[str, ...] = ()
-    host_drivers: Mapping[str, str] = field(default_factory=dict)
     supported: Callable[[], Iterable[SupportTable]] = lambda: ()
+
+
+@dataclass(frozen=True, slots=True)
+class ProtocolInfo:
+    """One protocol family.
+
+    Args:
+        name: as on the command line ("xbus").
+        title: display name.
+        frames: how its frames are found, listed and made.
+        decoding: how they are decoded, and why some are rejected.
+        stream: datagrams, losses and times of its stream.
+        device: who its devices are, how they are found and what they have.
+        configuration: how its devices are configured.
+        logs: the vendor's own files.
+        page: words and arrangement of the page.
+        simulator: its simulated devices; None for none.
+    """
+
+    name: str
+    title: str
+    frames: FrameFormat
+    decoding: Decoding
+    stream: StreamTraits = StreamTraits()
+    device: DeviceTraits = DeviceTraits()
+    configuration: ConfigurationTraits = ConfigurationTraits()
+    logs: VendorLogs = VendorLogs()
+    page: PageWords = PageWords()
+    simulator: SimulatorInfo | None = None
 
     @property
     def short_title(self) -> str:
         """Its name for narrow places."""
-        return self.short or self.name.upper()
+        return self.page.short or self.name.upper()
 
     def settings(self, texts: Mapping[str, str]) -> dict[str, Any]:
         """Settings of its decoder with these decode options; those of other families are left out."""
-        return settings_of(self.options, texts)
+        return settings_of(self.decoding.options, texts)

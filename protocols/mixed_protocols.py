@@ -50,8 +50,8 @@ class _Frames:
     """Start and end of the frames of one protocol in a stream."""
 
     def __init__(self, family: ProtocolInfo) -> None:
-        self._stream = _BareStream(family.scan)
-        self._is_certain = family.is_certain
+        self._stream = _BareStream(family.frames.scan)
+        self._is_certain = family.frames.is_certain
         self._fed = 0
         self.spans: Ints = np.empty((2, 0), np.int64)
 

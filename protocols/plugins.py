@@ -13,10 +13,14 @@ from __future__ import annotations
 
 import functools
 import logging
+import re
 import tomllib
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
+
+API_VERSION = 1
+"""Version of the names in imuscope/plugin.py. It grows when one of them changes its meaning or is removed."""
 
 GROUP = "imuscope.protocols"
 PACKAGE = "imuscope"
@@ -32,11 +36,26 @@ class ProtocolPlugin:
         name: of the protocol.
         value: "module:attribute".
         package: name and version of the distribution that declares it; "" for imuscope's own.
+        api: version of the plug-in API that it is written for.
     """
 
     name: str
     value: str
     package: str = ""
+    api: int = API_VERSION
+
+    def check(self) -> None:
+        """Check that it is written for this version of the plug-in API.
+
+        Raises:
+            ValueError: it is not.
+        """
+        if self.api != API_VERSION:
+            other = "imuscope" if self.api > API_VERSION else self.package.partition(" ")[0]
+            raise ValueError(
+                f"it is written for version {self.api} of the plug-in API, and this imuscope has version "
+                f"{API_VERSION}. Install a newer {other}"
+            )
 
     @property
     def module(self) -> str:
@@ -57,13 +76,18 @@ def protocol_plugins() -> tuple[ProtocolPlugin, ...]:
 
 
 def plugins_of_others(group: str) -> list[ProtocolPlugin]:
-    """Declarations of other packages in a group, by name."""
+    """Declarations of other packages in a group, by name.
+
+    A group has the version of the plug-in API at its end, from the second version on: `imuscope.protocols.2`.
+    """
     others: dict[tuple[str, str], ProtocolPlugin] = {}
-    for entry in metadata.entry_points(group=group):
+    of_group = re.compile(re.escape(group) + r"(?:\.(\d+))?")
+    groups = [found for name in metadata.entry_points().groups if (found := of_group.fullmatch(name))]
+    for found, entry in ((one, entry) for one in groups for entry in metadata.entry_points(group=one[0])):
         if entry.dist is not None and entry.dist.name == PACKAGE:
             continue
         package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
-        others[entry.name, entry.value] = ProtocolPlugin(entry.name, entry.value, package)
+        others[entry.name, entry.value] = ProtocolPlugin(entry.name, entry.value, package, int(found[1] or 1))
     return [others[key] for key in sorted(others)]
 
 
@@ -79,6 +103,7 @@ def import_plugins(group: str, kind: str) -> list[str]:
     problems: list[str] = []
     for plugin in plugins_of_others(group):
         try:
+            plugin.check()
             import_module(plugin.module)
         except Exception as error:  # third-party code may raise anything
             problems.append(plugin.problem(kind, error))

@@ -49,7 +49,7 @@ def load_families(plugins: Iterable[ProtocolPlugin]) -> tuple[dict[str, Protocol
             family = _loaded(plugin)
             if family.name in families:
                 raise ValueError(f"there is a protocol {family.name!r} already")
-            merged(option for one in (*families.values(), family) for option in one.options)
+            merged(option for one in (*families.values(), family) for option in one.decoding.options)
         except Exception as error:  # third-party code may raise anything
             if not plugin.package:
                 raise
@@ -61,6 +61,7 @@ def load_families(plugins: Iterable[ProtocolPlugin]) -> tuple[dict[str, Protocol
 
 
 def _loaded(plugin: ProtocolPlugin) -> ProtocolInfo:
+    plugin.check()
     module, _, attribute = plugin.value.partition(":")
     family = getattr(import_module(module), attribute)
     if not isinstance(family, ProtocolInfo):
@@ -83,7 +84,7 @@ def family_of(protocol: str) -> ProtocolInfo | None:
 
 def decode_options() -> dict[str, DecodeOption]:
     """The decode options of all families, by name."""
-    return merged(option for family in PROTOCOLS.values() for option in family.options)
+    return merged(option for family in PROTOCOLS.values() for option in family.decoding.options)
 
 
 def url_options() -> list[str]:
@@ -97,19 +98,19 @@ def url_options() -> list[str]:
 
 def remedies() -> dict[str, RejectRemedy]:
     """Reasons for rejecting frames that a decode option of any family would avoid."""
-    return {reason: one for family in PROTOCOLS.values() for reason, one in family.remedies.items()}
+    return {reason: one for family in PROTOCOLS.values() for reason, one in family.decoding.remedies.items()}
 
 
 def detect(data: bytes) -> list[Detection]:
     """Detection scores of `data` for each protocol, best first. A few hundred bytes suffice."""
-    guesses = [Detection(row.name, *row.likeness(data)) for row in PROTOCOLS.values()]
+    guesses = [Detection(row.name, *row.frames.likeness(data)) for row in PROTOCOLS.values()]
     return sorted(guesses, key=lambda one: one.score, reverse=True)
 
 
 def permissive_decoder(protocol: str) -> Decoder:
     """A decoder that accepts frames unchecked: for inspecting bytes, not for trusting them."""
     row = PROTOCOLS[protocol]
-    return row.decoder(**row.permissive)
+    return row.decoding.decoder(**row.frames.permissive)
 
 
 def count_messages(data: bytes) -> Counter[str]:
@@ -131,15 +132,17 @@ def count_messages(data: bytes) -> Counter[str]:
 
 def log_formats() -> list[tuple[ProtocolInfo, LogFormat]]:
     """The vendors' file formats of all families."""
-    return [(family, one) for family in PROTOCOLS.values() for one in family.log_formats]
+    return [(family, one) for family in PROTOCOLS.values() for one in family.logs.log_formats]
 
 
 def position_of(protocol: str, batch: Batch) -> PositionFix | None:
     """The newest position in a batch; None without one."""
     family = family_of(protocol)
-    return family.position(batch) if family is not None else None
+    return family.device.position(batch) if family is not None else None
 
 
 def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
     """Title and value of a record with a key (schema.Field.key_mask); None for other records."""
-    return next((said for family in PROTOCOLS.values() if (said := family.entry_words(entry)) is not None), None)
+    return next(
+        (said for family in PROTOCOLS.values() if (said := family.configuration.entry_words(entry)) is not None), None
+    )

@@ -122,7 +122,7 @@ class Field:
             displayed; it is not a difference between two states of a device, and not restored.
         base: 16 for an identifier that is printed in hex on the label; the wire value stays a number.
         key_mask: for the key of a record, the number that names its quantity (an entry of a list of outputs): the bits
-            that do; the others choose a variant of it. 0: not a key. ProtocolInfo.entry_words gives its title.
+            that do; the others choose a variant of it. 0: not a key. ConfigurationTraits.entry_words gives its title.
         options: known values of a text field; a device may know others.
         listed: where the device lists the texts that it takes; a value may join several of them by "/".
         meaning_of: name of the field of the same record on which the meaning of this one depends; "" for none.
@@ -252,7 +252,7 @@ class Setting:
         fields: wire values by name, as `imuscope inspect` prints them.
         read, write: names of the commands; write "" for read-only values.
         partial: True if single fields can be written alone (an ISB data set by offset).
-        editor: "" for a plain form, else the name of a table of the family (ProtocolInfo.tables).
+        editor: "" for a plain form, else the name of a table of the family (ConfigurationTraits.tables).
         per_sensor: it distinguishes one sensor from others (a number given to it), so another's value is not offered.
         after: when a written value takes effect: "" at once, "measurement" on leaving Config, "reset".
         caution, consequence: as for a command.

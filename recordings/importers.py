@@ -193,7 +193,7 @@ def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
     if not protocol:
         return CaptureTiming(file, None)
     row = PROTOCOLS[protocol]
-    return CaptureTiming(file, permissive_decoder(protocol), utc=row.utc, dated=row.dated)
+    return CaptureTiming(file, permissive_decoder(protocol), utc=row.stream.utc, dated=row.stream.dated)
 
 
 def open_file(path: Path, protocol: str = "") -> Source:

@@ -1,6 +1,6 @@
 """Files of vendors' own formats: suffixes, naming, companions.
 
-The formats are rows of the families (ProtocolInfo.log_formats); this module accesses the disk.
+The formats are rows of the families (VendorLogs.log_formats); this module accesses the disk.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def _choices(option: DecodeOption) -> tuple[tuple[str, str], ...]:
 
 
 def _protocol(family: ProtocolInfo) -> ProtocolCapability:
-    payload = family.payload_definition
+    payload = family.decoding.payload_definition
     return ProtocolCapability(
         name=family.name,
         title=family.title,
@@ -71,18 +71,18 @@ def _protocol(family: ProtocolInfo) -> ProtocolCapability:
                 malformed=option.malformed,
                 example=option.example,
             )
-            for option in family.options
+            for option in family.decoding.options
             if option.title
         ],
         payload_option=payload.option if payload else "",
         payload_template=payload.template if payload else "",
         payload_numbers=[PayloadNumber(name, size) for name, size in payload.types] if payload else [],
-        attitude_hint=family.hints.attitude,
-        identify_hint=family.hints.identify,
-        pause_hint=family.hints.pause,
-        abbreviations=list(family.abbreviations),
-        plots=list(family.panels.plots),
-        panels=list(family.panels.panels),
-        counts_losses=family.counts,
-        counter=family.counter,
+        attitude_hint=family.page.hints.attitude,
+        identify_hint=family.page.hints.identify,
+        pause_hint=family.page.hints.pause,
+        abbreviations=list(family.page.abbreviations),
+        plots=list(family.page.panels.plots),
+        panels=list(family.page.panels.panels),
+        counts_losses=family.stream.counts,
+        counter=family.stream.counter,
     )

@@ -75,7 +75,7 @@ def way_on(place: str, name: str) -> tuple[str, ...]:
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     path = SHARED_PATH
-    known = [(head, words) for one in PROTOCOLS.values() for head, words in one.host_drivers.items()]
+    known = [(head, words) for one in PROTOCOLS.values() for head, words in one.device.host_drivers.items()]
     setting = next((words for head, words in known if name.startswith(head[:MOST_COMM])), "its setting of the port")
     return (
         f"Stop {name}.",

@@ -234,7 +234,7 @@ def names_of_options() -> re.Pattern[str]:
     names = {
         name
         for family in PROTOCOLS.values()
-        for option in family.options
+        for option in family.decoding.options
         for name in (option.name, option.keyword)
         if "_" in name
     }
@@ -266,7 +266,9 @@ def test_no_line_of_the_page_names_a_family() -> None:
 
 def test_no_line_outside_the_families_names_a_field_of_their_tables() -> None:
     """Fields of an entry in a list of outputs; names of one word have other meanings too."""
-    tables = [table for family in PROTOCOLS.values() for table in family.tables(DeviceContext(), {}).values()]
+    tables = [
+        table for family in PROTOCOLS.values() for table in family.configuration.tables(DeviceContext(), {}).values()
+    ]
     names = {name for table in tables for name in (table.key, table.rate, table.interval) if "_" in name}
     assert len(names) > 2
     pattern = re.compile("|".join(names))

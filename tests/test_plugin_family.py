@@ -112,13 +112,13 @@ def eventually(look: Callable[[], Any]) -> Any:
 @each_row("vector", VECTORS, ids=lambda vector: f"{vector['of']}, {vector['from']}")
 def test_packets_of_others_are_read_and_made_again(family: ProtocolInfo, vector: dict[str, str]) -> None:
     packet = bytes.fromhex(vector["packet"])
-    lister = family.listing()
+    lister = family.frames.listing()
     lister.feed(b"\x75\x65noise" + packet[:5])
     lister.feed(packet[5:] + b"\x75")
     [line] = [line for line in lister.drain(stalled=True) if "reject" not in line]
     assert line["message"] == vector["of"]
-    assert family.composer is not None
-    assert family.composer({}).frame_of(line) == packet
+    assert family.frames.composer is not None
+    assert family.frames.composer({}).frame_of(line) == packet
 
 
 def test_it_is_shown_live_and_identified(server: ServerProcess) -> None:
@@ -181,7 +181,7 @@ def test_its_decoder_has_the_option_of_a_source_and_of_a_recording(
     [device] = family.simulator.make(SimulatorRequest(rate=50))
     sent = device.advance(1_000_000_000)
     for text, timed in (("device", True), ("arrival", False), ("", True)):
-        decoder = family.decoder(**family.settings({"timestamps": text}))
+        decoder = family.decoding.decoder(**family.settings({"timestamps": text}))
         decoder.feed(sent, 0)
         found = [event for event in decoder.drain() if isinstance(event, Batch)]
         assert {batch.time_ns is not None for batch in found} == {timed}
@@ -222,7 +222,7 @@ def test_a_recording_is_played_again(run: Run, recording: Path, tmp_path: Path) 
 def test_the_simulated_device_stands_level(family: ProtocolInfo) -> None:
     assert family.simulator is not None
     [device] = family.simulator.make(SimulatorRequest(rate=50))
-    lister = family.listing()
+    lister = family.frames.listing()
     lister.feed(device.advance(1_000_000_000))
     lines = lister.drain(stalled=True)
     force = [line["fields"]["Acceleration"] for line in lines if "Acceleration" in line["fields"]]

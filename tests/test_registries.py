@@ -21,9 +21,9 @@ from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
-FRAMES = PROTOCOLS["xbus"].sample
+FRAMES = PROTOCOLS["xbus"].frames.sample
 EXPORTER = """
-from imuscope.recordings.exporters.registry import ExportFormat, register_exporter
+from imuscope.plugin import ExportFormat, register_exporter
 
 def write(wish, out, step):
     out.write_text("".join(f"{info['name']}\\n" for info in wish.infos))
@@ -33,7 +33,7 @@ def write(wish, out, step):
 register_exporter(ExportFormat("names", "Names", ".names", write, words="names of the channels"))
 """
 ANALYSIS = """
-from imuscope.server.analysis.registry import Analysis, AnalysisOption, register_analysis
+from imuscope.plugin import Analysis, AnalysisOption, register_analysis
 
 def run(signal, options):
     above = signal.values > options["level"]
@@ -48,8 +48,8 @@ register_analysis(
 """
 LINK = """
 import asyncio
-from imuscope.server.links.base import Chunk, Link, LinkError
-from imuscope.server.links.registry import LinkDefinition, link_kinds, register_link
+from imuscope.plugin import Chunk, Link, LinkError
+from imuscope.plugin import LinkDefinition, link_kinds, register_link
 
 class RepeatLink(Link):
     kind = "repeat"

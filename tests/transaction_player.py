@@ -56,7 +56,7 @@ class PlayedWire:
         self._asking = False
 
     def _fresh(self) -> Decoder:
-        return PROTOCOLS[self.protocol].decoder()
+        return PROTOCOLS[self.protocol].decoding.decoder()
 
     @property
     def heard(self) -> bool:

@@ -7,7 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from imuscope.protocols.composer import FrameRecord, ProtocolComposer
-from imuscope.protocols.family import FamilyHints, PayloadDefinition, ProtocolInfo
+from imuscope.protocols.family import (
+    ConfigurationTraits,
+    Decoding,
+    DeviceTraits,
+    FamilyHints,
+    FrameFormat,
+    PageWords,
+    PayloadDefinition,
+    ProtocolInfo,
+    StreamTraits,
+)
 from imuscope.protocols.idtp.custom_payloads import TEMPLATE
 from imuscope.protocols.idtp.decoder import IdtpDecoder
 from imuscope.protocols.idtp.detect import detection_score
@@ -94,32 +104,44 @@ def _rows() -> tuple[Message, ...]:
 FAMILY = ProtocolInfo(
     "idtp",
     "IDTP 2.1",
-    IdtpDecoder,
-    detection_score,
-    IdtpFrameLister,
-    build(4, bytes(36), sequence=1, mode=1) + build(6, bytes(16), sequence=3),
-    scanner(None, LITE, show_unverified=True),
-    short="IDTP",
-    counts=True,
-    frame_size="imuscope.protocols.idtp.frame_size",
-    options=OPTIONS,
-    payload_definition=PayloadDefinition("schema", TEMPLATE, (("i16", 2), ("u8", 1))),
-    permissive={"show_unverified": True, "replay_check": False},
-    datagrams=True,
-    silence=True,
-    protection=protection,
-    sender="IDTP device",
-    rows=_rows,
-    driver=IdtpDriver(),
-    composer=_composer,
+    frames=FrameFormat(
+        likeness=detection_score,
+        listing=IdtpFrameLister,
+        sample=build(4, bytes(36), sequence=1, mode=1) + build(6, bytes(16), sequence=3),
+        scan=scanner(None, LITE, show_unverified=True),
+        frame_size="imuscope.protocols.idtp.frame_size",
+        permissive={"show_unverified": True, "replay_check": False},
+        rows=_rows,
+        composer=_composer,
+    ),
+    decoding=Decoding(
+        decoder=IdtpDecoder,
+        options=OPTIONS,
+        payload_definition=PayloadDefinition("schema", TEMPLATE, (("i16", 2), ("u8", 1))),
+        protection=protection,
+        refusals={
+            "bad_version": ("The frames have an unsupported version.", "This program supports IDTP 2."),
+            "successor": ("These bytes are INDT, the successor of IDTP.", "INDT is not supported."),
+        },
+        remedies=REMEDIES,
+        listed_rejects=LISTED,
+        unprotected=UNPROTECTED,
+    ),
+    stream=StreamTraits(
+        counts=True,
+        datagrams=True,
+        silence=True,
+    ),
+    device=DeviceTraits(
+        sender="IDTP device",
+    ),
+    configuration=ConfigurationTraits(
+        driver=IdtpDriver(),
+    ),
+    page=PageWords(
+        short="IDTP",
+        hints=FamilyHints(attitude="Configure the device to send ImuQuat payloads to show the horizon."),
+        supported=supported,
+    ),
     simulator=SIMULATOR,
-    refusals={
-        "bad_version": ("The frames have an unsupported version.", "This program supports IDTP 2."),
-        "successor": ("These bytes are INDT, the successor of IDTP.", "INDT is not supported."),
-    },
-    remedies=REMEDIES,
-    listed_rejects=LISTED,
-    unprotected=UNPROTECTED,
-    hints=FamilyHints(attitude="Configure the device to send ImuQuat payloads to show the horizon."),
-    supported=supported,
 )

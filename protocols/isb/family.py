@@ -8,7 +8,20 @@ from typing import Any
 from imuscope.protocols.composer import ProtocolComposer
 from imuscope.protocols.editor_choices import RateRow, RateTable
 from imuscope.protocols.events import Batch
-from imuscope.protocols.family import CorrectionInput, FamilyHints, LogFormat, PositionFix, ProtocolInfo
+from imuscope.protocols.family import (
+    ConfigurationTraits,
+    CorrectionInput,
+    Decoding,
+    DeviceTraits,
+    FamilyHints,
+    FrameFormat,
+    LogFormat,
+    PageWords,
+    PositionFix,
+    ProtocolInfo,
+    StreamTraits,
+    VendorLogs,
+)
 from imuscope.protocols.isb import logs
 from imuscope.protocols.isb.bandwidth import periods_ms
 from imuscope.protocols.isb.commands import NMEA_MESSAGES
@@ -139,54 +152,68 @@ def _rows() -> list[Message]:
 FAMILY = ProtocolInfo(
     "isb",
     "Inertial Sense IMX, GPX (ISB 2.x)",
-    IsbDecoder,
-    detection_score,
-    IsbFrameLister,
-    2 * build(DATA, 58, bytes(36)) + stop(),
-    scan,
-    short="ISB",
-    frame_size="imuscope.protocols.isb.frame_size",
-    configuration_frames="imuscope.protocols.isb.configuration_frames",
-    host_drivers={
-        "inertial_sense_": "`port` in its parameter file (YAML)",
-        "cltool": "`-c` of cltool",
-    },
-    identity=identity,
-    identify_request=get_data(1, period=0),  # device information, once; streams are not affected
-    bauds=(921_600,),
-    rows=_rows,
-    driver=DRIVER,
-    composer=_composer,
-    tables=tables,
-    entry_words=entry_words,
-    utc=utc_of,
-    position=_position,
-    corrections=CorrectionInput(lambda known: True, hint="any Inertial Sense device"),
-    log_formats=(
-        LogFormat(
-            "raw",
-            ".raw",
-            "Inertial Sense log",
-            "for the vendor's Inertial Sense tools",
-            "an Inertial Sense device",
-            read_name=logs.read_name,
-            read_index=logs.read_index,
-            index_suffix=".idx",
-            exported="bytes",
-        ),
-        LogFormat(
-            "dat",
-            ".dat",
-            marker=logs.MARKER,
-            certain=True,
-            packets=logs.packets,
-            read_name=logs.read_name,
+    frames=FrameFormat(
+        likeness=detection_score,
+        listing=IsbFrameLister,
+        sample=2 * build(DATA, 58, bytes(36)) + stop(),
+        scan=scan,
+        frame_size="imuscope.protocols.isb.frame_size",
+        configuration_frames="imuscope.protocols.isb.configuration_frames",
+        rows=_rows,
+        composer=_composer,
+    ),
+    decoding=Decoding(
+        decoder=IsbDecoder,
+    ),
+    stream=StreamTraits(
+        utc=utc_of,
+    ),
+    device=DeviceTraits(
+        host_drivers={
+            "inertial_sense_": "`port` in its parameter file (YAML)",
+            "cltool": "`-c` of cltool",
+        },
+        identity=identity,
+        identify_request=get_data(1, period=0),
+        bauds=(921_600,),
+        position=_position,
+        sensors=sensors_of,
+    ),
+    configuration=ConfigurationTraits(
+        driver=DRIVER,
+        tables=tables,
+        entry_words=entry_words,
+        corrections=CorrectionInput(lambda known: True, hint="any Inertial Sense device"),
+        mounting=MOUNTING,
+    ),
+    logs=VendorLogs(
+        log_formats=(
+            LogFormat(
+                "raw",
+                ".raw",
+                "Inertial Sense log",
+                "for the vendor's Inertial Sense tools",
+                "an Inertial Sense device",
+                read_name=logs.read_name,
+                read_index=logs.read_index,
+                index_suffix=".idx",
+                exported="bytes",
+            ),
+            LogFormat(
+                "dat",
+                ".dat",
+                marker=logs.MARKER,
+                certain=True,
+                packets=logs.packets,
+                read_name=logs.read_name,
+            ),
         ),
     ),
-    sensors=sensors_of,
-    mounting=MOUNTING,
+    page=PageWords(
+        short="ISB",
+        hints=FamilyHints(attitude="Stream INS 1, INS 2, INS 3 or INS 4 to show the horizon."),
+        abbreviations=("GPX",),
+        supported=supported,
+    ),
     simulator=SIMULATOR,
-    hints=FamilyHints(attitude="Stream INS 1, INS 2, INS 3 or INS 4 to show the horizon."),
-    abbreviations=("GPX",),
-    supported=supported,
 )

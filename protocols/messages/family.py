@@ -5,7 +5,15 @@ simulated, and it is never searched for in the bytes of a port.
 from __future__ import annotations
 
 from imuscope.protocols.events import Batch
-from imuscope.protocols.family import PositionFix, ProtocolInfo
+from imuscope.protocols.family import (
+    Decoding,
+    DeviceTraits,
+    FrameFormat,
+    PageWords,
+    PositionFix,
+    ProtocolInfo,
+    StreamTraits,
+)
 from imuscope.protocols.framing import Bytes, Ints
 from imuscope.protocols.messages.decoder import MessageDecoder
 from imuscope.protocols.messages.listing import MessageLister
@@ -38,14 +46,24 @@ def _utc(batch: Batch) -> Ints | None:
 MESSAGES = ProtocolInfo(
     NAME,
     "",
-    MessageDecoder,
-    lambda data: (0.0, ""),
-    MessageLister,
-    definition(MessageChannel(1, "/imu", "json")) + message_record(1, b'{"x": 1}'),
-    _scan,
-    short="Messages",
-    datagrams=True,
-    stamped=True,
-    position=_position,
-    utc=_utc,
+    frames=FrameFormat(
+        likeness=lambda data: (0.0, ""),
+        listing=MessageLister,
+        sample=definition(MessageChannel(1, "/imu", "json")) + message_record(1, b'{"x": 1}'),
+        scan=_scan,
+    ),
+    decoding=Decoding(
+        decoder=MessageDecoder,
+    ),
+    stream=StreamTraits(
+        datagrams=True,
+        stamped=True,
+        utc=_utc,
+    ),
+    device=DeviceTraits(
+        position=_position,
+    ),
+    page=PageWords(
+        short="Messages",
+    ),
 )

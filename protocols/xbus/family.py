@@ -13,7 +13,21 @@ from numpy.typing import NDArray
 from imuscope.protocols.composer import FrameRecord, ProtocolComposer
 from imuscope.protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
 from imuscope.protocols.events import Batch, Reply
-from imuscope.protocols.family import CorrectionInput, FamilyHints, LogFormat, LogHeader, PositionFix, ProtocolInfo
+from imuscope.protocols.family import (
+    ConfigurationTraits,
+    CorrectionInput,
+    Decoding,
+    DeviceTraits,
+    FamilyHints,
+    FrameFormat,
+    LogFormat,
+    LogHeader,
+    PageWords,
+    PositionFix,
+    ProtocolInfo,
+    StreamTraits,
+    VendorLogs,
+)
 from imuscope.protocols.framing import ID, OFFSET, Bytes, Ints
 from imuscope.protocols.schema import Message
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
@@ -268,82 +282,96 @@ def _rows() -> tuple[Message, ...]:
 FAMILY = ProtocolInfo(
     "xbus",
     "Xsens MTi (Xbus)",
-    XbusDecoder,
-    detection_score,
-    XbusFrameLister,
-    build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
-    scan,
-    short="Xbus",
-    counts=True,
-    counter="PacketCounter",
-    output_changes=XbusOutputChanges,
-    frame_size="imuscope.protocols.xbus.frame_size",
-    configuration_frames="imuscope.protocols.xbus.configuration_frames",
-    host_drivers={
-        "xsens_mti_node": "`port` and `scan_for_devices: false` in xsens_mti_node.yaml",
-        "mtnode": "`_device:=` of mtnode.py",
-        "mtdevice": "`--device=` of mtdevice.py",
-    },
-    is_certain=_is_certain,
-    identity=identity,
-    bauds=(115_200,),
-    rows=_rows,
-    driver=DRIVER,
-    composer=_composer,
-    tables=tables,
-    entry_words=entry_words,
-    utc=utc_of,
-    dated=date_of,
-    absent=absent,
-    position=_position,
-    corrections=CorrectionInput(
-        _takes_corrections,
-        _wrapped,
-        _is_rejection,
-        "an MTi-680G",
+    frames=FrameFormat(
+        likeness=detection_score,
+        listing=XbusFrameLister,
+        sample=build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
+        scan=scan,
+        frame_size="imuscope.protocols.xbus.frame_size",
+        configuration_frames="imuscope.protocols.xbus.configuration_frames",
+        is_certain=_is_certain,
+        rows=_rows,
+        composer=_composer,
     ),
-    mounting=MOUNTING,
-    log_header=LogHeader(
-        {CONFIGURATION: "configuration", EMTS_DATA: "emts"},
-        head,
-        "Read its configuration for the recording",
-        "Configuration",
-        "mtb",
+    decoding=Decoding(
+        decoder=XbusDecoder,
     ),
-    log_formats=(
-        LogFormat(
+    stream=StreamTraits(
+        counts=True,
+        counter="PacketCounter",
+        output_changes=XbusOutputChanges,
+        utc=utc_of,
+        dated=date_of,
+    ),
+    device=DeviceTraits(
+        host_drivers={
+            "xsens_mti_node": "`port` and `scan_for_devices: false` in xsens_mti_node.yaml",
+            "mtnode": "`_device:=` of mtnode.py",
+            "mtdevice": "`--device=` of mtdevice.py",
+        },
+        identity=identity,
+        bauds=(115_200,),
+        absent=absent,
+        position=_position,
+        sensors=sensors_of,
+        usb_vendors={0x2639: "Xsens"},
+        usb_products={  # Source: Linux drivers/usb/serial/ftdi_sio_ids.h.
+            (0x2639, 0x0101): "Xsens Awinda station",
+            (0x2639, 0x0102): "Xsens Awinda dongle",
+            (0x2639, 0x0200): "Xsens MTw",
+            (0x2639, 0x0300): "Xsens MTi development board",
+            (0x2639, 0x0301): "Xsens USB converter",
+            (0x2639, 0xD00D): "Xsens USB converter",
+            (0x0403, 0xD388): "Xsens USB converter",
+            (0x0403, 0xD389): "Xsens wireless receiver",
+            (0x0403, 0xD38B): "Xsens USB converter",
+            (0x0403, 0xD38C): "Xsens wireless receiver",
+            (0x0403, 0xD38D): "Xsens Awinda station",
+        },
+    ),
+    configuration=ConfigurationTraits(
+        driver=DRIVER,
+        tables=tables,
+        entry_words=entry_words,
+        corrections=CorrectionInput(
+            _takes_corrections,
+            _wrapped,
+            _is_rejection,
+            "an MTi-680G",
+        ),
+        mounting=MOUNTING,
+    ),
+    logs=VendorLogs(
+        log_header=LogHeader(
+            {CONFIGURATION: "configuration", EMTS_DATA: "emts"},
+            head,
+            "Read its configuration for the recording",
+            "Configuration",
             "mtb",
-            ".mtb",
-            "MT Manager",
-            "for the vendor's MT programs",
-            "an Xsens device",
-            certain=True,
-            dated=True,
-            exported="frames",
+        ),
+        log_formats=(
+            LogFormat(
+                "mtb",
+                ".mtb",
+                "MT Manager",
+                "for the vendor's MT programs",
+                "an Xsens device",
+                certain=True,
+                dated=True,
+                exported="frames",
+            ),
         ),
     ),
-    sensors=sensors_of,
-    simulator=SIMULATOR,
-    usb_vendors={0x2639: "Xsens"},
-    usb_products={  # Source: Linux drivers/usb/serial/ftdi_sio_ids.h.
-        (0x2639, 0x0101): "Xsens Awinda station",
-        (0x2639, 0x0102): "Xsens Awinda dongle",
-        (0x2639, 0x0200): "Xsens MTw",
-        (0x2639, 0x0300): "Xsens MTi development board",
-        (0x2639, 0x0301): "Xsens USB converter",
-        (0x2639, 0xD00D): "Xsens USB converter",
-        (0x0403, 0xD388): "Xsens USB converter",
-        (0x0403, 0xD389): "Xsens wireless receiver",
-        (0x0403, 0xD38B): "Xsens USB converter",
-        (0x0403, 0xD38C): "Xsens wireless receiver",
-        (0x0403, 0xD38D): "Xsens Awinda station",
-    },
-    hints=FamilyHints(
-        attitude="Add Quaternion, RotationMatrix or EulerAngles to the output configuration of the device to show the "
-        "horizon.",
-        identify="An MTi does not identify itself while measuring. Reading its settings identifies it, and interrupts "
-        "its measurement for about a second.",
-        pause="Reading the settings of an MTi interrupts its measurement for about a second.",
+    page=PageWords(
+        short="Xbus",
+        hints=FamilyHints(
+            attitude="Add Quaternion, RotationMatrix or EulerAngles to the output configuration of the device to show "
+            "the horizon.",
+            identify="An MTi does not identify itself while measuring. Reading its settings identifies it, and "
+            "interrupts its measurement for about a second.",
+            pause="Reading the settings of an MTi interrupts its measurement for about a second.",
+        ),
+        supported=supported,
     ),
-    supported=supported,
+    simulator=SIMULATOR,
 )

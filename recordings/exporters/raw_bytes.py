@@ -78,7 +78,9 @@ def _chosen(request: ExportRequest, family: ProtocolInfo | None) -> str:
         fits = {name: one for name, one in fits.items() if name == device}
     if not fits:
         words = (
-            next((log.device for log in family.log_formats if log.device), family.title) if family else "that device"
+            next((log.device for log in family.logs.log_formats if log.device), family.title)
+            if family
+            else "that device"
         )
         raise ExportError(f"There are no bytes of {words} in it.", "Choose another device, or export it as bytes.")
     if len(fits) > 1:
@@ -114,7 +116,7 @@ def _is_in(time_ns: int, request: ExportRequest) -> bool:
 
 def _described(request: ExportRequest, device: str, family: ProtocolInfo) -> list[bytes]:
     """For each answer the format begins with: the last one before the range, else the first of the file."""
-    numbers = tuple(family.log_header.frames) if family.log_header is not None else ()
+    numbers = tuple(family.logs.log_header.frames) if family.logs.log_header is not None else ()
     found: dict[int, bytes] = {}
     whole = ExportRequest(request.columns, request.source)
     for frames, times in _frames(_parts(whole, device, lambda share: None), family):
@@ -131,12 +133,12 @@ def _frames(parts: Iterator[ChunkBlock], family: ProtocolInfo) -> Iterator[tuple
     held, late = b"", 0
     for part in parts:
         data = held + part.data
-        found = scan_all(family.scan, np.frombuffer(data, np.uint8), 0, final=False)
+        found = scan_all(family.frames.scan, np.frombuffer(data, np.uint8), 0, final=False)
         frames, ends = _cut(data, found)
         chunk = np.minimum(np.searchsorted(part.ends + len(held), ends, "left"), len(part.ends) - 1)
         yield frames, part.times[chunk].tolist()
         held, late = data[found.at :], int(part.times[-1])
-    frames, _ = _cut(held, scan_all(family.scan, np.frombuffer(held, np.uint8), 0, final=True))
+    frames, _ = _cut(held, scan_all(family.frames.scan, np.frombuffer(held, np.uint8), 0, final=True))
     yield frames, [late] * len(frames)
 
 

@@ -259,7 +259,7 @@ def _write(device: str, services: Services, report: CalibrationReport) -> Calibr
     except KeyError:
         return None
     family = PROTOCOLS.get(services.telemetry.bus.devices.latest[device].protocol)
-    target = family.mounting if family is not None else None
+    target = family.configuration.mounting if family is not None else None
     if report.kind != "mounting" or report.correction is None or target is None:
         return None
     row = controller.rows.get(target.setting)

@@ -45,7 +45,11 @@ async def put_corrections(receiver: OneController, body: CorrectionsRequest, ser
     session = receiver.session
     if not services.corrections.accepts(session):
         title = PROTOCOLS[session.info.protocol].title if session.info.protocol in PROTOCOLS else "This device"
-        hints = [family.corrections.hint for family in PROTOCOLS.values() if family.corrections is not None]
+        hints = [
+            family.configuration.corrections.hint
+            for family in PROTOCOLS.values()
+            if family.configuration.corrections is not None
+        ]
         hint = f"Devices that accept them: {', '.join(hint for hint in hints if hint)}."
         raise DomainError("no-receiver", f"{title} {session.info.product} does not accept corrections.", hint)
     try:

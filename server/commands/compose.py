@@ -54,7 +54,7 @@ def composers(reading: DecodeOptions = DecodeOptions()) -> dict[str, ProtocolCom
     Args:
         reading: decode options, for a key and descriptions of a vendor's own messages.
     """
-    made = ((name, family.composer) for name, family in PROTOCOLS.items())
+    made = ((name, family.frames.composer) for name, family in PROTOCOLS.items())
     return {name: make(reading.settings(name)) for name, make in made if make is not None}
 
 

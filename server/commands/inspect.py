@@ -143,14 +143,14 @@ def _report_rejects(name: str, row: ProtocolInfo, counts: Counter[str], rejects:
     Raises:
         ValueError: no line was written.
     """
-    reasons = [reason for reason in row.remedies if counts[reason]]
-    words = "; ".join(f"{counts[one]} frames are not accepted: {row.remedies[one].listed}" for one in reasons)
+    reasons = [reason for reason in row.decoding.remedies if counts[reason]]
+    words = "; ".join(f"{counts[one]} frames are not accepted: {row.decoding.remedies[one].listed}" for one in reasons)
     if counts[""] or (rejects and counts.total()):
         if words and notes is not None:
             notes.write(f"imuscope: {name}: {words}.\n")
         return
-    if rejected := next((reason for reason in row.refusals if counts[reason]), ""):
-        what, hint = row.refusals[rejected]
+    if rejected := next((reason for reason in row.decoding.refusals if counts[reason]), ""):
+        what, hint = row.decoding.refusals[rejected]
         raise ValueError(f"{name}: {counts[rejected]} frames are not accepted. {what} {hint}")
     others = ", ".join(f"{count} {reason}" for reason, count in counts.most_common(3) if reason)
     raise ValueError(
@@ -274,10 +274,10 @@ def _untimed(pieces: Iterable[bytes]) -> Iterator[TimedPiece]:
 def _lines(
     pieces: Iterator[TimedPiece], row: ProtocolInfo, settings: Mapping[str, Any], detector: MixedProtocolDetector
 ) -> Iterator[InspectLine]:
-    listing = row.listing(**settings)
+    listing = row.frames.listing(**settings)
     for chunk, arrivals in pieces:
         detector.feed(chunk)
-        if arrivals is not None and row.silence:
+        if arrivals is not None and row.stream.silence:
             cast(Decoder, listing).feed_chunks(chunk, *arrivals)
         else:
             listing.feed(chunk)

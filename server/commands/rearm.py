@@ -74,7 +74,7 @@ def _may_restart(protocol: str) -> bool:
     """True if the protocol's decoder can be re-armed (events.Remembers), or is not known yet."""
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
-    return protocol not in PROTOCOLS or hasattr(PROTOCOLS[protocol].decoder, "rearm")
+    return protocol not in PROTOCOLS or hasattr(PROTOCOLS[protocol].decoding.decoder, "rearm")
 
 
 def _ask(request: RearmRequest, path: str, body: Any = None) -> Any:

@@ -173,7 +173,7 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
                 else _find_composer(all_composers, request.message, name)
             )
             row = PROTOCOLS[name]
-            channel = LinkChannel(link, lambda: row.decoder(**reading.settings(name)), request.device)
+            channel = LinkChannel(link, lambda: row.decoding.decoder(**reading.settings(name)), request.device)
             channel.start(first)
             try:
                 device = await _choose_device(channel, request.device)

@@ -50,7 +50,7 @@ def options_of_family(protocol: str) -> set[str]:
     """Names of the decode options of a protocol."""
     from imuscope.protocols.registry import PROTOCOLS
 
-    return {option.name for option in PROTOCOLS[protocol].options}
+    return {option.name for option in PROTOCOLS[protocol].decoding.options}
 
 
 def simulate(

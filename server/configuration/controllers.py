@@ -36,7 +36,7 @@ def driver_of(protocol: str) -> DeviceDriver | None:
     from imuscope.protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
-    return row.driver if row is not None else None
+    return row.configuration.driver if row is not None else None
 
 
 def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any] | None:
@@ -46,7 +46,7 @@ def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any]
     row = PROTOCOLS.get(protocol)
     if row is None:
         return None
-    listing = row.listing(**session.reading.settings(row.name))
+    listing = row.frames.listing(**session.reading.settings(row.name))
     listing.feed(frame)
     return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
 

@@ -30,7 +30,9 @@ class CorrectionManager:
         row = PROTOCOLS.get(info.protocol)
         if row is None:
             return False
-        return row.corrections is not None and row.corrections.takes(DeviceContext(product=info.product))
+        return row.configuration.corrections is not None and row.configuration.corrections.takes(
+            DeviceContext(product=info.product)
+        )
 
     def state(self, session: AnyDevice) -> Corrections:
         """State of forwarding; the source is empty if nothing is forwarded."""

@@ -390,7 +390,7 @@ class CorrectionForwarder:
         from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
         family = PROTOCOLS.get(self._session.info.protocol)
-        return family.corrections if family is not None else None
+        return family.configuration.corrections if family is not None else None
 
     def _address(self) -> int | None:
         """Bus address of a device that shares its line."""

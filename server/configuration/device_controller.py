@@ -88,7 +88,7 @@ def _is_named(protocol: str) -> bool:
     """True if the stream names the sending device, and commands are addressed by that name."""
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
-    return protocol in PROTOCOLS and bool(PROTOCOLS[protocol].sender)
+    return protocol in PROTOCOLS and bool(PROTOCOLS[protocol].device.sender)
 
 
 class DeviceController:

@@ -55,7 +55,7 @@ def forms_of(
     commands = list(driver.commands(known))
     groups = dict.fromkeys([*(row.group for row in settings), *(row.group for row in commands)])
     family = PROTOCOLS.get(protocol)
-    tables = family.tables(known, values) if family is not None else {}
+    tables = family.configuration.tables(known, values) if family is not None else {}
     return Forms(
         protocol=protocol,
         product=known.product,
@@ -64,7 +64,9 @@ def forms_of(
         groups=list(groups),
         settings=[setting_form(setting, tables.get(setting.editor)) for setting in settings],
         commands=[command_form(command, _written_by(command, settings)) for command in commands],
-        corrections=family is not None and family.corrections is not None and family.corrections.takes(known),
+        corrections=family is not None
+        and family.configuration.corrections is not None
+        and family.configuration.corrections.takes(known),
         factory=bool(driver.factory(known)),
         note=note,
     )
@@ -74,7 +76,11 @@ def all_forms() -> list[Forms]:
     """The tables of every protocol that has them, as forms: all products together."""
     from imuscope.protocols.registry import PROTOCOLS
 
-    return [forms_of(one.driver, one.name, DeviceContext()) for one in PROTOCOLS.values() if one.driver is not None]
+    return [
+        forms_of(one.configuration.driver, one.name, DeviceContext())
+        for one in PROTOCOLS.values()
+        if one.configuration.driver is not None
+    ]
 
 
 def setting_form(setting: Setting, table: RateTable | None = None) -> SettingForm:

@@ -231,7 +231,7 @@ def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     family = PROTOCOLS[controller.session.info.protocol]
-    listing = family.listing(**controller.session.reading.settings(family.name))
+    listing = family.frames.listing(**controller.session.reading.settings(family.name))
     listing.feed(data)
     lines = listing.drain(stalled=True)
     if any("reject" in line for line in lines) or sum(line["size"] for line in lines) != len(data):

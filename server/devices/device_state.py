@@ -170,4 +170,4 @@ def _absent(info: wire.DeviceInfo) -> list[str]:
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     row = PROTOCOLS.get(info.protocol)
-    return list(row.absent(info.product)) if row is not None else []
+    return list(row.device.absent(info.product)) if row is not None else []

@@ -1,7 +1,7 @@
 """The newest position that a device reports, in any protocol.
 
 A GGA sentence with a fix has latitude, longitude, height and satellites; a protocol defines its own messages with
-positions (ProtocolInfo.position).
+positions (DeviceTraits.position).
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ def sensors_of(protocol: str, product: str) -> SensorProperties:
     from imuscope.protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
-    return row.sensors(product) if row is not None else SensorProperties()
+    return row.device.sensors(product) if row is not None else SensorProperties()
 
 
 def counts_losses(device: DeviceInfo, channels: Iterable[str]) -> bool:
@@ -46,7 +46,7 @@ def counts_losses(device: DeviceInfo, channels: Iterable[str]) -> bool:
     if row is MESSAGES:
         kind = link_kind(device.link)
         return kind is not None and kind.counts_messages
-    return row is not None and row.counts and (not row.counter or row.counter in channels)
+    return row is not None and row.stream.counts and (not row.stream.counter or row.stream.counter in channels)
 
 
 def problems() -> list[str]:
@@ -63,9 +63,9 @@ def all_protocols() -> ProtocolSet:
 
     def decoder(name: str, reading: DecodeOptions, link_kind: str) -> Decoder:
         row = _family(name)
-        datagrams = {"datagrams": True} if row.datagrams and link_kind == "udp" else {}
-        silence = {"arrivals": False} if row.silence and link_kind == "file" else {}
-        return row.decoder(**reading.settings(name), **datagrams, **silence)
+        datagrams = {"datagrams": True} if row.stream.datagrams and link_kind == "udp" else {}
+        silence = {"arrivals": False} if row.stream.silence and link_kind == "file" else {}
+        return row.decoding.decoder(**reading.settings(name), **datagrams, **silence)
 
     def guess(data: bytes) -> Sequence[ProtocolGuess]:
         from imuscope.protocols.registry import detect
@@ -75,16 +75,16 @@ def all_protocols() -> ProtocolSet:
     def about(name: str) -> ProtocolTraits:
         row = _family(name)
         return ProtocolTraits(
-            identify_request=row.identify_request,
-            identity=row.identity,
-            protection=row.protection,
-            sender=row.sender,
-            utc=row.utc,
-            datagrams=row.datagrams,
-            output_changes=row.output_changes,
-            frame_size=row.frame_size,
-            configuration_frames=row.configuration_frames,
-            stamped=row.stamped,
+            identify_request=row.device.identify_request,
+            identity=row.device.identity,
+            protection=row.decoding.protection,
+            sender=row.device.sender,
+            utc=row.stream.utc,
+            datagrams=row.stream.datagrams,
+            output_changes=row.stream.output_changes,
+            frame_size=row.frames.frame_size,
+            configuration_frames=row.frames.configuration_frames,
+            stamped=row.stream.stamped,
         )
 
     def count_messages(data: bytes) -> Mapping[str, int]:

@@ -49,7 +49,7 @@ REFUSALS: Mapping[str, tuple[str, str]] = {
 def _refusals() -> Mapping[str, tuple[str, str]]:
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
-    own = (reason for family in PROTOCOLS.values() for reason in family.refusals.items())
+    own = (reason for family in PROTOCOLS.values() for reason in family.decoding.refusals.items())
     return {**REFUSALS, **dict(own)}
 
 
@@ -63,7 +63,7 @@ def _unprotected(protocol: str) -> tuple[str, str]:
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     family = PROTOCOLS.get(protocol)
-    return family.unprotected if family is not None else ("", "")
+    return family.decoding.unprotected if family is not None else ("", "")
 
 
 def doubt_text(option: str, doubt: Doubt) -> str:

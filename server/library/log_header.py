@@ -57,7 +57,7 @@ class LogHeaderRequest:
         from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
         family = PROTOCOLS.get(self._controller.session.info.protocol)
-        return family.log_header if family is not None else None
+        return family.logs.log_header if family is not None else None
 
     async def _work(self, task: QueuedJob, header: LogHeader) -> None:
         controller = self._controller

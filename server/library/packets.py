@@ -209,7 +209,9 @@ def packets_around(
     _rank(found)
     low = max(at - beside, 0)
     shown = found[low : at + beside + 1]
-    driver = family.composer(settings).driver if family.composer is not None else family.driver
+    driver = (
+        family.frames.composer(settings).driver if family.frames.composer is not None else family.configuration.driver
+    )
     for packet in shown:
         if packet.kind in ("frame", "sent"):
             _explain(packet, family, driver)
@@ -217,7 +219,7 @@ def packets_around(
 
 
 def _packets(near: _Near, family: ProtocolInfo, settings: Mapping[str, Any], preamble: bytes) -> list[PacketInfo]:
-    listing = family.listing(**settings)
+    listing = family.frames.listing(**settings)
     listing.feed(preamble + near.data)
     lines = sorted(listing.drain(stalled=True), key=lambda line: (int(line["offset"]), "reject" in line))
     explained = explained_rejects(family)
@@ -274,7 +276,7 @@ def _packet(near: _Near, line: Mapping[str, Any], begin: int, end: int, explaine
 
 
 def _sent(run: ByteRun, family: ProtocolInfo) -> list[PacketInfo]:
-    name_of = family.driver.name_of if family.driver is not None else lambda data: ""
+    name_of = family.configuration.driver.name_of if family.configuration.driver is not None else lambda data: ""
     chunks = [chunk for piece in run.pieces() for chunk in piece]
     words = "Sent to the device."
     return [
@@ -326,4 +328,4 @@ def _explain(packet: PacketInfo, family: ProtocolInfo, driver: DeviceDriver | No
 
 def _row_of(family: ProtocolInfo, name: str) -> Message | None:
     """The row of a message in the tables of a family; None if it does not offer them."""
-    return next((row for row in family.rows() if row.name == name), None)
+    return next((row for row in family.frames.rows() if row.name == name), None)

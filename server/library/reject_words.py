@@ -20,9 +20,13 @@ EXPLAINED: Mapping[str, str] = {
     "truncated": "the data ends within the frame",
     "successor": "the preamble of the protocol's successor",
 }
-"""Explanation of reject reasons, for display; families have more (ProtocolInfo.remedies, listed_rejects)."""
+"""Explanation of reject reasons, for display; families have more (Decoding.remedies, listed_rejects)."""
 
 
 def explained_rejects(family: ProtocolInfo) -> dict[str, str]:
     """Explanations of the reject reasons of a family's frames."""
-    return {**EXPLAINED, **{reason: one.listed for reason, one in family.remedies.items()}, **family.listed_rejects}
+    return {
+        **EXPLAINED,
+        **{reason: one.listed for reason, one in family.decoding.remedies.items()},
+        **family.decoding.listed_rejects,
+    }

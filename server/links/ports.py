@@ -109,9 +109,11 @@ def _describe(port: object) -> str:
         text = str(getattr(port, "description", "") or "")
         return text if text and text != "n/a" else "serial port"
     families = PROTOCOLS.values()
-    name = next((label for one in families if (label := one.usb_products.get((vendor, product or 0)))), "")
+    name = next((label for one in families if (label := one.device.usb_products.get((vendor, product or 0)))), "")
     if not name:
-        known = next((label for one in families if (label := one.usb_vendors.get(vendor))), "") or MAKERS.get(vendor)
+        known = next((label for one in families if (label := one.device.usb_vendors.get(vendor))), "") or MAKERS.get(
+            vendor
+        )
         maker = known or getattr(port, "manufacturer", None) or f"USB {vendor:04x}:{product or 0:04x}"
         text = str(getattr(port, "product", None) or "USB serial port")
         name = text if text.lower().startswith(str(maker).lower()) else f"{maker} {text}"

@@ -35,7 +35,7 @@ def devices() -> Iterator[Block]:
     for row in PROTOCOLS.values():
         yield Heading(2, row.title)
         yield Paragraph(f"Protocol name on the command line: `{row.name}`.")
-        for table in row.supported():
+        for table in row.page.supported():
             yield Heading(3, table.title)
             if table.about:
                 yield Paragraph(table.about)

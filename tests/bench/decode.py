@@ -52,7 +52,7 @@ def best(*runs: Callable[[], Any]) -> list[float]:
 def decoder_of(protocol: str) -> Decoder:
     """A new decoder. Replay checks are switched off, because the file is repeated."""
     row = PROTOCOLS[protocol]
-    return row.decoder(**row.permissive)
+    return row.decoding.decoder(**row.frames.permissive)
 
 
 def decode(protocol: str, chunks: Sequence[bytes]) -> int:

@@ -66,7 +66,7 @@ def _decoded(speaker: ProtocolCase, case: Case, chunks: Sequence[bytes]) -> tupl
     """All events of the stream with these cuts, and the number of bytes outside frames. Arrival is the
     chunk's number.
     """
-    decoder = speaker.family.decoder(**case.settings)
+    decoder = speaker.family.decoding.decoder(**case.settings)
     events: list[Event] = []
     for number, chunk in enumerate(chunks):
         decoder.feed(chunk, number)
@@ -82,7 +82,7 @@ def _decoded(speaker: ProtocolCase, case: Case, chunks: Sequence[bytes]) -> tupl
 
 def _listed(speaker: ProtocolCase, case: Case) -> Lines:
     """The lines, through JSON and back, as a script reads them."""
-    listing = speaker.family.listing(**case.settings)
+    listing = speaker.family.frames.listing(**case.settings)
     listing.feed(case.data)
     lines = listing.drain(stalled=True)
     return [json.loads(json.dumps(line, ensure_ascii=False, allow_nan=False)) for line in lines]
@@ -202,7 +202,7 @@ def _accounted(speaker: ProtocolCase, case: Case, lines: Lines, skipped: int) ->
 def _datagrams(speaker: ProtocolCase, case: Case) -> None:
     """Chunks as datagrams: no frame extends over the end of one."""
     settings = case.settings
-    decoder = PROTOCOLS["idtp"].decoder(datagrams=True, **settings)
+    decoder = PROTOCOLS["idtp"].decoding.decoder(datagrams=True, **settings)
     for number, chunk in enumerate(case.chunks()):
         decoder.feed(chunk, number)
     events = decoder.drain()

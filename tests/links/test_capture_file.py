@@ -34,7 +34,7 @@ def run(coroutine: Any) -> Any:
 
 
 def pieces_of(data: bytes) -> list[TimedBytes]:
-    return list(CaptureTiming(io.BytesIO(data), PROTOCOLS["xbus"].decoder()))
+    return list(CaptureTiming(io.BytesIO(data), PROTOCOLS["xbus"].decoding.decoder()))
 
 
 def stream(seconds: float, rate: float = 100.0, start_s: float = 1000.0) -> bytes:
@@ -60,7 +60,7 @@ def test_a_real_capture_takes_as_long_as_its_clock_says(captures: Path) -> None:
     due = np.array([piece.due_ns for piece in pieces])
     assert (np.diff(due) >= 0).all()
 
-    decoder = PROTOCOLS["xbus"].decoder()
+    decoder = PROTOCOLS["xbus"].decoding.decoder()
     decoder.feed(data, 0)
     found = [batch for batch in batches(decoder.drain(stalled=True)) if "Quaternion" in batch.columns]
     times = np.concatenate([batch.time_ns for batch in found if batch.time_ns is not None])
@@ -86,7 +86,7 @@ def test_memory_is_bounded_by_blocks_not_by_the_file() -> None:
     data = stream(120.0)
     assert len(data) > 3 * BLOCK_BYTES
     given = 0
-    for piece in CaptureTiming(Counting(data), PROTOCOLS["xbus"].decoder()):
+    for piece in CaptureTiming(Counting(data), PROTOCOLS["xbus"].decoding.decoder()):
         given += len(piece.data)
         assert Counting.taken - given <= 2 * BLOCK_BYTES
 
@@ -103,7 +103,7 @@ def test_bytes_between_clocked_frames_go_with_them() -> None:
 
 def test_a_clock_that_jumps_back_holds_the_pace_and_a_long_pause_is_skipped() -> None:
     data = stream(1.0, start_s=5000) + stream(1.0, start_s=100) + stream(1.0, start_s=4000)
-    pace = CaptureTiming(io.BytesIO(data), PROTOCOLS["xbus"].decoder(), LONGEST_PAUSE_NS)
+    pace = CaptureTiming(io.BytesIO(data), PROTOCOLS["xbus"].decoding.decoder(), LONGEST_PAUSE_NS)
     due = [piece.due_ns for piece in pace]
     assert due == sorted(due)
     assert due[-1] == 2_990_000_000  # the first frame after a step is due a usual interval later
@@ -113,7 +113,7 @@ def test_a_clock_that_jumps_back_holds_the_pace_and_a_long_pause_is_skipped() ->
 @each_row("decoder", [None, "xbus"])
 def test_without_a_clock_the_rate_of_a_full_line_is_used(decoder: str | None) -> None:
     data = bytes(range(200)) * 1000
-    pieces = list(CaptureTiming(io.BytesIO(data), PROTOCOLS[decoder].decoder() if decoder else None))
+    pieces = list(CaptureTiming(io.BytesIO(data), PROTOCOLS[decoder].decoding.decoder() if decoder else None))
     assert b"".join(piece.data for piece in pieces) == data
     assert all(piece.blind for piece in pieces)
     assert pieces[-1].due_ns == pytest.approx(len(data) / BLIND_RATE * 1e9, rel=1e-6)

@@ -248,7 +248,7 @@ def test_the_real_simulator_streams(query: str) -> None:
         assert describe_bytes(joined(chunks)).recognised
         if not query:
             assert joined(chunks).startswith(xbus(0x3E))  # WakeUp
-            decoder = PROTOCOLS["xbus"].decoder()
+            decoder = PROTOCOLS["xbus"].decoding.decoder()
             for chunk in chunks:
                 decoder.feed(chunk.data, chunk.arrival_ns)
             events = decoder.drain()
@@ -280,7 +280,7 @@ def test_simulators_of_the_other_families_stream(source: str, baud: int, names: 
         await link.close()
         assert left_behind() == before
         row = PROTOCOLS[source[4:].partition("?")[0]]
-        decoder = row.decoder(**({"key": key} if "secure" in source else {}))
+        decoder = row.decoding.decoder(**({"key": key} if "secure" in source else {}))
         for chunk in chunks:
             decoder.feed(chunk.data, chunk.arrival_ns)
         events = decoder.drain()
@@ -296,7 +296,7 @@ def test_a_simulator_with_an_unknown_key() -> None:
         await link.open()
         data = joined(await gather(link, 3000))
         await link.close()
-        decoder = PROTOCOLS["idtp"].decoder(key=b"a guess")
+        decoder = PROTOCOLS["idtp"].decoding.decoder(key=b"a guess")
         decoder.feed(data, 0)
         assert {event.reason for event in decoder.drain() if isinstance(event, RejectedFrame)} == {"bad_hmac"}
 
@@ -309,7 +309,7 @@ def test_faults_cut_whole_frames_of_any_family() -> None:
         await link.open()
         data = joined(await gather(link, 8000))
         await link.close()
-        decoder = PROTOCOLS[protocol].decoder()
+        decoder = PROTOCOLS[protocol].decoding.decoder()
         decoder.feed(data, 0)
         assert not [event for event in decoder.drain() if isinstance(event, RejectedFrame)]
 
@@ -328,7 +328,7 @@ def test_options_belong_to_their_family(source: str) -> None:
 def test_a_simulator_whose_timestamps_count_in_another_unit(clock: str, tick_ns: int) -> None:
     options = SimulatorOptions.of(SourceUrl.parse(f"sim:idtp?clock={clock}"))
     data = make_device(options, 0, None).advance(2_000_000_000)
-    decoder = PROTOCOLS["idtp"].decoder(time_unit=clock, replay_check=False)
+    decoder = PROTOCOLS["idtp"].decoding.decoder(time_unit=clock, replay_check=False)
     decoder.feed(data, 0)
     last = max(int(batch.time_ns[-1]) for batch in batches(decoder.drain(stalled=True)) if batch.time_ns is not None)
     assert 2_000_000_000 - max(10_000_000, tick_ns) <= last <= 2_000_000_000

@@ -27,7 +27,7 @@ plain, packet_of = frame_to_json, frame_from_json
 def everything() -> list[bytes]:
     """The packets of others, and some of the simulator's."""
     vectors = [bytes.fromhex(one["packet"]) for one in json.loads((PACKAGE / "vectors.json").read_text())]
-    lister = FAMILY.listing()
+    lister = FAMILY.frames.listing()
     stream = MipSimulator(rate=50).advance(500_000_000)
     lister.feed(stream)
     lines = lister.drain(stalled=True)

@@ -193,7 +193,7 @@ def canonical(events: Sequence[Event]) -> list[str]:
 
 
 def run(speaker: ProtocolCase, chunks: Sequence[bytes]) -> list[Event]:
-    decoder = speaker.family.decoder()
+    decoder = speaker.family.decoding.decoder()
     events: list[Event] = []
     for arrival, chunk in enumerate(chunks):
         decoder.feed(chunk, arrival)

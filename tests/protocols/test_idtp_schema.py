@@ -58,7 +58,7 @@ def test_user_schema() -> None:
 
 @each_row(("kind", "count"), [("i16", 3), ("u8", 5)])
 def test_the_initial_definition_is_a_schema(kind: str, count: int) -> None:
-    definition = FAMILY.payload_definition
+    definition = FAMILY.decoding.payload_definition
     assert definition is not None
     [row] = parse(definition.template.format(size=0, id="9A", type=kind, count=count)).values()
     assert (row.id, row.name, size_of(row.fields[0])) == (0x9A, "Vendor9A", count * dict(definition.types)[kind])

@@ -146,7 +146,7 @@ def digests(folder: Path, *, load_at: int = -1) -> dict[str, str]:
     """What the decoders give for the file named like each of them, as digests; at a position the kernels are loaded."""
     found = {}
     for path in sorted(folder.iterdir()):
-        decoder = PROTOCOLS[path.name].decoder()
+        decoder = PROTOCOLS[path.name].decoding.decoder()
         digest, data = hashlib.sha256(), path.read_bytes()
         for at in range(0, len(data), PIECE):
             decoder.feed(data[at : at + PIECE], at)

@@ -49,7 +49,7 @@ def test_a_short_stretch_in_the_middle_is_seen(own: str, other: str, size: int) 
 def test_bytes_inside_a_frame_belong_to_it(own: str) -> None:
     """An Xbus frame inside the payload of an Inertial Sense packet is not a message of an MTi."""
     assert examine(own, spoken(own, 30), 1 << 16).others == []
-    xbus, isb = PROTOCOLS["xbus"].sample, PROTOCOLS["isb"].sample
+    xbus, isb = PROTOCOLS["xbus"].frames.sample, PROTOCOLS["isb"].frames.sample
     from imuscope.protocols.idtp.frames import build as idtp
     from imuscope.protocols.isb.frames import DATA
     from imuscope.protocols.isb.frames import build as packet

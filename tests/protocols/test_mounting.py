@@ -43,18 +43,18 @@ def test_angles_turn_the_frame_about_z_then_y_then_x(parts: tuple[float, ...]) -
 def test_an_mti_that_turns_its_vectors_already_adds_the_rotation(
     found: tuple[float, ...], stored: tuple[float, ...]
 ) -> None:
-    assert XBUS.mounting is not None
+    assert XBUS.configuration.mounting is not None
     before, added = matrix_of(np.array(stored)), matrix_of(np.array(found))
     q = np.array(stored) / np.linalg.norm(stored)
-    values = XBUS.mounting.values(added, dict(zip(("q0", "q1", "q2", "q3"), q.tolist(), strict=True)))
+    values = XBUS.configuration.mounting.values(added, dict(zip(("q0", "q1", "q2", "q3"), q.tolist(), strict=True)))
     vector = np.array([0.3, -0.5, 0.8])
     written = matrix_of(np.array([values[name] for name in ("q0", "q1", "q2", "q3")]))
     assert written @ vector == pytest.approx(added @ before @ vector, abs=1e-9)
 
 
 def test_an_imx_takes_angles_in_place_of_the_stored_ones() -> None:
-    assert ISB.mounting is not None
+    assert ISB.configuration.mounting is not None
     # its z axis is the y axis of the vehicle: a quarter turn of the frame about x
     quarter = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    values = ISB.mounting.values(quarter, {"insRotation": [1.0, 2.0, 3.0]})
+    values = ISB.configuration.mounting.values(quarter, {"insRotation": [1.0, 2.0, 3.0]})
     assert values == {"insRotation": pytest.approx([np.pi / 2, 0, 0])}

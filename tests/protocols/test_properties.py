@@ -215,7 +215,7 @@ def test_many_chunks_at_once(speaker: ProtocolCase, data: st.DataObject) -> None
     """As a recording is read: all chunks in one call, each with its time of arrival."""
     stream = data.draw(streams(speaker))
     chunks = [one for one in cut(stream, data.draw(st.lists(st.integers(0, 100_000), max_size=12))) if one]
-    singly, at_once = speaker.family.decoder(), speaker.family.decoder()
+    singly, at_once = speaker.family.decoding.decoder(), speaker.family.decoding.decoder()
     for arrival, chunk in enumerate(chunks):
         singly.feed(chunk, 1000 + arrival)
     ends, times = np.cumsum([len(one) for one in chunks], dtype=np.int64), 1000 + np.arange(len(chunks))
@@ -285,7 +285,7 @@ def spans(events: Sequence[Event]) -> list[tuple[int, int]]:
 def test_like_the_oracle(speaker: ProtocolCase, data: st.DataObject) -> None:
     stream = data.draw(streams(speaker))
     frames, rejects = speaker.expected(stream)
-    decoder = speaker.family.listing()
+    decoder = speaker.family.frames.listing()
     decoder.feed(stream)
     lines = decoder.drain(stalled=True)
     got = [line for line in lines if "reject" not in line and line["protocol"] == speaker.name]

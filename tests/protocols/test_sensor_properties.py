@@ -23,7 +23,7 @@ from tests.each_row import each_row
     ],
 )
 def test_noise_of_an_mti(product: str, turn: float, acceleration: float, heading: float) -> None:
-    found = PROTOCOLS["xbus"].sensors(product)
+    found = PROTOCOLS["xbus"].device.sensors(product)
     assert found.axes == "FLU"
     assert degrees(found.turn) == pytest.approx(turn)
     assert found.acceleration / 9.80665e-6 == pytest.approx(acceleration)
@@ -31,12 +31,12 @@ def test_noise_of_an_mti(product: str, turn: float, acceleration: float, heading
 
 
 def test_noise_of_an_imx_is_that_of_its_makers_at_100_hz() -> None:
-    found = PROTOCOLS["isb"].sensors("IMX-5.0.4")
+    found = PROTOCOLS["isb"].device.sensors("IMX-5.0.4")
     assert found.axes == "FRD"
     assert degrees(found.turn) * sqrt(100 / 2) == pytest.approx(0.0267, rel=2e-3)  # °/s
     assert found.acceleration * sqrt(100 / 2) == pytest.approx(0.00333, rel=2e-3)  # m/s²
-    assert PROTOCOLS["isb"].sensors("GPX-1.0") == SensorProperties("FRD")
+    assert PROTOCOLS["isb"].device.sensors("GPX-1.0") == SensorProperties("FRD")
 
 
 def test_a_family_that_declares_nothing_has_the_axes_of_ros() -> None:
-    assert PROTOCOLS["idtp"].sensors("IDTP device") == SensorProperties("FLU", 0, 0, 0, 0, 0)
+    assert PROTOCOLS["idtp"].device.sensors("IDTP device") == SensorProperties("FLU", 0, 0, 0, 0, 0)

@@ -287,7 +287,7 @@ def test_a_serial_number_of_64_bits_is_the_same_in_every_message() -> None:
     line.device.receive(frames.build(0x30), line.now_ns)
     told = []
     for number in (0x00, 0x0C):
-        decoder = PROTOCOLS["xbus"].decoder()
+        decoder = PROTOCOLS["xbus"].decoding.decoder()
         decoder.feed(line.device.receive(frames.build(number), line.now_ns), 0)
         told += [identity(event)["serial_number"] for event in decoder.drain() if isinstance(event, Reply)]
     assert told == ["0080ABCDEF"] * 2

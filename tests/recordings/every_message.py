@@ -41,7 +41,7 @@ Case = tuple[str, bytes]  # name of the case, frame
 
 def composer(family: str) -> ProtocolComposer:
     """The encoder of a family, with the vendor's own payloads of SCHEMA."""
-    make, row = PROTOCOLS[family].composer, PROTOCOLS[family]
+    make, row = PROTOCOLS[family].frames.composer, PROTOCOLS[family]
     assert make is not None
     return make(row.settings({"schema": SCHEMA}) if family == "idtp" else {})
 

@@ -30,7 +30,7 @@ needs_captures = pytest.mark.skipif(not CAPTURES.exists(), reason="the device ca
 
 def lines_of(source: Source) -> list[dict[str, Any]]:
     """Every ISB packet of a file as plain values, in order."""
-    listing = PROTOCOLS["isb"].listing()
+    listing = PROTOCOLS["isb"].frames.listing()
     found: list[dict[str, Any]] = []
     for part in source.parts():
         listing.feed(part.data)

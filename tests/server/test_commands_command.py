@@ -18,9 +18,12 @@ from tests.server_process import imuscope
 def test_every_command_and_setting_is_listed_and_described() -> None:
     listed = {line.strip().partition("  ")[0] for line in manual() if line}
     for one in PROTOCOLS.values():
-        if one.driver is None:
+        if one.configuration.driver is None:
             continue
-        rows: list[CommandListRow] = [*one.driver.commands(DeviceContext()), *one.driver.settings(DeviceContext())]
+        rows: list[CommandListRow] = [
+            *one.configuration.driver.commands(DeviceContext()),
+            *one.configuration.driver.settings(DeviceContext()),
+        ]
         for row in rows:
             assert row.name in listed
             text = list(manual(DecodeOptions(one.name), row.name))

@@ -72,17 +72,18 @@ def test_what_may_be_shown_and_what_is_recorded() -> None:
 
 
 def family_with(*options: DecodeOption) -> ProtocolInfo:
-    return replace(PROTOCOLS["xbus"], name="other", options=options)
+    xbus = PROTOCOLS["xbus"]
+    return replace(xbus, name="other", decoding=replace(xbus.decoding, options=options))
 
 
 def test_families_share_a_name_and_keep_their_own_values() -> None:
     mine = DecodeOption("min_mode", "choice", "", (("strict", "Strict"), ("lite", "Lite")))
-    both = merged([*PROTOCOLS["idtp"].options, mine])["min_mode"]
+    both = merged([*PROTOCOLS["idtp"].decoding.options, mine])["min_mode"]
     assert both.values == ("lite", "safety", "secure", "strict")
     assert family_with(mine).settings({"min_mode": "strict", "key": KEY}) == {"min_mode": "strict"}
     assert family_with(mine).settings({"min_mode": "secure"}) == {}
     with pytest.raises(ValueError, match="min_mode is a flag; another family's is a choice"):
-        merged([*PROTOCOLS["idtp"].options, DecodeOption("min_mode", "flag", "")])
+        merged([*PROTOCOLS["idtp"].decoding.options, DecodeOption("min_mode", "flag", "")])
 
 
 @each_row("name", ["protocol", "Key", "2d", "tls-key", "baud", "sources"])

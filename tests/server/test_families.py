@@ -79,11 +79,11 @@ def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
         await stage.run(device, 1)
-        assert stage.link.written == [PROTOCOLS["isb"].identify_request]
+        assert stage.link.written == [PROTOCOLS["isb"].device.identify_request]
         assert stage.info.product == ""
         stage.link.send(device.receive(stage.link.written[0], stage.clock.ns - stage._began))
         await stage.run(device, 0.5)
-        assert (stage.info.name, stage.link.written) == ("IMX-5", [PROTOCOLS["isb"].identify_request])
+        assert (stage.info.name, stage.link.written) == ("IMX-5", [PROTOCOLS["isb"].device.identify_request])
         stage.link.die(LinkError("gone", "gone.", "?"))
         await asyncio.sleep(0.001)
         stage.session.retry()

@@ -159,11 +159,11 @@ def test_while_the_protocol_is_unknown_whole_reads_are_lost() -> None:
 @each_row("protocol", sorted(PROTOCOLS))
 def test_frames_of_each_family_are_found(protocol: str) -> None:
     family = PROTOCOLS[protocol]
-    if not family.frame_size:
+    if not family.frames.frame_size:
         pytest.skip(f"{protocol} does not say how its frames are found")
-    size: FrameSize = import_module(family.frame_size).frame_size
-    data = family.sample * 3
-    listing = family.listing()
+    size: FrameSize = import_module(family.frames.frame_size).frames.frame_size
+    data = family.frames.sample * 3
+    listing = family.frames.listing()
     listing.feed(data)
     expected = [line["offset"] for line in listing.drain(stalled=True)]
     assert frame_bounds(data, size) == [*expected, len(data)]
@@ -178,8 +178,8 @@ def test_frames_of_each_family_are_found(protocol: str) -> None:
 @each_row("protocol", sorted(PROTOCOLS))
 @given(st.binary(max_size=60), st.integers(0, 59))
 def test_any_bytes_have_a_size_or_none(protocol: str, data: bytes, at: int) -> None:
-    if PROTOCOLS[protocol].frame_size and at < len(data):
-        assert import_module(PROTOCOLS[protocol].frame_size).frame_size(data, at) >= -1
+    if PROTOCOLS[protocol].frames.frame_size and at < len(data):
+        assert import_module(PROTOCOLS[protocol].frames.frame_size).frame_size(data, at) >= -1
 
 
 # ── the voice ────────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -266,7 +266,7 @@ def test_no_more_is_sent_than_the_line_carries(wishes: list[tuple[float, int]]) 
 def effects(protocol: str, frames: bytes) -> list[str]:
     """Effects of frames to a device of a family, however the stream is cut."""
     family = PROTOCOLS[protocol]
-    rules, one = FrameRules.of(family.frame_size, family.configuration_frames), ClientFrames()
+    rules, one = FrameRules.of(family.frames.frame_size, family.frames.configuration_frames), ClientFrames()
     whole = list(ClientFrames().feed(frames, rules))
     bytewise = [effect for at in range(len(frames)) for effect in one.feed(frames[at : at + 1], rules)]
     assert whole == bytewise
@@ -274,7 +274,7 @@ def effects(protocol: str, frames: bytes) -> list[str]:
 
 
 def test_an_mti_is_configured_from_go_to_config_to_go_to_measurement() -> None:
-    driver = PROTOCOLS["xbus"].driver
+    driver = PROTOCOLS["xbus"].configuration.driver
     assert driver is not None
     known = DeviceContext()
     names = ("ReqDID", "GoToConfig", "SetFilterProfile", "GoToMeasurement", "Reset")
@@ -284,7 +284,7 @@ def test_an_mti_is_configured_from_go_to_config_to_go_to_measurement() -> None:
 
 
 def test_an_imx_is_configured_by_what_it_stores_and_streams() -> None:
-    driver = PROTOCOLS["isb"].driver
+    driver = PROTOCOLS["isb"].configuration.driver
     assert driver is not None
     known = DeviceContext(product="IMX-5")
     one = driver.frame("GET_DID_INS_1", {}, known)
@@ -296,7 +296,7 @@ def test_an_imx_is_configured_by_what_it_stores_and_streams() -> None:
 
 
 def test_an_imx_is_configured_by_sentences_too() -> None:
-    driver = PROTOCOLS["isb"].driver
+    driver = PROTOCOLS["isb"].configuration.driver
     assert driver is not None
     known = DeviceContext(product="IMX-5")
     asked = driver.frame("INFO", {}, known) + driver.frame("ASCE", {}, known)
@@ -335,7 +335,7 @@ def test_another_protocol_on_the_socket_is_refused(head: bytes) -> None:
 
 
 def test_the_holder_imports_nothing_heavy() -> None:
-    modules = [(one.frame_size, one.configuration_frames) for one in PROTOCOLS.values()]
+    modules = [(one.frames.frame_size, one.frames.configuration_frames) for one in PROTOCOLS.values()]
     code = (
         "import sys, imuscope.server.holder.__main__; from imuscope.server.holder.client_frames import FrameRules; "
         f"[FrameRules.of(*one) for one in {modules!r}]; "

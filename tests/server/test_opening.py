@@ -29,7 +29,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     compact(path)
     shares: list[float] = []
     store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols(), progress=shares.append)
-    decoder = PROTOCOLS["xbus"].decoder()
+    decoder = PROTOCOLS["xbus"].decoding.decoder()
     decoder.feed(kept, 0)
     names: list[str] = []
 

@@ -40,7 +40,7 @@ VALUES: dict[str, Callable[[bytes], Any]] = {
 
 
 def accepted(family: ProtocolInfo, data: bytes) -> list[bytes]:
-    listing = family.listing()
+    listing = family.frames.listing()
     listing.feed(data)
     lines = [line for line in listing.drain(stalled=True) if "reject" not in line and line["protocol"] == family.name]
     return [data[line["offset"] : line["offset"] + line["size"]] for line in lines]
@@ -63,7 +63,7 @@ GOLDEN = {name: golden(name) for name in VALUES}
 
 @each_row("name", VALUES)
 def test_the_parts_of_every_golden_frame_cover_it_in_order(name: str) -> None:
-    driver = PROTOCOLS[name].driver
+    driver = PROTOCOLS[name].configuration.driver
     assert driver is not None
     assert len(GOLDEN[name]) > 50
     for frame in GOLDEN[name]:
@@ -77,7 +77,7 @@ def test_the_parts_of_every_golden_frame_cover_it_in_order(name: str) -> None:
 @each_row("name", VALUES)
 @given(data=st.data())
 def test_a_byte_of_a_field_changes_that_field_and_no_other(name: str, data: st.DataObject) -> None:
-    driver = PROTOCOLS[name].driver
+    driver = PROTOCOLS[name].configuration.driver
     assert driver is not None
     frame = data.draw(st.sampled_from(GOLDEN[name]))
     parts = [part for part in driver.annotate(frame) if part.path]
@@ -185,7 +185,12 @@ def test_a_family_without_a_driver_has_its_frame_as_a_whole() -> None:
 
     memory = LinkMemory(lambda: None, 1e9)
     memory.append([Chunk(sample(1) + sample(2) + sample(3), 0)], "rx")
-    family = replace(PROTOCOLS["xbus"], driver=None, composer=None, rows=lambda: ())
+    xbus = PROTOCOLS["xbus"]
+    family = replace(
+        xbus,
+        configuration=replace(xbus.configuration, driver=None),
+        frames=replace(xbus.frames, composer=None, rows=lambda: ()),
+    )
     view = packets_around("1", family, {}, live_bytes(memory, b""), SampleArrival(0, 1))
     assert view is not None
     (whole,) = view.packets[view.at].spans

@@ -21,9 +21,13 @@ from imuscope.server.configuration.value_format import entry_comment, entry_titl
 from tests.each_row import each_row
 from tests.server.control_harness import outputs
 
-XBUS = DevicePresentState(PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-680G"), SerialLine(115_200, 11_520.0))  # type: ignore[arg-type]
-ISB = DevicePresentState(PROTOCOLS["isb"].driver, DeviceContext(product="IMX-5"), SerialLine(921_600, 92_160.0))  # type: ignore[arg-type]
-IDTP = DevicePresentState(PROTOCOLS["idtp"].driver, DeviceContext())  # type: ignore[arg-type]
+XBUS = DevicePresentState(
+    PROTOCOLS["xbus"].configuration.driver, DeviceContext(product="MTi-680G"), SerialLine(115_200, 11_520.0)
+)  # type: ignore[arg-type]
+ISB = DevicePresentState(
+    PROTOCOLS["isb"].configuration.driver, DeviceContext(product="IMX-5"), SerialLine(921_600, 92_160.0)
+)  # type: ignore[arg-type]
+IDTP = DevicePresentState(PROTOCOLS["idtp"].configuration.driver, DeviceContext())  # type: ignore[arg-type]
 FAMILIES = {"xbus": XBUS, "isb": ISB, "idtp": IDTP}
 
 anything = st.recursive(

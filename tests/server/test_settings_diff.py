@@ -40,7 +40,7 @@ def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
 
 def test_a_profile_saved_during_a_calibration_does_not_start_one() -> None:
     """The state of a calibration starts it when it is written."""
-    driver = PROTOCOLS["isb"].driver
+    driver = PROTOCOLS["isb"].configuration.driver
     rest = {"DID_MAG_CAL": {"state": 0, "progress": 0.0, "declination": 0.0}}
     rest |= {"DID_SURVEY_IN": {"state": 0, "maxDurationSec": 60, "minAccuracy": 1.0}}
     busy = {"DID_MAG_CAL": {"state": 1, "progress": 7.0, "declination": 0.1}}
@@ -84,7 +84,7 @@ def streams(*entries: tuple[int, int, float]) -> dict[str, Any]:
 
 def test_streams_were_compared_by_their_place_in_the_list() -> None:
     """A stream more at the beginning made each that follows a difference: "Streams 2, did: DID_IMU / DID_INS_2"."""
-    driver = PROTOCOLS["isb"].driver
+    driver = PROTOCOLS["isb"].configuration.driver
     here = {"streams": streams((58, 1, 20.0), (4, 1, 20.0), (5, 1, 20.0))}
     here |= {
         "DID_NMEA_BCAST_PERIOD": {"nmeaBroadcastMsgs": [{"msgID": 6, "msgPeriod": 5}, {"msgID": 0, "msgPeriod": 0}]}
@@ -103,7 +103,7 @@ def test_streams_were_compared_by_their_place_in_the_list() -> None:
 
 def test_single_differences_are_taken_or_left() -> None:
     """A profile was written as a whole or not at all."""
-    driver = PROTOCOLS["isb"].driver
+    driver = PROTOCOLS["isb"].configuration.driver
     here = {
         "streams": streams((58, 1, 20.0), (5, 1, 20.0)),
         "DID_SURVEY_IN": {"maxDurationSec": 60, "minAccuracy": 1.0},
@@ -133,7 +133,7 @@ def test_single_differences_are_taken_or_left() -> None:
 
 def test_the_number_given_to_another_sensor_is_not_taken_unasked() -> None:
     """A LocationID travelled with a profile from one sensor to the next."""
-    driver, known = PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-630")
+    driver, known = PROTOCOLS["xbus"].configuration.driver, DeviceContext(product="MTi-630")
     here, there = ({"LocationID": {"location_id": number}} for number in (1, 2))
     own, other = (ComparedValues("Profile", there, of_another=of_another) for of_another in (False, True))
     left = ComparedValues("Now", here)
@@ -149,7 +149,7 @@ SYNC |= {"delay_offset_or_clock_period": 0}
 
 def test_an_entry_that_one_side_has_is_one_difference() -> None:
     """Each of its fields was a difference, by its name in the document: "Sync in and out 3, skip_factor"."""
-    driver, known = PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-630")
+    driver, known = PROTOCOLS["xbus"].configuration.driver, DeviceContext(product="MTi-630")
     first, second, third = (dict(SYNC, function=function) for function in (3, 8, 9))
     changed = dict(second, skip_factor=4)
     fewer, more = ({"SyncSettings": {"settings": entries}} for entries in ([first, second], [first, changed, third]))

@@ -39,7 +39,7 @@ class TcpClient:
 
     def __init__(self, port: serial.Serial) -> None:
         self._port = port
-        self._listing = PROTOCOLS["xbus"].listing()
+        self._listing = PROTOCOLS["xbus"].frames.listing()
 
     def until(self, message: int, request: bytes = b"") -> None:
         """Send a request, and wait for a frame of this message id."""

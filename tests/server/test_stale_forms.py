@@ -142,7 +142,7 @@ def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
     ],
 )
 def test_settings_changed_by_a_command(protocol: str, name: str, values: dict[str, object], some: set[str]) -> None:
-    driver = PROTOCOLS[protocol].driver
+    driver = PROTOCOLS[protocol].configuration.driver
     known = DeviceContext(product="IMX-5" if protocol == "isb" else "MTi-630")
     assert name in {row.name for row in driver.commands(known)}
     found = set(driver.alters(name, values, known))

@@ -228,7 +228,7 @@ def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
     device.advance(0)
     data = device.advance(2_000_000_000)
     for step in (len(data), 64):
-        decoder = PROTOCOLS[protocol].decoder()
+        decoder = PROTOCOLS[protocol].decoding.decoder()
         events: list[Event] = []
         for at in range(0, len(data), step):
             decoder.feed(data[at : at + step], at)

@@ -30,7 +30,7 @@ def log(clock: FakeClock, stream: bytes = b"") -> TrafficLog:
         Telemetry.create(clock).bus,
         "1",
         lambda frame: decode("xbus", frame, FakeSession()),  # type: ignore[arg-type]
-        PROTOCOLS["xbus"].driver.name_of,  # type: ignore[union-attr]
+        PROTOCOLS["xbus"].configuration.driver.name_of,  # type: ignore[union-attr]
         lambda offset, size: stream[offset : offset + size],
     )
 

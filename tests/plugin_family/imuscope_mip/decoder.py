@@ -11,12 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.embedded_protocols import STARTS, find
-from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.protocols.framing import ID, OFFSET, SIZE
-from imuscope.protocols.layouts import Layout, size_of, unpack
-from imuscope.protocols.schema import Direction, Message
-from imuscope.protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
+from imuscope.plugin import (
+    ID,
+    OFFSET,
+    SIZE,
+    STARTS,
+    Batch,
+    Direction,
+    Event,
+    Layout,
+    Message,
+    ParseResult,
+    Reply,
+    StreamDecoder,
+    StreamParser,
+    find,
+    size_of,
+    unpack,
+)
 from imuscope_mip.json_codec import frame_to_json, name_of, plain, rows_of
 from imuscope_mip.messages import DATA, Row
 from imuscope_mip.options import ARRIVAL

@@ -13,20 +13,26 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.protocols.layouts import EncodeError, size_of, unpack
-from imuscope.protocols.schema import Command, Field, Setting
-from imuscope.protocols.transactions import (
+from imuscope.plugin import (
+    Batch,
     ByteRange,
+    Command,
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
+    EncodeError,
+    Event,
+    Field,
     NoReplyError,
+    Reply,
     Send,
+    Setting,
     Transaction,
     Values,
     WaitFor,
     WriteResult,
+    size_of,
+    unpack,
 )
 from imuscope_mip.json_codec import frame_from_json, name_of, rows_of
 from imuscope_mip.messages import ERRORS, FUNCTIONS, ROTATION, ROTATION_NAME
@@ -226,7 +232,7 @@ def identity_of(values: Values) -> dict[str, str]:
 
 
 def identity(reply: Reply) -> Mapping[str, str]:
-    """See ProtocolInfo.identity."""
+    """See DeviceTraits.identity."""
     return identity_of(reply.values)
 
 

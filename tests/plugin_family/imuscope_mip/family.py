@@ -5,11 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.composer import ProtocolComposer
-from imuscope.protocols.events import Batch
-from imuscope.protocols.family import FamilyHints, PanelDefaults, PositionFix, ProtocolInfo
-from imuscope.protocols.schema import Field
-from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorRequest
+from imuscope.plugin import (
+    Batch,
+    ConfigurationTraits,
+    Decoding,
+    DeviceTraits,
+    FamilyHints,
+    Field,
+    FrameFormat,
+    PageWords,
+    PanelDefaults,
+    PositionFix,
+    ProtocolComposer,
+    ProtocolInfo,
+    SimulatedDevice,
+    SimulatorInfo,
+    SimulatorRequest,
+)
 from imuscope_mip.decoder import MipDecoder, MipLister, detection_score
 from imuscope_mip.driver import IDENTIFY_REQUEST, MipDriver, identity
 from imuscope_mip.json_codec import frame_from_json
@@ -73,19 +85,32 @@ def _frame_size(head: bytes) -> int:
 FAMILY = ProtocolInfo(
     "mip",
     "MicroStrain MIP",
-    MipDecoder,
-    detection_score,
-    MipLister,
-    build(0x80, [(0x04, bytes(12))]),
-    scan,
-    short="MIP",
-    options=OPTIONS,
-    identity=identity,
-    identify_request=IDENTIFY_REQUEST,
-    bauds=(115_200,),
-    driver=DRIVER,
-    composer=_composer,
-    position=_position,
+    frames=FrameFormat(
+        likeness=detection_score,
+        listing=MipLister,
+        sample=build(0x80, [(0x04, bytes(12))]),
+        scan=scan,
+        composer=_composer,
+    ),
+    decoding=Decoding(
+        decoder=MipDecoder,
+        options=OPTIONS,
+    ),
+    device=DeviceTraits(
+        identity=identity,
+        identify_request=IDENTIFY_REQUEST,
+        bauds=(115_200,),
+        position=_position,
+        usb_vendors={USB_VENDOR: "MicroStrain"},
+    ),
+    configuration=ConfigurationTraits(
+        driver=DRIVER,
+    ),
+    page=PageWords(
+        short="MIP",
+        hints=FamilyHints(attitude="Configure the device to send its orientation to show the horizon."),
+        panels=PanelDefaults(plots=("Acceleration", "RateOfTurn", "EulerAngles", "Height")),
+    ),
     simulator=SimulatorInfo(
         _make,
         lambda rate, options: BYTES_A_SAMPLE * rate,
@@ -95,7 +120,4 @@ FAMILY = ProtocolInfo(
         lambda: ("3DM-GX5-45",),
         device="a 3DM-GX5-45",
     ),
-    usb_vendors={USB_VENDOR: "MicroStrain"},
-    hints=FamilyHints(attitude="Configure the device to send its orientation to show the horizon."),
-    panels=PanelDefaults(plots=("Acceleration", "RateOfTurn", "EulerAngles", "Height")),
 )

@@ -13,8 +13,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.layouts import EncodeError, pack, unpack
-from imuscope.protocols.schema import Field
+from imuscope.plugin import EncodeError, Field, pack, unpack
 from imuscope_mip.messages import ACK, BY_NAME, Row, row_of, row_of_bytes
 from imuscope_mip.packets import build, parts_of
 

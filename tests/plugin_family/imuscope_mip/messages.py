@@ -13,8 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from imuscope.protocols.layouts import size_of
-from imuscope.protocols.schema import Bits, Field
+from imuscope.plugin import Bits, Field, size_of
 
 BASE, COMMAND_3DM, COMMAND_FILTER = 0x01, 0x0C, 0x0D
 IMU_DATA, FILTER_DATA = 0x80, 0x82

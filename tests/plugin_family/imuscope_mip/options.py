@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imuscope.protocols.decode_options import DecodeOption
+from imuscope.plugin import DecodeOption
 
 ARRIVAL = "arrival"
 OPTIONS = (

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from itertools import accumulate
 
-from imuscope.protocols.framing import BAD_CHECKSUM, BAD_SIZE, FRAME, TRUNCATED, Bytes, Ints
+from imuscope.plugin import BAD_CHECKSUM, BAD_SIZE, FRAME, TRUNCATED, Bytes, Ints
 
 SYNC = b"\x75\x65"
 HEADER, SUM = 4, 2

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.simulator import trajectory
+from imuscope.plugin import trajectory
 from imuscope_mip.messages import (
     ACK,
     BASE,

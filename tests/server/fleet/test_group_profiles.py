@@ -107,7 +107,7 @@ def test_the_digest_is_that_of_the_content() -> None:
 
 
 def test_what_the_device_reports_by_itself_is_left_out() -> None:
-    driver = PROTOCOLS["xbus"].driver
+    driver = PROTOCOLS["xbus"].configuration.driver
     assert driver is not None
     values = {**settings_at(100).values, "ProductCode": {"product_code": PRODUCT}, "Temperature": {"temperature": 3}}
     assert set(writable_settings(driver, settings_at(100).context, values)) == {"OutputConfiguration"}
@@ -124,7 +124,7 @@ fields = st.sampled_from(["outputs", "profile", "rate", "data_identifier", "outp
 
 @given(st.dictionaries(names, st.dictionaries(fields, values, max_size=3), max_size=4), st.binary(max_size=60))
 def test_settings_of_any_shape_do_no_harm(shapes: dict[str, Any], noise: bytes) -> None:
-    driver = PROTOCOLS["xbus"].driver
+    driver = PROTOCOLS["xbus"].configuration.driver
     assert driver is not None
     answer = {"protocol": "xbus", "product": PRODUCT, "firmware": "1", "values": shapes}
     for data in (msgspec.msgpack.encode(answer), noise):

@@ -240,7 +240,7 @@ def test_what_a_robot_answers_does_no_harm(status: int, data: bytes) -> None:
 
 
 def test_a_plan_of_thousands_looks_at_each_kind_of_settings_once(tmp_path: Path) -> None:
-    driver = PROTOCOLS["xbus"].driver
+    driver = PROTOCOLS["xbus"].configuration.driver
     assert driver is not None
     profiles = GroupProfiles(tmp_path)
     right, *wrong = [settings_at(rate) for rate in (100, 50, 200)]

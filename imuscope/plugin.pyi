@@ -1,0 +1,100 @@
+"""Public names for plug-ins, by what they are for. See plugin.py."""
+
+# Version of these names.
+from imuscope.protocols.composer import ProtocolComposer as ProtocolComposer
+from imuscope.protocols.decode_options import DecodeOption as DecodeOption
+from imuscope.protocols.editor_choices import RateTable as RateTable
+from imuscope.protocols.embedded_protocols import STARTS as STARTS
+from imuscope.protocols.embedded_protocols import find as find
+from imuscope.protocols.events import Batch as Batch
+from imuscope.protocols.events import Decoder as Decoder
+from imuscope.protocols.events import Event as Event
+from imuscope.protocols.events import RejectedFrame as RejectedFrame
+from imuscope.protocols.events import Reply as Reply
+from imuscope.protocols.events import SampleGap as SampleGap
+
+# Protocol families.
+from imuscope.protocols.family import ConfigurationTraits as ConfigurationTraits
+from imuscope.protocols.family import CorrectionInput as CorrectionInput
+from imuscope.protocols.family import Decoding as Decoding
+from imuscope.protocols.family import DeviceTraits as DeviceTraits
+from imuscope.protocols.family import FamilyHints as FamilyHints
+from imuscope.protocols.family import FrameFormat as FrameFormat
+from imuscope.protocols.family import LogFormat as LogFormat
+from imuscope.protocols.family import LogHeader as LogHeader
+from imuscope.protocols.family import LogName as LogName
+from imuscope.protocols.family import PageWords as PageWords
+from imuscope.protocols.family import PanelDefaults as PanelDefaults
+from imuscope.protocols.family import PayloadDefinition as PayloadDefinition
+from imuscope.protocols.family import PositionFix as PositionFix
+from imuscope.protocols.family import ProtocolInfo as ProtocolInfo
+from imuscope.protocols.family import RejectRemedy as RejectRemedy
+from imuscope.protocols.family import StreamTraits as StreamTraits
+from imuscope.protocols.family import VendorLogs as VendorLogs
+
+# Decoders: frames, streams, events.
+from imuscope.protocols.framing import BAD_CHECKSUM as BAD_CHECKSUM
+from imuscope.protocols.framing import BAD_SIZE as BAD_SIZE
+from imuscope.protocols.framing import FRAME as FRAME
+from imuscope.protocols.framing import ID as ID
+from imuscope.protocols.framing import OFFSET as OFFSET
+from imuscope.protocols.framing import SIZE as SIZE
+from imuscope.protocols.framing import TRUNCATED as TRUNCATED
+from imuscope.protocols.framing import Bytes as Bytes
+from imuscope.protocols.framing import Ints as Ints
+from imuscope.protocols.layouts import EncodeError as EncodeError
+from imuscope.protocols.layouts import Layout as Layout
+from imuscope.protocols.layouts import pack as pack
+from imuscope.protocols.layouts import size_of as size_of
+from imuscope.protocols.layouts import unpack as unpack
+from imuscope.protocols.mounting import MountingSetting as MountingSetting
+from imuscope.protocols.plugins import API_VERSION as API_VERSION
+from imuscope.protocols.schema import Bits as Bits
+from imuscope.protocols.schema import Command as Command
+from imuscope.protocols.schema import Direction as Direction
+from imuscope.protocols.schema import Field as Field
+from imuscope.protocols.schema import Message as Message
+from imuscope.protocols.schema import Setting as Setting
+from imuscope.protocols.sensor_properties import SensorProperties as SensorProperties
+from imuscope.protocols.simulator import trajectory as trajectory
+from imuscope.protocols.simulator.family import SimulatedDevice as SimulatedDevice
+from imuscope.protocols.simulator.family import SimulatorInfo as SimulatorInfo
+from imuscope.protocols.simulator.family import SimulatorRequest as SimulatorRequest
+from imuscope.protocols.stream_parser import ParseResult as ParseResult
+from imuscope.protocols.stream_parser import StreamDecoder as StreamDecoder
+from imuscope.protocols.stream_parser import StreamParser as StreamParser
+
+# Drivers and simulated devices.
+from imuscope.protocols.transactions import ByteRange as ByteRange
+from imuscope.protocols.transactions import DeviceContext as DeviceContext
+from imuscope.protocols.transactions import DeviceDriver as DeviceDriver
+from imuscope.protocols.transactions import DeviceRejectedError as DeviceRejectedError
+from imuscope.protocols.transactions import NoReplyError as NoReplyError
+from imuscope.protocols.transactions import Send as Send
+from imuscope.protocols.transactions import Transaction as Transaction
+from imuscope.protocols.transactions import Values as Values
+from imuscope.protocols.transactions import WaitFor as WaitFor
+from imuscope.protocols.transactions import WriteResult as WriteResult
+
+# Exporters and analyses.
+from imuscope.recordings.exporters.registry import ExportFormat as ExportFormat
+from imuscope.recordings.exporters.registry import register_exporter as register_exporter
+from imuscope.recordings.exporters.request import ExportRequest as ExportRequest
+from imuscope.recordings.exporters.request import ExportStep as ExportStep
+from imuscope.server.analysis.registry import Analysis as Analysis
+from imuscope.server.analysis.registry import AnalysisOption as AnalysisOption
+from imuscope.server.analysis.registry import Result as Result
+from imuscope.server.analysis.registry import register_analysis as register_analysis
+from imuscope.server.analysis.signals import Signal as Signal
+
+# Links.
+from imuscope.server.links.base import Chunk as Chunk
+from imuscope.server.links.base import Link as Link
+from imuscope.server.links.base import LinkError as LinkError
+from imuscope.server.links.base import LinkSettings as LinkSettings
+from imuscope.server.links.base import Progress as Progress
+from imuscope.server.links.reader_thread import ThreadedLink as ThreadedLink
+from imuscope.server.links.registry import LinkDefinition as LinkDefinition
+from imuscope.server.links.registry import link_kinds as link_kinds
+from imuscope.server.links.registry import register_link as register_link
+from imuscope.server.links.source_url import SourceUrl as SourceUrl
