@@ -6,7 +6,8 @@
 
 To start an interpreter that imports numpy and scipy takes a second of a core, to fork one that has them 5 ms. The
 process has one thread and no work of its own, so it is safe to fork; it starts with the first job and ends after IDLE_S
-without one. A job is a picklable object; its arrays cross the socket as they are (pickle protocol 5, out of band).
+without one, unless it is kept. A job is a picklable object; its arrays cross the socket as they are (pickle protocol 5,
+out of band).
 
     control  READY from the process, then a byte with a descriptor for each job
     job      u32 number of buffers + 1, u64 size of each, pickle, buffers
@@ -81,6 +82,7 @@ class ForkServer:
         self._ending: asyncio.Future[int] | None = None
         self._idle_end: asyncio.TimerHandle | None = None
         self._is_closed = False
+        self.is_kept: Callable[[], bool] = lambda: False  # whether it stays, though no job has come for long
 
     @property
     def pid(self) -> int | None:
@@ -188,6 +190,9 @@ class ForkServer:
 
     def _dismiss(self) -> None:
         """End it by closing its control socket; `_start` reaps what is left."""
+        if self.is_kept():
+            self._wait_for_jobs()
+            return
         if not self._running and self._control is not None and not self._starting.locked():
             self._control.close()
             self._control, worker, self._worker = None, self._worker, None

@@ -238,7 +238,9 @@ def build_services(
         shares=shares,
         catalogue=catalogue,
         columns=columns,
-        analyses=AnalysisService(AnalysisLimits(config.analysis_mb, config.analysis_s)),
+        analyses=AnalysisService(
+            AnalysisLimits(config.analysis_mb, config.analysis_s), lambda: telemetry.clients.browsers > 0
+        ),
         derived=DerivedChannels(bus, telemetry.store, signals),
         calibrations=CalibrationSessions(bus, telemetry.store),
         recorder=recorder,

@@ -20,7 +20,6 @@ from collections.abc import Iterable, Mapping
 from imuscope.server import wire
 from imuscope.server.alarms.definitions import HealthCondition
 from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
-from imuscope.server.devices.protocol_set import counts_losses
 
 LOSS_S = 10.0
 RATE_S = 2.0  # of a rate: server/rate_meter.py
@@ -99,8 +98,13 @@ class HealthJudge:
             if info.status != "live":
                 return "The device does not send, so that its clock is not observed. Reconnect it, or start it."
             return DRIFT_UNKNOWN if health is not None and health.drift_ppm is None else ""
-        if figure == "loss" and not (health and health.lost) and not counts_losses(info, self.channels):
-            return UNCOUNTED
+        if figure == "loss" and not (health and health.lost):
+            from imuscope.server.devices.protocol_set import (
+                counts_losses,  # late: previews, which are without, start sooner
+            )
+
+            if not counts_losses(info, self.channels):
+                return UNCOUNTED
         needed = LOSS_S if figure == "loss" else RATE_S
         known = 0.0 if self._known_since is None else now - self._known_since
         if known < needed:

@@ -20,6 +20,7 @@ from imuscope.server.analysis.limits import AnalysisLimits
 from imuscope.server.analysis.service import AnalysisService
 from imuscope.server.errors import DomainError
 from imuscope.server.fork_server import ForkServer, JobLostError
+from tests.each_row import each_row
 from tests.forked_workers import started_afresh
 from tests.waiting import until
 
@@ -197,6 +198,44 @@ def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() -> None:
             await forks.run(Says("1"))
         assert forks.pid is None
         await forks.close()
+
+    asyncio.run(main())
+
+
+def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_looks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Regression: the first analysis of a server waited 0.7 s for the libraries, however long the page was open."""
+    monkeypatch.setattr("imuscope.server.analysis.service._processors", lambda: 2)
+    looks, loads = [True], [9.0, 3.0, 0.5]
+
+    async def main() -> None:
+        service = AnalysisService(is_viewed=lambda: looks[0], load=lambda: loads.pop(0))
+        service.viewed(0.0)
+        await until(lambda: service.forks.pid, "the process to start")
+        assert loads == [], "it waits until the machine is idle"
+        assert service.forks.is_kept(), "it stays while somebody looks"
+        looks[0] = False
+        assert not service.forks.is_kept()
+        await service.close()
+
+    asyncio.run(main())
+
+
+@each_row(("is_viewed", "processors", "memory"), [(False, 2, 4), (True, 1, 4), (True, 2, 1)])
+def test_nothing_is_started_where_nobody_looks_or_on_a_small_machine(
+    is_viewed: bool, processors: int, memory: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("imuscope.server.analysis.service._processors", lambda: processors)
+    monkeypatch.setattr("imuscope.server.analysis.service.memory_of_one", lambda: memory << 30)
+    loads = [0.0]
+
+    async def main() -> None:
+        service = AnalysisService(is_viewed=lambda: is_viewed, load=loads.pop)
+        service.viewed(0.0)
+        assert not service.forks.is_kept()
+        await service.close()
+        assert loads == [0.0], "nothing was even planned"
 
     asyncio.run(main())
 
