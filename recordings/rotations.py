@@ -1,5 +1,5 @@
 """Rotations in the form other programs use: quaternions to ENU, from any attitude representation; their products,
-differences and means. Pure. Euler angles are in recordings/euler.py.
+differences and means. Pure. Euler angles are in protocols/euler.py.
 
     q_enu_from_body = q_enu_from_frame ⊗ q_frame_from_body        frame: ENU, NED or NWU; scalar first
 

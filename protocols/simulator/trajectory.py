@@ -36,6 +36,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.euler import euler_columns
+
 Floats = NDArray[np.float64]
 Array = NDArray[Any]
 
@@ -223,13 +225,8 @@ def matrix(q: Array) -> Floats:
 
 
 def euler(q: Array) -> Floats:
-    """Roll, pitch and yaw (ZYX), (n, 3) rad, of unit quaternions, (n, 4); roll and yaw in (−π, π]."""
-    w, x, y, z = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
-    return _columns(
-        np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0)),
-        np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)),
-    )
+    """Roll, pitch and yaw (ZYX), (n, 3) rad, of unit quaternions, (n, 4), as everywhere (protocols/euler.py)."""
+    return np.radians(_columns(*euler_columns(list(np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)))))
 
 
 def to_body(q_enu_from_body: Array, v: Array) -> Floats:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuscope.recordings.euler import euler_columns, quaternion_columns
+from imuscope.protocols.euler import euler_columns, quaternion_columns
 from imuscope.recordings.rotations import ENU_FROM, conjugate, product
 from imuscope.server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn
 from imuscope.server.errors import DomainError

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.euler import quaternion_columns
+from imuscope.protocols.euler import quaternion_columns
 from imuscope.recordings.rotations import of_matrix
 from imuscope.server.analysis.stillness import (
     FORCE_CHANGE,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.euler import euler_columns
+from imuscope.protocols.euler import euler_columns
 from imuscope.server.analysis.expression_syntax import Call, ExpressionError, Node
 from imuscope.server.analysis.quantities import Quantity, at_times, in_runs, on_one_axis
 from imuscope.server.analysis.signals import ANGLES, Floats, grouped

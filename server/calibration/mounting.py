@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from imuscope.recordings.euler import euler_columns
+from imuscope.protocols.euler import euler_columns
 from imuscope.server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
 from imuscope.server.analysis.triads import Floats, Samples
 from imuscope.server.calibration.report import (
@@ -233,5 +233,5 @@ def _refusal(rested: float, best: DriveFit | None, forces: StepMeans) -> Calibra
 
 
 def mounting_angles(matrix: Floats) -> list[float]:
-    """Roll, pitch and yaw of a rotation, °, as everywhere (recordings/euler.py)."""
+    """Roll, pitch and yaw of a rotation, °, as everywhere (protocols/euler.py)."""
     return [float(angle[0]) for angle in euler_columns(list(matrix.reshape(9, 1)))]

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.euler import euler_columns
 from imuscope.protocols.events import Batch
 from imuscope.protocols.schema import Message
 from imuscope.recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
-from imuscope.recordings.euler import euler_columns
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.payloads import BYTES, SHAPE, PayloadsWriter
 from imuscope.server import wire
@@ -190,7 +190,7 @@ class RecordingSink:
         return info
 
     def _angles(self, piece: ChannelRows) -> None:
-        """Euler angles of rotations sent in another form (recordings/euler.py)."""
+        """Euler angles of rotations sent in another form (protocols/euler.py)."""
         number = self._derived.get(piece.channel)
         if number is None:
             number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])

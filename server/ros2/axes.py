@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.euler import quaternion_columns
+from imuscope.protocols.euler import quaternion_columns
 from imuscope.recordings.rotations import ENU_FROM, READ, Quaternion, product
 
 Floats = NDArray[np.float64]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imuscope.protocols.euler import euler_columns
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.protocols.simulator.trajectory import MotionState, vehicle_motion
-from imuscope.recordings.euler import euler_columns
 from imuscope.recordings.rotations import ENU_FROM, conjugate, product
 from imuscope.server.analysis.signal_request import requested_signals, unknown_product
 from imuscope.server.analysis.signals import Floats

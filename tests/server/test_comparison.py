@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from imuscope.recordings.euler import quaternion_columns
+from imuscope.protocols.euler import quaternion_columns
 from imuscope.recordings.rotations import slerp
 from imuscope.server import wire
 from imuscope.server.analysis.comparison import (

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from imuscope.protocols.euler import euler_columns, quaternion_columns
 from imuscope.protocols.mounting import frame_angles, matrix_of, quaternion_of
-from imuscope.recordings.euler import euler_columns, quaternion_columns
+from imuscope.protocols.simulator import trajectory
 from imuscope.recordings.rotations import READ, angle_of, conjugate, product
 from imuscope.server.analysis.signal_request import requested_signals
 from imuscope.server.calibration.mounting import mounting_angles
@@ -46,6 +47,7 @@ def test_every_place_shows_the_same_angles(row: dict[str, Any]) -> None:
         "values and exports, of a matrix": [float(one[0]) for one in euler_columns(matrix.reshape(9, 1))],
         "expressions": by_an_expression(q),
         "calibration": mounting_angles(matrix),
+        "simulators": np.degrees(trajectory.euler(q.reshape(1, 4))[0]).tolist(),
         "settings of devices": np.degrees(frame_angles(matrix.T)).tolist(),
     }
     for place, angles in places.items():

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imuscope.protocols.euler import euler_columns
 from imuscope.recordings import rotations
 from imuscope.recordings.column_store import ExactRows
-from imuscope.recordings.euler import euler_columns
 from imuscope.server.integrations import meshes, poses
 from imuscope.server.integrations.replay_sync import ReplayFollower
 from imuscope.server.wire_codec import SampleFrame
