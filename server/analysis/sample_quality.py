@@ -25,6 +25,7 @@ MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much
 QUIET = 0.01  # of the noise of the loud windows: noise by chance is never so low
 RARE = 1e-9  # probability of a stretch of equal values as long by chance
 REPEATED = 0.03  # part of equal neighbours beyond what rounding explains
+SMALL = 0.05  # part of the distances between values
 COARSE = 1.0  # standard deviations in a step of the resolution
 CLIPPED, CLIPPED_PART = 5, 5e-4  # samples at an extreme, at least
 Fault = tuple[str, str, str]
@@ -80,9 +81,9 @@ def sample_faults(values: Floats, runs: Sequence[slice], rate: float, unit: str)
         return stuck
     if quiet := _quiet(parts, rate):
         return [("stuck", f"Stuck: {quiet / rate:.3g} s without noise.", _CHECK_SENSOR)]
-    step, scatter, equal = resolution([part.values for part in parts]), _scatter(parts), _equal(parts)
-    if step > COARSE * scatter:
-        words = f"Coarse resolution: a step of {step:.3g} {unit} is larger than the noise."
+    (finest, step), scatter, equal = resolution([part.values for part in parts]), _scatter(parts), _equal(parts)
+    if finest > COARSE * scatter:
+        words = f"Coarse resolution: a step of {_with(finest, unit, 3)} is larger than the noise."
         return [("resolution", words, "Set the device to an output format with a finer resolution, and record again.")]
     by_rounding = step / (2 * math.sqrt(math.pi) * scatter)
     if equal > 1.5 * by_rounding + REPEATED:
@@ -104,11 +105,11 @@ def _stuck(parts: Sequence[Steps], rate: float, unit: str) -> list[Fault]:
     n = sum(len(part.values) for part in parts)
     first = parts[0].values[0]
     if all(part.equal == len(part.steps) and part.values[0] == first for part in parts):
-        return [("stuck", f"Stuck: all {counted(n, 'sample')} are {first:.6g} {unit}.", _CHECK_SENSOR)]
+        return [("stuck", f"Stuck: all {counted(n, 'sample')} are {_with(first, unit)}.", _CHECK_SENSOR)]
     longest, at_value = max((part.longest_equal() for part in parts), key=lambda found: found[0])
     others = max(_equal(parts) - longest / n, 0.0)
     if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < RARE:
-        words = f"Stuck: {longest / rate:.3g} s without a change, at {at_value:.6g} {unit}."
+        words = f"Stuck: {longest / rate:.3g} s without a change, at {_with(at_value, unit)}."
         return [("stuck", words, _CHECK_SENSOR)]
     return []
 
@@ -120,10 +121,21 @@ def _lower_rate(equal: float, rate: float) -> str:
     return f"Set the output rate to what the sensor measures, about {(1 - equal) * rate:.3g} Hz, and record again."
 
 
-def resolution(parts: Sequence[Floats]) -> float:
-    """Usual distance of neighbouring values among all that occur; that of a fine resolution is tiny."""
+def resolution(parts: Sequence[Floats]) -> tuple[float, float]:
+    """A small and the usual distance of neighbouring values among all that occur; those of a fine resolution are tiny.
+
+    Only where the small one is large, too, the values lie on a coarse grid: those of a steady swing are few, but the
+    ones near its ends are close to each other.
+    """
     values = np.unique(np.concatenate(parts)[:MOST])
-    return float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+    if len(values) < 2:
+        return 0.0, 0.0
+    small, usual = np.quantile(np.diff(values), (SMALL, 0.5))
+    return float(small), float(usual)
+
+
+def _with(value: float, unit: str, digits: int = 6) -> str:
+    return f"{value:.{digits}g} {unit}".rstrip()
 
 
 def _quiet(parts: Sequence[Steps], rate: float) -> int:
@@ -163,6 +175,6 @@ def _clipped(parts: Sequence[Floats], unit: str) -> list[Fault]:
         rest = np.concatenate([part[part != extreme] for part in parts])
         beside = float(rest.max() if word == "highest" else rest.min())
         if count > 2 * int(np.count_nonzero(rest == beside)):
-            words = f"Clipped: {counted(count, 'sample')} are at the {word} value, {extreme:.6g} {unit}."
+            words = f"Clipped: {counted(count, 'sample')} are at the {word} value, {_with(extreme, unit)}."
             return [("clipped", words, "Set a larger range of the sensor, or remove what drives it to its limit.")]
     return []
