@@ -1,5 +1,7 @@
 import { beforeEach, describe, expect, it } from "vitest";
 import { protocol } from "../testing/capabilities";
+import type { Store } from "../data/store";
+import { recently } from "./panel-context";
 import { capabilities, countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { figuresOf, isLeftOut, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
@@ -140,6 +142,11 @@ describe("recentOf", () => {
     expect(recentOf(events, "1", 80)).toEqual({ gaps: 13, lost: 97, blind: 0, rejects: 3 });
     expect(recentOf(events, "2", 80)).toEqual(quiet);
   });
+  it("counts the minute before the end of a file that has ended", () => {
+    const events = [event(10, "gap", 5), event(50, "gap", 7)];
+    const store = { events: { value: events }, edgeOf: () => 60, serverNow: () => 1000 } as unknown as Store;
+    expect(recently({ store }, "1")).toMatchObject({ gaps: 2, lost: 12 });
+  });
 });
 
 describe("verdict", () => {
@@ -183,8 +190,8 @@ describe("verdict", () => {
       ["No samples yet: nothing is known about loss.", told({ messages: [] })],
       ["No samples yet: nothing is known about loss.", told({ messages: [{ name: "a", rate: 0, count: 0 }] })],
       ["The device does not send PacketCounter: lost samples cannot be counted.", told({}, {}, ["Acceleration"])],
-      ["Samples of this protocol have no numbers: lost ones cannot be counted.", told({}, { protocol: "isb" })],
-      ["discarded. Samples of this protocol have no numbers", told({ rejects: 1 }, { protocol: "isb" })],
+      ["The samples have no numbers: lost ones cannot be counted.", told({}, { protocol: "isb" })],
+      ["discarded. The samples have no numbers", told({ rejects: 1 }, { protocol: "isb" })],
     ];
     for (const [words, text] of rows) {
       expect(text.replace("lost since the session began, before", "lost before")).toContain(words);

@@ -119,7 +119,7 @@ export const TEXT = {
   noSamplesYet: "No samples yet: nothing is known about loss.",
   lossesWithout: (counter: string) =>
     `The device does not send ${counter}: lost samples cannot be counted. Enable it in its outputs.`,
-  lossesUnnumbered: "Samples of this protocol have no numbers: lost ones cannot be counted.",
+  lossesUnnumbered: "The samples have no numbers: lost ones cannot be counted.",
   lostLaterVerdict: (samples: number) =>
     `No loss up to here; ${count(samples, "sample is", "samples are")} missing later.`,
   noLossInSession: "No loss since this session began.",
