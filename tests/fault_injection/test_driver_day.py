@@ -4,7 +4,6 @@ recordings start and stop, pages open and the server is killed. Nothing reaches 
 
 from __future__ import annotations
 
-import json
 import os
 import random
 import select
@@ -15,37 +14,25 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from websockets.typing import Subprotocol
 
 from imuscope.protocols.events import Batch, RejectedFrame, Reply, SampleGap
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build
-from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
-from imuscope.server.wire import SUBPROTOCOL
+from tests.fault_injection.busy_page import ListeningDevice, heard_by, open_a_page, record
 from tests.free_ports import free_port
 from tests.links.shared_port import opened
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, connect, http_client
+from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 pytestmark = pytest.mark.usefixtures("runtime")
 
 GO_TO_CONFIG, GO_TO_MEASUREMENT, REQ_DID = build(0x30), build(0x10), build(0x00)
-
-
-class ListeningDevice(XbusSimulator):
-    """An MTi that keeps what it is sent."""
-
-    heard = b""
-
-    def receive(self, data: bytes, now_ns: int) -> bytes:
-        self.heard += data
-        return super().receive(data, now_ns)
 
 
 class BusyDriver(threading.Thread):
@@ -128,27 +115,6 @@ def device() -> Iterator[SimulatorThread]:
     thread.start()
     yield thread
     thread.stop()
-
-
-def heard_by(device: SimulatorThread) -> bytes:
-    assert isinstance(device.device, ListeningDevice)
-    return device.device.heard
-
-
-def open_a_page(server: ServerProcess) -> None:
-    """What a page asks for when it is opened on Configure."""
-    with http_client(base_url=server.url) as http:
-        for place in ("devices", "devices/1/forms", "devices/1/values", "devices/1/shares", "recordings", "ports"):
-            assert http.get(f"/api/{place}").status_code in (200, 404, 409)
-    with connect(f"{server.url.replace('http', 'ws')}/ws", subprotocols=[Subprotocol(SUBPROTOCOL)]) as page:
-        assert json.loads(page.recv())["op"] == "hello"
-
-
-def record(server: ServerProcess) -> None:
-    with http_client(base_url=server.url) as http:
-        http.post("/api/recordings/stop", json={})
-        assert http.post("/api/recordings/start", json={}).is_success
-        assert http.post("/api/recordings/stop", json={}).is_success
 
 
 @pytest.mark.parametrize(

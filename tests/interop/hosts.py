@@ -12,7 +12,7 @@ from tests.interop.running import HERE, Checkout, DiffersError, expect, owned, r
 
 REMOTE = Path("/dev/remote")
 
-MTDEVICE = Checkout("ethzasl", "https://github.com/ethz-asl/ethzasl_xsens_driver", "master")
+MTDEVICE = Checkout("ethzasl", "https://github.com/ethz-asl/ethzasl_xsens_driver", "8abe90f3c55c")
 
 
 def mtdevice(folder: Path, scratch: Path) -> str:

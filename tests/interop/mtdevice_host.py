@@ -1,8 +1,9 @@
 """A host program based on ethzasl's mtdevice.py: identity, settings, two outputs, a second of data.
 
-python mtdevice_host.py PORT BAUD, with the checkout's src folder on PYTHONPATH
+python mtdevice_host.py PORT BAUD [MEASUREMENTS], with the checkout's src folder on PYTHONPATH
 """
 
+import itertools
 import sys
 
 from xsens_driver.mtdef import XDIGroup  # type: ignore[import-not-found]  # the checkout's
@@ -15,8 +16,12 @@ print(f"product {str(device.GetProductCode()).strip()}")
 device.SetOutputConfiguration([(0x1020, 0xFFFF), (0x1060, 0xFFFF), (0x4020, 100)])
 print(f"outputs {[(hex(kind), rate) for kind, rate in device.GetOutputConfiguration()]}")
 device.GoToMeasurement()
-found = 0
-while found < 50:
-    found += "Acceleration" in device.read_measurement()
-print("accelerations 50")
+wanted = int(sys.argv[3]) if len(sys.argv) > 3 else 50
+found, counters = 0, []
+while found < wanted:
+    measurement = device.read_measurement()
+    found += "Acceleration" in measurement
+    counters.append(measurement["Timestamp"]["PacketCounter"])
+print(f"accelerations {found}")
+print(f"gaps {sum((b - a) % 65536 != 1 for a, b in itertools.pairwise(counters))}")
 print(f"groups {XDIGroup.Acceleration:#x}")

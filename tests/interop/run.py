@@ -9,6 +9,9 @@
     python -m tests.interop.run mtdevice-shared, xda-shared, cltool-shared, xsens-go-shared
                                                   the same programs on a port that a server holds and shares (--share),
                                                   records and configures meanwhile
+    python -m tests.interop.run mtdevice-undisturbed, xda-undisturbed
+                                                  the same on a shared port beside which recordings start and stop,
+                                                  pages open and the server is killed: nobody else talks to the device
     python -m tests.interop.run mcap              pymcap-cli 0.34.0 (pip), on recordings and exports of ours
     python -m tests.interop.run rerun             the rerun command that is installed with imuscope, on an .rrd export
     python -m tests.interop.run pygnssutils       pygnssutils 1.3.1 (pip) as the NTRIP caster of a device
@@ -32,7 +35,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tests.interop import files, hosts, ros2, ros2_source, shared_port
+from tests.interop import files, hosts, ros2, ros2_source, shared_port, undisturbed
 from tests.interop.running import ROOT, DiffersError
 
 PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
@@ -44,6 +47,8 @@ PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
     "xda-shared": shared_port.xda_shared,
     "cltool-shared": shared_port.cltool_shared,
     "xsens-go-shared": shared_port.xsens_go_shared,
+    "mtdevice-undisturbed": undisturbed.mtdevice_undisturbed,
+    "xda-undisturbed": undisturbed.xda_undisturbed,
     "hiroz": ros2.hiroz,
     "hiroz-source": ros2_source.hiroz_source,
     "mcap": files.mcap,

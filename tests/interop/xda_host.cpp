@@ -4,6 +4,12 @@
 //
 // Scans the port, opens the device, reads who it is and what it is set to, sets two outputs, measures, logs, and prints
 // a line of what it found for each step; run.py compares them. Exit status 1 names the step that failed.
+//
+// In lib/xspublic of Xsens' ROS driver (a recent g++ lacks <cstring> in it):
+//
+//     CXXFLAGS="-O1 -include cstring" make
+//     g++ -std=c++11 -I. -include cstring .../tests/interop/xda_host.cpp -o xda_host xscontroller/libxscontroller.a
+//         xscommon/libxscommon.a xstypes/libxstypes.a -lpthread -ldl
 
 #include <xscontroller/xscontrol_def.h>
 #include <xscontroller/xsdevice_def.h>
