@@ -71,8 +71,13 @@ class ProtocolPlugin:
 @functools.cache
 def protocol_plugins() -> tuple[ProtocolPlugin, ...]:
     """All declared families: imuscope's own in their order, then others by name."""
-    own = [ProtocolPlugin(name, value) for name, value in _own_entries().items()]
-    return (*own, *plugins_of_others(GROUP))
+    return (*plugins_of(GROUP),)
+
+
+def plugins_of(group: str) -> list[ProtocolPlugin]:
+    """All declarations of a group: imuscope's own in their order, then others by name."""
+    own = [ProtocolPlugin(name, value) for name, value in _own_entries(group).items()]
+    return [*own, *plugins_of_others(group)]
 
 
 def plugins_of_others(group: str) -> list[ProtocolPlugin]:
@@ -116,8 +121,8 @@ def protocol_names() -> list[str]:
     return list(dict.fromkeys(plugin.name for plugin in protocol_plugins()))
 
 
-def _own_entries() -> dict[str, str]:
-    """Name → value of the families in this program, from pyproject.toml of the checkout, else as installed.
+def _own_entries(group: str) -> dict[str, str]:
+    """Name → value of what this program declares in a group, from pyproject.toml of the checkout, else as installed.
 
     Raises:
         RuntimeError: neither declares any, so nothing can be decoded.
@@ -126,11 +131,11 @@ def _own_entries() -> dict[str, str]:
     if project.is_file():
         declared = tomllib.loads(project.read_text(encoding="utf-8"))["project"]
         if declared["name"] == PACKAGE:
-            return dict(declared["entry-points"][GROUP])
+            return dict(declared["entry-points"][group])
     try:
-        installed = metadata.distribution(PACKAGE).entry_points.select(group=GROUP)
+        installed = metadata.distribution(PACKAGE).entry_points.select(group=group)
         if found := {entry.name: entry.value for entry in installed}:
             return found
     except metadata.PackageNotFoundError:
         pass
-    raise RuntimeError(f"The installation declares no {GROUP}. Install imuscope again: pip install --force-reinstall.")
+    raise RuntimeError(f"The installation declares no {group}. Install imuscope again: pip install --force-reinstall.")

@@ -25,7 +25,6 @@ from imuscope.server.api import (
     fleet_profiles,
     fleet_rollouts,
     forms,
-    foxglove,
     map_tiles,
     packets,
     ports,
@@ -35,7 +34,6 @@ from imuscope.server.api import (
     recordings,
     reference,
     replay,
-    rerun,
     robot_pages,
     ros2,
     shares,
@@ -45,7 +43,6 @@ from imuscope.server.api import (
     status,
     unicode_guard,
     uploads,
-    viser,
     websocket,
     workspaces,
 )
@@ -53,6 +50,7 @@ from imuscope.server.auth import Access, Guard
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sessions import OpenLink
+from imuscope.server.extension import extensions
 from imuscope.server.fleet.fleet_server import FleetServer
 from imuscope.server.fleet.robots import Robots
 from imuscope.server.links import open_link
@@ -94,15 +92,11 @@ ROUTED = (
     capabilities,
     map_tiles,
     websocket,
-    foxglove,
-    viser,
-    rerun,
     ros2,
     reference,
     signals,
-    static_files,
 )
-"""Modules whose routes are served. The page is last, because it matches every remaining path.
+"""Modules whose routes are served, before those of extensions. The page comes last: it matches every remaining path.
 
 The routes are added directly: `include_router` would build every route and its validators again for each application,
 at the first request, which would take a second longer.
@@ -158,7 +152,12 @@ def create_app(
     app.add_middleware(RateLimiter)
     app.add_middleware(Heads)
     app.add_middleware(PreviousPaths)
-    for module in ROUTED:
-        app.router.routes.extend(module.router.routes)
+    routers = [module.router for module in ROUTED]
+    for extension in extensions():
+        for part in extension.parts(services):
+            services.parts.add(part)
+        routers += extension.routers()
+    for router in (*routers, static_files.router):
+        app.router.routes.extend(router.routes)
     description.install(app, errors.responses(401, 403, 411, 413, 415, 429, 500))  # every route can answer with these
     return Guard(app, access)

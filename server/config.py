@@ -142,7 +142,7 @@ class Config:
         shares: addresses at which the port of a source is offered to other programs, by source
             (server/holder/shares.py).
         upload_gb: maximum size of an uploaded recording, 10⁹ bytes.
-        foxglove: loopback port of the Foxglove protocol (server/integrations/foxglove.py); 0 for any free one, −1 for
+        foxglove: loopback port of the Foxglove protocol (server/extensions/foxglove); 0 for any free one, −1 for
             none.
         rerun_connect: address of a Rerun viewer on another machine to stream to; "" for none.
         ros2: publish devices as nodes of ROS 2 (server/integrations/ros2.py).

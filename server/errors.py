@@ -81,6 +81,7 @@ KINDS: Mapping[str, Kind] = {
     "tile-server": Kind(502, "The server of map tiles failed."),
     "store": Kind(502, "The store of recordings cannot be used."),
     "disk": Kind(507, "Writing to disk failed."),
+    "no-extension": Kind(503, "The part of the server that does this is not installed."),
     "no-view": Kind(503, "The viewer is not running."),
     "fault": Kind(500, "Internal error."),
 }

@@ -5,8 +5,8 @@
     cross-origin-resource-policy no page of another origin may embed it as an image, a script or a style
     referrer-policy              addresses are not sent to other sites
 
-Policies of pages: server/api/static_files.py (`/`), server/api/rerun.py (`/rerun/`), server/integrations/proxy.py
-(`/viser/`).
+Policies of pages: server/api/static_files.py (`/`), server/extensions/rerun/routes.py (`/rerun/`),
+server/integrations/proxy.py (`/viser/`).
 """
 
 from __future__ import annotations

@@ -43,11 +43,8 @@ from imuscope.server.fleet.question_service import QuestionService
 from imuscope.server.fleet.raised_alarms import raised_alarms
 from imuscope.server.fleet.robots import Robots
 from imuscope.server.fleet.uploads import UploadService
-from imuscope.server.integrations.foxglove import Foxglove
 from imuscope.server.integrations.map_tiles import TileSource
-from imuscope.server.integrations.rerun import Rerun
 from imuscope.server.integrations.ros2 import Ros2
-from imuscope.server.integrations.viser import Viser
 from imuscope.server.jit_cache import BackgroundLoad
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.cleanup import DataFolderLock
@@ -59,6 +56,7 @@ from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.links.simulated_device import default_sources
 from imuscope.server.metrics import Metrics
 from imuscope.server.page_files import Files
+from imuscope.server.parts import Parts
 from imuscope.server.reference.pages import ReferencePages
 from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
@@ -76,10 +74,12 @@ class Services:
         fleet: this robot in its fleet.
         robots: those of a fleet; None if this is no fleet server.
         fleet_server: what receives them.
+        parts: what extensions bring; complete before the server is started.
         history_lock: held while history is sent to a browser, so that several pages are served one after the other.
     """
 
     config: Config
+    access: Access
     reading: DecodeOptions
     telemetry: Telemetry
     metrics: Metrics
@@ -97,9 +97,6 @@ class Services:
     recorder: Recorder
     exports: ExportJobs
     alarms: AlarmService
-    viser: Viser
-    rerun: Rerun
-    foxglove: Foxglove
     ros2: Ros2
     tiles: TileSource
     page_files: Files
@@ -113,6 +110,7 @@ class Services:
     uploads: UploadService
     robots: Robots | None = None
     fleet_server: FleetServer | None = None
+    parts: Parts = field(default_factory=Parts)
     protocols: Callable[[], dict[str, str]] = installed_protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     history_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -144,14 +142,13 @@ class Services:
         await self.recorder.resume()
         await self.alarms.start()
         self.catalogue.start()
-        self.foxglove.start()
         self.ros2.start()
         self.fleet.start()
         if self.folder_lock.is_alone and self.robots is None:  # otherwise the other server uploads what is there
             self.uploads.start()
         if self.fleet_server is not None:
             self.fleet_server.start()
-        await self.rerun.start()
+        await self.parts.start()
         if sources or self.robots is None:  # 200 MB that a fleet server without devices does not need
             decoders.start()
         yield
@@ -163,9 +160,7 @@ class Services:
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
                 "an analysis": self.analyses.close(),
                 "the alarms": self.alarms.close(),
-                "viser": self.viser.close(),
-                "Rerun": self.rerun.close(),
-                "Foxglove": self.foxglove.close(),
+                **{part.name: part.close() for part in self.parts},
                 "ROS 2": self.ros2.close(),
                 "the fleet": self.fleet.close(),
                 **({} if self.fleet_server is None else {"the fleet server": self.fleet_server.close()}),
@@ -227,6 +222,7 @@ def build_services(
     recorder.waiting = uploads.waiting_paths
     return Services(
         config=config,
+        access=access,
         reading=reading,
         telemetry=telemetry,
         metrics=Metrics(bus),
@@ -246,9 +242,6 @@ def build_services(
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
         alarms=alarms,
-        viser=Viser(telemetry, timings.scene_idle_s),
-        rerun=Rerun(telemetry, config.rerun_connect),
-        foxglove=Foxglove(telemetry, config.foxglove, access),
         ros2=Ros2(telemetry, config, sensors_of),
         tiles=TileSource(config.map),
         page_files=page_files,

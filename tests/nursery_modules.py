@@ -24,11 +24,11 @@ WORKERS = (
 imuscope.recordings.compaction, which imports little and may have little memory.
 """
 VIEWERS = {
-    "imuscope.server.integrations.foxglove_worker": (),
-    "imuscope.server.integrations.rerun_worker": (),
+    "imuscope.server.extensions.foxglove.worker": (),
+    "imuscope.server.extensions.rerun.worker": (),
     "imuscope.server.integrations.ros2_worker": ("zenoh",),
-    "imuscope.server.integrations.rrd_stream_worker": ("imuscope.recordings.rrd.writer",),
-    "imuscope.server.integrations.viser_worker": ("imuscope.server.integrations.scene",),
+    "imuscope.server.extensions.rerun.stream_worker": ("imuscope.recordings.rrd.writer",),
+    "imuscope.server.extensions.viser.worker": ("imuscope.server.extensions.viser.scene",),
 }
 """Processes that feed viewers of others, and what they import late. Their libraries take a second each to import, which
 the nursery does when the first one is asked for.

@@ -4,7 +4,7 @@
 The track is drawn in metres, and a tab beside it has the same on a map. That tab is not in front, because the viewer
 requests map tiles from an external server for a visible map, which would reveal the robot's position. Outside our page
 that happens only when the user brings the map to the front. Inside our page it never happens
-(server/integrations/rerun_page/start.js): there the tiles come from the configured tile server through ours, and
+(server/extensions/rerun/page/start.js): there the tiles come from the configured tile server through ours, and
 without one the track is shown on a plain ground.
 """
 

@@ -142,7 +142,9 @@ def require_samples(signal: Signal) -> None:
         return
     if not signal.left_out:
         raise DomainError("not-found", f"{signal.name} has no samples in that range.", "Request another range.")
-    message = f"None of the {grouped(signal.left_out)} samples of {signal.name} in that range is a finite number."
+    message = (
+        f"{signal.name} has {grouped(signal.left_out)} samples in that range, and each is infinite or not a number."
+    )
     hint = "A division by 0 or the root of a negative number has no value: change the expression or the range."
     raise DomainError("not-found", message, hint)
 

@@ -174,8 +174,8 @@ async def _recorded(side: ComparedSide, letter: str, services: Services) -> _Dev
     recording = entry.title or entry.name
     recorded = store.manifest["snapshots"]
     if not side.device and len(recorded) > 1:
-        message = f"{letter}: “{recording}” holds the settings of several devices."
-        raise DomainError("which-device", message, f"Name one: {', '.join(recorded):.400}.")
+        several = f"{letter}: “{recording}” has several devices with settings."
+        raise DomainError("which-device", several, f"Name one: {', '.join(recorded):.400}.")
     device = side.device or next(iter(recorded), "")
     body = recorded.get(device, {})
     values = body.get("values")

@@ -50,7 +50,7 @@ def diagnostics(
             words.append(f"{counts.rejects - last.rejects} frames rejected.")
         if uncertainty is not None and uncertainty > UNCERTAIN_MS:
             words.append(f"Stamps are uncertain by ± {uncertainty:.0f} ms.")
-        if (behind := figures.get("behind") or 0.0) > BEHIND_S:
+        if (behind := (figures.get("behind") or {}).get("decoding", 0.0)) > BEHIND_S:
             words.append(f"Decoding is {behind:.3g} s behind the data received.")
         if health is None:
             words.append("No figures yet.")

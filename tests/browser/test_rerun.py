@@ -140,7 +140,7 @@ def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_pa
     assert "Map: © Someone" in page.locator("#foot").inner_text()
 
 
-@pytest.mark.slow  # tests/server/test_rerun.py streams to a viewer that only reads
+@pytest.mark.slow  # tests/extensions/rerun/test_rerun.py streams to a viewer that only reads
 def test_live_data_is_shown_with_its_lag(data: Path, open_page: Callable[..., Page]) -> None:
     with ServerProcess("sim:xbus", data=data) as server:
         page = open_page(f"{server.url}/rerun/?live&theme=dark", width=900, height=600)

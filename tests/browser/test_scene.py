@@ -124,7 +124,7 @@ def settled(page: Page) -> NDArray[np.int16]:
     return seen[-1]
 
 
-@pytest.mark.slow  # tests/server/test_viser.py turns a device and reads the scene's messages
+@pytest.mark.slow  # tests/extensions/viser/test_viser.py turns a device and reads the scene's messages
 def test_the_body_on_screen_turns_with_the_device(
     serve: Callable[..., ServerProcess], line: PathLine, open_scene: Callable[[str], Page]
 ) -> None:

@@ -47,7 +47,7 @@ from imuscope.server.config import ConfigError, load
 from imuscope.server.configuration.snapshots import SnapshotError, from_text
 from imuscope.server.devices.decode_options import DecodeOptionError, checked_options
 from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.integrations import meshes
+from imuscope.server.extensions.viser import meshes
 from imuscope.server.library.decode import decode
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.search import CorpusSearch as Decoders

@@ -301,7 +301,7 @@ def test_samples_that_are_not_finite_are_counted() -> None:
     assert found["n"] == 750
     assert found["notes"][0] == "250 of 1 000 samples of some are not finite numbers; they are left out."
     with pytest.raises(
-        DomainError, match="None of the 1 000 samples of none in that range is a finite number"
+        DomainError, match="none has 1 000 samples in that range, and each is infinite or not a number"
     ) as error:
         figures_of(analysis, none, {"gap": 1.5})
     assert "division by 0" in error.value.hint

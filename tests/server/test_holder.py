@@ -161,7 +161,7 @@ def test_frames_of_each_family_are_found(protocol: str) -> None:
     family = PROTOCOLS[protocol]
     if not family.frames.frame_size:
         pytest.skip(f"{protocol} does not say how its frames are found")
-    size: FrameSize = import_module(family.frames.frame_size).frames.frame_size
+    size: FrameSize = import_module(family.frames.frame_size).frame_size
     data = family.frames.sample * 3
     listing = family.frames.listing()
     listing.feed(data)

@@ -21,7 +21,7 @@ from websockets.http11 import Request, Response
 
 from imuscope.server.auth import Access
 from imuscope.server.config import Config
-from imuscope.server.integrations.foxglove_worker import ConnectionGuard
+from imuscope.server.extensions.foxglove.worker import ConnectionGuard
 from imuscope.server.integrations.shared_secret import HEADER, SecretEndpoint, has_secret
 from tests.each_row import each_row
 from tests.forked_workers import workers_of
@@ -42,7 +42,7 @@ def ports_of(parent: int) -> dict[str, int]:
             inodes[f"socket:[{fields[9]}]"] = int(fields[1].partition(":")[2], 16)
     found = {}
     for name in ("viser", "foxglove"):
-        for pid in workers_of(parent, f"imuscope.server.integrations.{name}_worker"):
+        for pid in workers_of(parent, f"imuscope.server.extensions.{name}.worker"):
             held = [path.readlink().name for path in Path(f"/proc/{pid}/fd").iterdir()]
             found.update((name, inodes[inode]) for inode in held if inode in inodes)
     return found

@@ -55,7 +55,7 @@ def test_a_live_device_is_ok_and_tells_how_well_its_clock_is_known() -> None:
         ({"lost": 5}, "2 samples lost."),
         ({"rejects": 4}, "4 frames rejected."),
         ({"uncertainty_ms": 80.0}, "± 80 ms"),
-        ({"behind": 12.0}, "Decoding is 12 s behind the data received."),
+        ({"behind": {"decoding": 12.0}}, "Decoding is 12 s behind the data received."),
     ],
 )
 def test_new_problems_are_warnings(changes: dict[str, Any], words: str) -> None:

@@ -1973,23 +1973,6 @@ export interface Routes {
     readonly path: { readonly z: number; readonly x: number; readonly y: number };
     readonly answer: Blob;
   };
-  /** Begin a 3D scene; returns its address as soon as it can be opened. */
-  "GET /api/views/scene": {
-    readonly query?: { readonly device?: string | undefined };
-    readonly answer: SceneAddress;
-  };
-  /** The recording for a Rerun viewer, sent while it is converted; static data first. */
-  "GET /api/recordings/{recording}/recording.rrd": {
-    readonly path: { readonly recording: string };
-    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly most?: number | undefined };
-    readonly answer: Blob;
-  };
-  /** Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device. */
-  "GET /api/recordings/{recording}/amount": {
-    readonly path: { readonly recording: string };
-    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
-    readonly answer: ViewerQuery;
-  };
   /** The publisher, its topics and their subscribers; figures are renewed once a second. */
   "GET /api/ros2": { readonly answer: RosState; };
   /** Publish a topic, or no longer; the choice outlasts the server. */
@@ -2014,5 +1997,22 @@ export interface Routes {
   "DELETE /api/devices/{device}/signals/{name}": {
     readonly path: { readonly device: string; readonly name: string };
     readonly answer: undefined;
+  };
+  /** The recording for a Rerun viewer, sent while it is converted; static data first. */
+  "GET /api/recordings/{recording}/recording.rrd": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly most?: number | undefined };
+    readonly answer: Blob;
+  };
+  /** Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device. */
+  "GET /api/recordings/{recording}/amount": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
+    readonly answer: ViewerQuery;
+  };
+  /** Begin a 3D scene; returns its address as soon as it can be opened. */
+  "GET /api/views/scene": {
+    readonly query?: { readonly device?: string | undefined };
+    readonly answer: SceneAddress;
   };
 }

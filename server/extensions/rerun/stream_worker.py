@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.integrations.rrd_stream_worker`: an opened recording as a stream of `.rrd`.
+"""`python -m imuscope.server.extensions.rerun.stream_worker`: an opened recording as a stream of `.rrd`.
 
 The request comes on standard input, one JSON object: store, title, t0, t1, most. The file is written to standard output
 while it is made: a slow reader slows it down, and if the reader disconnects it ends, because writing fails.

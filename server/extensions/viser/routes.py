@@ -24,11 +24,11 @@ from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.static_files import HEADERS
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.viser.replay_sync import ReplayFollower
+from imuscope.server.extensions.viser.service import Viser
 from imuscope.server.http_server import MAX_FROM_VIEWER
 from imuscope.server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
-from imuscope.server.integrations.replay_sync import ReplayFollower
 from imuscope.server.integrations.viewer_process import PER_S
-from imuscope.server.integrations.viser import Viser
 
 router = APIRouter()
 
@@ -49,7 +49,7 @@ async def begin_scene(
     services: TheServices, device: Annotated[str, Query(description="id of a device; all devices if omitted")] = ""
 ) -> SceneAddress:
     """Begin a 3D scene; returns its address as soon as it can be opened."""
-    await services.viser.endpoint(device)
+    await services.parts.get(Viser).endpoint(device)
     return SceneAddress(address=f"/viser/{device}/" if device else "/viser/")
 
 
@@ -66,7 +66,7 @@ async def with_slash(request: Request, key: str = "") -> RedirectResponse:
 async def scene(request: Request, services: TheServices, key: str = "") -> Response:
     """Viser's page for all devices, or for one; starts viser if it is not running."""
     gzip = "gzip" in request.headers.get("accept-encoding", "")
-    page = await fetch(await services.viser.endpoint(key), "/", most=MAX_PAGE, gzip=gzip)
+    page = await fetch(await services.parts.get(Viser).endpoint(key), "/", most=MAX_PAGE, gzip=gzip)
     headers = {**PAGE_HEADERS, "content-type": page.kind, "cache-control": "no-cache"}
     if page.encoding:
         headers["content-encoding"] = page.encoding
@@ -77,7 +77,7 @@ async def scene(request: Request, services: TheServices, key: str = "") -> Respo
 @router.websocket("/viser/{key}")
 async def live_scene(socket: WebSocket, services: TheServices, key: str = "") -> None:
     """Relay viser's WebSocket until either side disconnects."""
-    viser = services.viser
+    viser = services.parts.get(Viser)
     try:
         endpoint = await viser.endpoint(key)
     except DomainError as error:
@@ -100,7 +100,7 @@ async def live_scene(socket: WebSocket, services: TheServices, key: str = "") ->
 @router.websocket("/ws/scene/{recording}")
 async def recorded_scene(socket: WebSocket, recording: str, services: TheServices) -> None:
     """A scene that follows a page's player until the page disconnects."""
-    viser = services.viser
+    viser = services.parts.get(Viser)
     try:
         store = await services.columns.opened(recording)
     except (KeyError, FileNotFoundError, RecordingError):

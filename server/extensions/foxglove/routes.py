@@ -1,5 +1,5 @@
 """Route /foxglove: the Foxglove WebSocket protocol behind our own port, token and TLS
-(server/integrations/foxglove.py).
+(server/extensions/foxglove/service.py).
 """
 
 from __future__ import annotations
@@ -8,7 +8,8 @@ from fastapi import APIRouter, WebSocket
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.errors import DomainError
-from imuscope.server.integrations.foxglove_server import MAX_UP, SUBPROTOCOLS
+from imuscope.server.extensions.foxglove.protocol_server import MAX_UP, SUBPROTOCOLS
+from imuscope.server.extensions.foxglove.service import Foxglove
 from imuscope.server.integrations.proxy import reject, relay
 
 router = APIRouter()
@@ -21,7 +22,7 @@ MAX_DOWN = 16 * 1024 * 1024  # all advertised topics come in one message
 async def foxglove(socket: WebSocket, services: TheServices) -> None:
     """Relay between a Foxglove viewer and the bridge, until either side disconnects."""
     try:
-        endpoint = await services.foxglove.endpoint()
+        endpoint = await services.parts.get(Foxglove).endpoint()
     except DomainError as error:
         await reject(socket, error)
         return

@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.integrations.rerun_worker`: live samples as batches for Rerun viewers, in a subprocess.
+"""`python -m imuscope.server.extensions.rerun.worker`: live samples as batches for Rerun viewers, in a subprocess.
 
 It receives the messages of a browser (server/integrations/viewer_client.py). Samples of 50 ms become one chunk of each
 quantity: a chunk has some 3 kB of overhead, and a viewer handles few large ones far better than many small ones, so

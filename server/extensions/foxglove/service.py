@@ -7,7 +7,7 @@ The first listens on loopback only, whatever --host is; other machines can use o
 both (server/auth.py): if the server needs a token, each needs it (?token=…), and the web application of Foxglove is a
 foreign page whose origin must be in `allowed_origins`.
 
-The protocol runs in a subprocess (server/integrations/foxglove_worker.py), which is started after the server and
+The protocol runs in a subprocess (server/extensions/foxglove/worker.py), which is started after the server and
 restarted after a crash with growing delays.
 """
 
@@ -26,7 +26,7 @@ from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secre
 from imuscope.server.integrations.viewer_process import ViewerProcess
 from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "imuscope.server.integrations.foxglove_worker"
+MODULE = "imuscope.server.extensions.foxglove.worker"
 OFF = -1
 DEFAULT_PORT = 8765  # default of Foxglove's own tools
 START_S = 60.0

@@ -25,8 +25,8 @@ from websockets.exceptions import ConnectionClosed
 
 from imuscope.recordings.rrd.chunks import name_of
 from imuscope.server import wire
+from imuscope.server.extensions.rerun.service import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
 from imuscope.server.integrations.proxy import ViewError
-from imuscope.server.integrations.rerun import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
 from imuscope.server.streaming.channels import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire_codec import SampleFrame
@@ -37,7 +37,7 @@ from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connect, http_client
 from tests.waiting import block_until
 
-PAGE = ROOT / "server" / "integrations" / "rerun_page"
+PAGE = ROOT / "server" / "extensions" / "rerun" / "page"
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +250,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     rate: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Three seconds of a device, published 60 times a second on a clock of the test."""
-    from imuscope.server.integrations import rerun_worker
+    from imuscope.server.extensions.rerun import worker as rerun_worker
 
     clock = SimpleNamespace(now=50.0)
     monkeypatch.setattr(rerun_worker, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
@@ -298,7 +298,7 @@ def listens(port: int) -> None:
 
 def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
     """Rerun's own program in the viewer's place; what reached it is saved and read."""
-    from imuscope.server.integrations.rerun_assets import program
+    from imuscope.server.extensions.rerun.assets import program
 
     out, log = tmp_path / "got.rrd", tmp_path / "log"
     environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin", "NO_COLOR": "1"}
@@ -336,7 +336,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
 
 def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
     """A stalled viewer: it accepts the connection and reads nothing. Rerun's SDK stores all data sent to it."""
-    from imuscope.server.integrations import rerun_remote
+    from imuscope.server.extensions.rerun import remote as rerun_remote
 
     async def look(address: str) -> None:
         now = asyncio.get_running_loop().time

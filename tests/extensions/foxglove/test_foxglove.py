@@ -25,7 +25,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from imuscope.recordings.topics import Encoder, fields_of, schema_of, topic_of
-from imuscope.server.integrations.foxglove import MODULE
+from imuscope.server.extensions.foxglove.service import MODULE
 from tests.forked_workers import workers_of
 from tests.server.foxglove_client import attached, channel, protobuf
 from tests.server_process import ROOT, ServerProcess

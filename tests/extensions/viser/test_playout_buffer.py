@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from imuscope.server.integrations.playout_buffer import (
+from imuscope.server.extensions.viser.playout_buffer import (
     DELAY_S,
     FAR_S,
     MAX_WAITING,

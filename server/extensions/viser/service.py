@@ -4,7 +4,7 @@
     /viser/ID/       a scene of one device                       key: the device's id
     /viser/replay-…/ a scene of a recording that a page plays    key: given by `begin`, gone with `end`
 
-viser runs in a subprocess (server/integrations/viser_worker.py), fed by server/integrations/viewer_process.py, and is
+viser runs in a subprocess (server/extensions/viser/worker.py), fed by server/integrations/viewer_process.py, and is
 reached through server/integrations/proxy.py. Its page opens a WebSocket at its own address without the last slash.
 
     not started ──a page or a WebSocket──> starting ──port reported──> running ──no viewers for idle_s──> stopped
@@ -25,14 +25,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from imuscope.server.errors import DomainError
-from imuscope.server.integrations.playout_buffer import MESSAGES_PER_S
+from imuscope.server.extensions.viser.playout_buffer import MESSAGES_PER_S
+from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.integrations.proxy import ViewError
-from imuscope.server.integrations.replay_sync import ReplayFollower
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
 from imuscope.server.integrations.viewer_process import ViewerProcess
 from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "imuscope.server.integrations.viser_worker"
+MODULE = "imuscope.server.extensions.viser.worker"
 START_S = 60.0
 MAX_STARTS, STARTS_WITHIN_S = 5, 60.0
 MAX_SCENES = 16

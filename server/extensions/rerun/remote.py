@@ -23,7 +23,7 @@ from imuscope.server.backoff import Backoff
 from imuscope.server.integrations.viewer_process import ViewerProcess
 from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "imuscope.server.integrations.rerun_worker"
+MODULE = "imuscope.server.extensions.rerun.worker"
 AGAIN_S, LONGEST_S = 2.0, 60.0
 STUCK_S = 5.0
 

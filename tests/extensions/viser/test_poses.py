@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from imuscope.protocols.euler import euler_columns
 from imuscope.recordings import rotations
 from imuscope.recordings.column_store import ExactRows
-from imuscope.server.integrations import meshes, poses
-from imuscope.server.integrations.replay_sync import ReplayFollower
+from imuscope.server.extensions.viser import meshes, poses
+from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
 

@@ -23,15 +23,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.rerun.remote import RemoteRerun
 from imuscope.server.integrations.proxy import ViewError
-from imuscope.server.integrations.rerun_remote import RemoteRerun
 from imuscope.server.integrations.viewer_process import ViewerProcess
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.views")
 
-STREAM, FEED = "imuscope.server.integrations.rrd_stream_worker", "imuscope.server.integrations.rerun_worker"
+STREAM, FEED = "imuscope.server.extensions.rerun.stream_worker", "imuscope.server.extensions.rerun.worker"
 PIECE = 1 << 16
 MAX_STREAMS = 4  # at once: each is a process of a hundred MB
 MAX_FEEDS = 4

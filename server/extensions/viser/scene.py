@@ -12,7 +12,7 @@ Only changes are sent: orientations, and positions if something moves, of the ne
 of each for a slow browser. Arrows are updated at `SLOW_PER_S`, the track at `TRACK_PER_S`, because more is not visible
 and each costs as much as the body. Without viewers nothing is sent.
 
-Only server/integrations/viser_worker.py imports this: viser takes seconds to import. Private parts of viser are used
+Only server/extensions/viser/worker.py imports this: viser takes seconds to import. Private parts of viser are used
 only in `_restrict_clients` (its message handlers), `_at_once` (its send buffer) and `_turn` (a message).
 """
 
@@ -30,8 +30,8 @@ import viser
 from viser import _messages
 
 from imuscope.recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
-from imuscope.server.integrations.meshes import MAX_BYTES, Mesh, MeshError, read
-from imuscope.server.integrations.poses import DeviceView
+from imuscope.server.extensions.viser.meshes import MAX_BYTES, Mesh, MeshError, read
+from imuscope.server.extensions.viser.poses import DeviceView
 from imuscope.server.integrations.shared_secret import require_secret
 
 SLOW_PER_S = 15.0

@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.integrations.foxglove_worker`: the process that serves the Foxglove WebSocket protocol.
+"""`python -m imuscope.server.extensions.foxglove.worker`: the process that serves the Foxglove WebSocket protocol.
 
     input:   {"op": "serve", "port": …,      start on a loopback port (0: any free one)
               "secret": …, "rules": {…}}     clients with the secret come through our own port and were checked there;
@@ -9,7 +9,7 @@
 Every channel becomes a topic of JSON messages (recordings/topics.py), every attitude a foxglove.FrameTransform from
 ENU to the device, every latitude and longitude a foxglove.LocationFix, and every event a foxglove.Log
 (recordings/well_known.py). A channel is requested and encoded only while it has subscribers. The protocol itself is in
-server/integrations/foxglove_server.py.
+server/extensions/foxglove/protocol_server.py.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from imuscope.recordings.topics import EVENTS, Encoder, named, schema_of, stamps
 from imuscope.server.auth import Access, RefusedError
 from imuscope.server.config import Config
 from imuscope.server.errors import status_of
-from imuscope.server.integrations.foxglove_server import FoxgloveServer
+from imuscope.server.extensions.foxglove.protocol_server import FoxgloveServer
 from imuscope.server.integrations.shared_secret import has_secret
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.version import VERSION

@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.integrations.viser_worker`: the process of viser, started by server/integrations/viser.py.
+"""`python -m imuscope.server.extensions.viser.worker`: the process of viser, started by service.py.
 
     input:   {"op": "open", "key": "", "title": …,  open a scene: "" of all devices, else of the one with this id;
               "secret": …}                          required from clients (server/integrations/shared_secret.py)
@@ -6,7 +6,7 @@
     output:  {"op": "scene", "key": …, "port": …}   it is served on this loopback port
 
 Samples arrive 30 times a second and are shown 60 times a second, each row in its time
-(server/integrations/playout_buffer.py). Nothing is sent while nothing moves.
+(server/extensions/viser/playout_buffer.py). Nothing is sent while nothing moves.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.server.integrations.poses import TRACK_S, DeviceView, device_views
-from imuscope.server.integrations.scene import Scene
+from imuscope.server.extensions.viser.poses import TRACK_S, DeviceView, device_views
+from imuscope.server.extensions.viser.scene import Scene
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.wire_codec import SampleFrame
 

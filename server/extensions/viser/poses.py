@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from imuscope.recordings.rotations import ENU_FROM, READ, Quaternion, Vector, multiply
 from imuscope.recordings.rrd import entities, enu
-from imuscope.server.integrations.playout_buffer import PlayoutBuffer
+from imuscope.server.extensions.viser.playout_buffer import PlayoutBuffer
 from imuscope.server.wire_codec import SampleFrame
 
 Floats = NDArray[np.float64]

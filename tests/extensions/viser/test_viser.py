@@ -16,7 +16,7 @@ import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from imuscope.server.config import Config
-from imuscope.server.integrations.viser import MODULE
+from imuscope.server.extensions.viser.service import MODULE, Viser
 from imuscope.server.timings import ViewerTimings
 from tests.forked_workers import workers_of
 from tests.server.fakes import FakeLink
@@ -163,10 +163,10 @@ def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
         assert viser_of(os.getpid()) == []
         assert get(running.url + "/viser/").status_code == 200
         [pid] = viser_of(os.getpid())
-        running.services.viser._idle_s = 0.01  # from here on, so that it is still there when it is counted
+        running.services.parts.get(Viser)._idle_s = 0.01  # from here on, so that it is still there when it is counted
         asyncio.run(visit(running.url))
         block_until(lambda: not viser_of(os.getpid()), "it has ended")
-        running.services.viser._idle_s = PATIENCE_S
+        running.services.parts.get(Viser)._idle_s = PATIENCE_S
         assert get(running.url + "/viser/").status_code == 200
         [again] = viser_of(os.getpid())
         assert again != pid

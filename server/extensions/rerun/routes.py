@@ -31,12 +31,12 @@ from imuscope.server.api.errors import bytes_of, responses
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.static_files import HEADERS
 from imuscope.server.errors import DomainError
-from imuscope.server.integrations.rerun import RerunFeed, RerunViewer, recording_stream
-from imuscope.server.integrations.rerun_assets import NAMES, folder_of, viewer_files
+from imuscope.server.extensions.rerun.assets import NAMES, folder_of, viewer_files
+from imuscope.server.extensions.rerun.service import Rerun, RerunFeed, RerunViewer, recording_stream
 
 router = APIRouter()
 
-PAGE = Path(__file__).resolve().parents[1] / "integrations" / "rerun_page"
+PAGE = Path(__file__).resolve().parent / "page"
 OWN = {"": "index.html", "start.js": "start.js", "style.css": "style.css"}
 KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -122,7 +122,7 @@ async def get_rrd(
 ) -> Response:
     """The recording for a Rerun viewer, sent while it is converted; static data first."""
     _stretch(t0, t1)
-    slots = services.rerun.slots
+    slots = services.parts.get(Rerun).slots
     if slots.locked():
         raise DomainError("full", "Too many recordings are being opened in Rerun.", "Try again in a moment.")
     title = services.catalogue.info(recording).title
@@ -160,7 +160,7 @@ async def live(socket: WebSocket, services: TheServices, device: str = "") -> No
     """Send batches to one viewer until it disconnects."""
     await socket.accept()
     try:
-        async with services.rerun.open_viewer(device) as (feed, viewer):
+        async with services.parts.get(Rerun).open_viewer(device) as (feed, viewer):
             tasks = [
                 asyncio.create_task(_send(socket, feed, viewer), name="rerun viewer: send"),
                 asyncio.create_task(_receive(socket, viewer), name="rerun viewer: receive"),

@@ -1,0 +1,105 @@
+"""Door for extensions: what a server has beyond its heart, each in a folder of its own.
+
+    [project.entry-points."imuscope.extensions"]
+    viser = "imuscope.server.extensions.viser:EXTENSION"     an Extension whose name is the same
+
+The heart is what one needs to see, record, replay and configure a sensor. An extension brings parts (built from the
+services of the heart, started and closed with them) and routes. The heart imports none; a folder that is removed, or a
+package that cannot be imported, leaves a server without it.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+
+from fastapi import APIRouter
+
+from imuscope.protocols.plugins import ProtocolPlugin, plugins_of
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
+
+GROUP = "imuscope.extensions"
+log = logging.getLogger("imuscope.extensions")
+
+
+@dataclass(frozen=True, slots=True)
+class Extension:
+    """One extension.
+
+    Args:
+        name: of its entry point and its folder: "viser".
+        title: display name.
+        parts: builds its long-lived objects.
+        routes: modules with a `router`, in the order in which their routes are matched.
+        requires: names of other extensions that it imports.
+    """
+
+    name: str
+    title: str
+    parts: Callable[[Services], Iterable[ServicePart]] = lambda services: ()
+    routes: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+
+    def routers(self) -> list[APIRouter]:
+        """Its routes, imported when a server is made."""
+        return [import_module(name).router for name in self.routes]
+
+
+def extensions() -> tuple[Extension, ...]:
+    """All installed extensions, in the order of their names."""
+    return _installed()[0]
+
+
+def extension_problems() -> tuple[str, ...]:
+    """A sentence about each extension that is declared and unusable."""
+    return _installed()[1]
+
+
+@functools.cache
+def _installed() -> tuple[tuple[Extension, ...], tuple[str, ...]]:
+    return load_extensions(plugins_of(GROUP))
+
+
+def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension, ...], tuple[str, ...]]:
+    """The usable extensions, and a sentence about each that is not.
+
+    Raises:
+        Exception: one of imuscope's own fails to load; a defect that must not be overlooked.
+    """
+    found: dict[str, Extension] = {}
+    wrong: list[str] = []
+    for plugin in plugins:
+        if not plugin.package and importlib.util.find_spec(plugin.module) is None:
+            continue  # one of our own, whose folder was left out
+        try:
+            extension = _loaded(plugin)
+            if extension.name in found:
+                raise ValueError(f"there is an extension {extension.name!r} already")
+            found[extension.name] = extension
+        except Exception as error:  # third-party code may raise anything
+            if not plugin.package:
+                raise
+            wrong.append(plugin.problem("extension", error))
+            log.debug("%s failed", plugin.value, exc_info=True)
+    for extension in [*found.values()]:
+        missing = [name for name in extension.requires if name not in found]
+        if missing:
+            del found[extension.name]
+            wrong.append(f"The extension {extension.name!r} cannot be used: it needs {', '.join(missing)}.")
+    return tuple(found[name] for name in sorted(found)), tuple(wrong)
+
+
+def _loaded(plugin: ProtocolPlugin) -> Extension:
+    plugin.check()
+    module, _, attribute = plugin.value.partition(":")
+    extension = getattr(import_module(module), attribute)
+    if not isinstance(extension, Extension):
+        raise ValueError(f"{plugin.value} is not an Extension")
+    if extension.name != plugin.name:
+        raise ValueError(f"it calls itself {extension.name!r}")
+    return extension

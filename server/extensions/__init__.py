@@ -1,0 +1,1 @@
+"""Extensions of the server, a folder each (server/extension.py). Nothing outside imports them."""
