@@ -212,6 +212,6 @@ def moving_intervals(
 
 def _white(samples: Samples) -> float:
     """Standard deviation of the white noise of all axes together, from the differences of neighbouring samples."""
-    every = slice(0, None, max(1, len(samples) // MOST_STEPS))
-    steps = np.median(np.abs(np.diff(samples.values, axis=0)[every]), axis=0) / 0.6745 / math.sqrt(2)
+    at = np.arange(0, len(samples) - 1, max(1, len(samples) // MOST_STEPS))
+    steps = np.median(np.abs(samples.values[at + 1] - samples.values[at]), axis=0) / 0.6745 / math.sqrt(2)
     return float(np.linalg.norm(steps))
