@@ -69,7 +69,7 @@ def allan_curve(runs: Sequence[Floats], rate: float, m: Sequence[int]) -> AllanC
         m: averaging times in samples; at least one run has 2 m samples or more.
     """
     mean = sum(float(run.sum()) for run in runs) / sum(len(run) for run in runs)
-    integrals = [np.concatenate(([0.0], np.cumsum(run - mean))) for run in runs]  # without the mean: no digits are lost
+    integrals = [_integral(run, mean) for run in runs]
     variances = []
     for span in m:
         total, count = 0.0, 0
@@ -80,6 +80,15 @@ def allan_curve(runs: Sequence[Floats], rate: float, m: Sequence[int]) -> AllanC
                 count += n
         variances.append(total / (2 * span * span * count))
     return AllanCurve(m, np.array(m) / rate, np.sqrt(variances), [len(run) for run in runs])
+
+
+def _integral(run: Floats, mean: float) -> Floats:
+    """Running sum of samples from 0 on, (n + 1,); without their mean, so that no digits are lost."""
+    found = np.empty(len(run) + 1)
+    found[0] = 0.0
+    np.subtract(run, mean, out=found[1:])
+    np.cumsum(found[1:], out=found[1:])
+    return found
 
 
 def _sum_of_squares(x: Floats, m: int, n: int) -> float:

@@ -79,6 +79,8 @@ def _alone(signal: Signal, values: Floats, factor: float) -> Samples:
 
 
 def _unmoved(run: slice, moving: NDArray[np.bool_]) -> list[slice]:
+    if not moving[run].any():
+        return [run]
     still = np.concatenate(([False], ~moving[run], [False])).astype(np.int8)
     edges = (np.flatnonzero(np.diff(still)) + run.start).tolist()
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
