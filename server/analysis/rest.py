@@ -119,7 +119,7 @@ def _variances(values: Floats, length: int) -> Floats:
     windows = values[: count * length].reshape(count, length)
     centred = windows - windows.mean(axis=1, keepdims=True)
     ramp = np.arange(length) - (length - 1) / 2
-    slope = centred @ ramp / float(ramp @ ramp)
+    slope = np.einsum("ij,j->i", centred, ramp) / float(ramp @ ramp)  # BLAS would start threads of its own
     squares = np.einsum("ij,ij->i", centred, centred)
     variance: Floats = (squares - np.square(slope) * float(ramp @ ramp)) / length
     return variance
