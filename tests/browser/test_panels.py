@@ -98,6 +98,21 @@ def area(page: Page) -> tuple[float, float, float]:
     return box["x"] + gutter, box["x"] + box["width"] - tail, box["y"] + box["height"] * 0.6
 
 
+def where(page: Page, share: float) -> float:
+    """Place of a share of the samples in the window, px: cursors snap to samples, and these are few of its seconds."""
+    left, right, _ = area(page)
+    begin, end, edge, span = page.evaluate(
+        """(() => {
+          const {ring} = imuscope.store.channels.value.find(({info}) => info.name === 'Acceleration');
+          const {span, end, live} = imuscope.view.value, last = ring.time(ring.length - 1);
+          const edge = live ? imuscope.store.edgeOf('1') : end;
+          return [Math.max(ring.time(0), edge - span), Math.min(last, edge), edge, span];
+        })()"""
+    )
+    time = begin + share * (end - begin)
+    return float(right - (edge - time) / span * (right - left))
+
+
 def test_a_page_is_arranged_with_the_mouse_and_kept(open_page: Callable[..., Page]) -> None:
     with story_of() as story:
         page = opened(story, open_page, DESKTOP)
@@ -115,6 +130,7 @@ def test_a_page_is_arranged_with_the_mouse_and_kept(open_page: Callable[..., Pag
         before = page.evaluate(f"[{PANELS}, {KEYS}, {WIDTH}, {HEIGHT}].join(' | ')")
         reload(page)
         until(page, f"[{PANELS}, {KEYS}, {WIDTH}, {HEIGHT}].join(' | ') === {before!r}")
+        page.locator("[data-panel=xy] canvas").scroll_into_view_if_needed()  # the plots above keep their room
         until(page, f"{OWN} === 2 && {INK} > 20")
         page.keyboard.press("w")
         page.get_by_role("button", name="Default layout").click()
@@ -178,9 +194,9 @@ def test_clicks_measure_and_lead_to_the_bytes(open_page: Callable[..., Page]) ->
     with story_of() as story:
         page = opened(story, open_page, DESKTOP)
         left, right, y = area(page)
-        page.mouse.click(left + 0.05 * (right - left), y)
+        page.mouse.click(where(page, 0.3), y)
         page.keyboard.down("Shift")
-        page.mouse.click(left + 0.2 * (right - left), y)
+        page.mouse.click(where(page, 0.6), y)
         page.keyboard.up("Shift")
         page.get_by_role("button", name="Pause").click()
         until(page, COUNTED)
@@ -209,8 +225,7 @@ def test_clicks_measure_and_lead_to_the_bytes(open_page: Callable[..., Page]) ->
         page.keyboard.press("b")
         until(page, f"{MEASURED} === null")
 
-        left, right, y = area(page)
-        page.mouse.click(left + 0.2 * (right - left), y, button="right")
+        page.mouse.click(where(page, 0.4), area(page)[2], button="right")
         until(page, BYTES)
         assert any(one.startswith("GET /api/devices/1/frames?") for one in story.asked)
         assert serious(page, "document.querySelector('dialog')") == []
@@ -235,10 +250,10 @@ def test_a_thumb_arranges_plots_and_measures(open_page: Callable[..., Page]) -> 
 
 
 def a_thumb_measures_and_reads_bytes(page: Page) -> None:
-    left, right, y = area(page)
-    page.touchscreen.tap(left + 0.12 * (right - left), y)
+    y = area(page)[2]
+    page.touchscreen.tap(where(page, 0.3), y)
     finger = page.context.new_cdp_session(page)
-    place = {"x": left + 0.24 * (right - left), "y": y}
+    place = {"x": where(page, 0.6), "y": y}
     finger.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [place]})
     until(page, "imuscope.measure.value !== undefined")
     finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
