@@ -137,8 +137,7 @@ def raw(controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awai
 
     async def work(task: QueuedJob) -> None:
         stale = _altered_by_bytes(controller, data)
-        controller.log.sent(data, "")
-        await controller.session.send(data)
+        controller.log.sent(data, "", await controller.session.send(data))
         controller.invalidate(stale, NOT_SINCE.format(task.job.title))
         await asyncio.sleep(LISTEN_S)
         task.job.message = f"{len(data)} bytes sent unchanged."

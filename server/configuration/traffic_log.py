@@ -73,10 +73,14 @@ class TrafficLog:
 
     # ── entries ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def sent(self, frame: bytes, what: str = "") -> None:
-        """Log bytes that are being sent to the device."""
+    def sent(self, frame: bytes, what: str = "", written_ns: int | None = None) -> None:
+        """Log bytes that were sent to the device.
+
+        Args:
+            written_ns: when, as Chunk.arrival_ns; None: now.
+        """
         self.flush()
-        self._asked_at = self._bus.now()
+        self._asked_at = self._bus.now() if written_ns is None else written_ns / 1e9
         if frame == self._last_sent:
             self._repeated += 1  # GoToConfig until it is answered, the byte that restores communication
             return
@@ -85,7 +89,7 @@ class TrafficLog:
         line = self.decode(frame) or {}
         name = what or str(line.get("message") or "") or self._name_of(frame)
         text = values_text(line.get("fields", {})) if line.get("size", len(frame)) == len(frame) else ""
-        self._add("tx", name, frame, text)
+        self._add("tx", name, frame, text, time=self._asked_at)
         data = {"message": name, "hex": frame[:HEX_BYTES].hex()}
         self._bus.event(self._device, "command", "info", f"{name}: {text}" if text else name, data=data)
 

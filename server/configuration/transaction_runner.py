@@ -37,7 +37,7 @@ FINAL_STEPS_S = 2.0  # for the final steps of a stopped transaction
 class TransactionPort(Protocol):
     """Session interface that a runner uses."""
 
-    async def send(self, data: bytes) -> None: ...
+    async def send(self, data: bytes) -> int | None: ...
 
     async def reopen(self, baud: int | None) -> None: ...
 
@@ -49,7 +49,7 @@ class TransactionPort(Protocol):
 class TrafficListener(Protocol):
     """Listener of the traffic with a device: the traffic log."""
 
-    def sent(self, frame: bytes, what: str) -> None: ...
+    def sent(self, frame: bytes, what: str, written_ns: int | None) -> None: ...
 
     def matched(self, event: Event) -> None: ...
 
@@ -113,8 +113,7 @@ class Runner:
     async def _do(self, act: Act) -> Any:
         match act:
             case Send(frame=frame, what=what):
-                self._watcher.sent(frame, what)
-                await self._channel.send(frame)
+                await self._send(frame, what)
                 return None
             case WaitFor():
                 return await self._wait_for(act)
@@ -130,6 +129,18 @@ class Runner:
                 if self._put_back is not None:
                     await self._put_back(frames)
                 return None
+
+    async def _send(self, frame: bytes, what: str) -> None:
+        """Send a frame. It is logged when it is written: on a shared port it may wait for others, or be refused."""
+        try:
+            written_ns = await self._channel.send(frame)
+        except LinkError as error:
+            self._watcher.add_note(f"{what or 'A request'} was not sent: {error.message}", error=True)
+            raise
+        except asyncio.CancelledError:
+            self._watcher.add_note(f"{what or 'A request'} was cancelled while it waited; it may still be sent.")
+            raise
+        self._watcher.sent(frame, what, written_ns)
 
     async def reopen(self, baud: int | None) -> bool:
         """Close the link and open it again; False, with a note, if that fails."""
@@ -186,9 +197,8 @@ class Runner:
         """Run the final steps of a transaction, as far as the link still accepts them."""
         for act in cancel(transaction):
             try:
-                self._watcher.sent(act.frame, act.what)
                 async with asyncio.timeout(FINAL_STEPS_S):
-                    await self._channel.send(act.frame)
+                    await self._send(act.frame, act.what)
             except (LinkError, TimeoutError) as error:
                 log.warning("the final steps of a stopped transaction failed: %s", error)
                 return

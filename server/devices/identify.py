@@ -17,7 +17,7 @@ class IdentifyRequest:
         source: source of its link, for the task's name.
     """
 
-    def __init__(self, send: Callable[[bytes], Awaitable[None]], source: str) -> None:
+    def __init__(self, send: Callable[[bytes], Awaitable[object]], source: str) -> None:
         self._send = send
         self._source = source
         self._requested = False

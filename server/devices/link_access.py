@@ -51,8 +51,11 @@ class LinkAccess(Audience):
     def _drain(self, *, final: bool = False) -> bool:
         """Decode a slice of received bytes; true if more is waiting."""
 
-    async def send(self, data: bytes) -> None:
+    async def send(self, data: bytes) -> int:
         """Write to the device, one caller at a time, and pass the sent data to the listeners.
+
+        Returns:
+            when it was written, as Chunk.arrival_ns.
 
         Raises:
             LinkError: it could not be sent completely, or the link is read-only (a file).
@@ -60,8 +63,10 @@ class LinkAccess(Audience):
         async with self._sending:
             began_ns = self._link.settings.now_ns()  # before: an answer must not seem older than its request
             self._link.expect_reply()
-            await self._link.write(data)
-            self._sent.call(data, began_ns)
+            written_ns = await self._link.write(data)
+            written_ns = began_ns if written_ns is None else written_ns
+            self._sent.call(data, written_ns)
+            return written_ns
 
     async def reopen(self, baud: int | None = None) -> None:
         """Close the link and open it again, at another rate if given, with a new decoder.

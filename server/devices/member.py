@@ -81,9 +81,9 @@ class Member:
         """Ignore silence of the device while `on`."""
         self.session.suppress_timeout(on, self.name)
 
-    async def send(self, data: bytes) -> None:
-        """Write to the line. LinkError: as Session.send."""
-        await self.session.send(data)
+    async def send(self, data: bytes) -> int:
+        """Write to the line. Result and LinkError: as Session.send."""
+        return await self.session.send(data)
 
     async def reopen(self, baud: int | None = None) -> None:
         """Close the link and open it again. LinkError: as Session.reopen."""

@@ -32,7 +32,7 @@ class MessageKind(IntEnum):
     CLIENT_DATA = 0x04
     """CLIENT: time and number of a client, then the bytes that it sent and the device got."""
     DONE = 0x05
-    """{"id"} or {"id", "error", "hint", "kind"}: end of a request."""
+    """{"id"} or {"id", "error", "kind"}: end of a request; of a write with "at", its time."""
 
     WRITE = 0x41
     """Bytes for the device."""

@@ -226,13 +226,14 @@ class Holder:
 
     def _write_for_server(self, number: int, data: bytes, now: float) -> None:
         self.arbiter.spoke(SERVER, now)
+        stamp = time.monotonic_ns()  # before: an answer must not seem older than its request
         try:
             self._send(data)
         except PortError as error:
             self.server.done(number, f"the port is gone: {error}", kind="gone")
             self._lost_port(error)
             return
-        self.server.done(number)
+        self.server.done(number, stamp_ns=stamp)
 
     def use_frames(self, frames: str, configuration: str) -> None:
         """Find frames, and those that configure the device, with modules of a family (client_frames.FrameRules)."""

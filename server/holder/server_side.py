@@ -171,9 +171,13 @@ class ServerSide:
         if self.connection is not None:
             self._send(json_message(MessageKind.STATE, self._state()))
 
-    def done(self, number: int, error: str = "", *, kind: str = "") -> None:
-        """Answer a request."""
-        body = {"id": number, **({"error": error, "kind": kind} if error else {})}
+    def done(self, number: int, error: str = "", *, kind: str = "", stamp_ns: int | None = None) -> None:
+        """Answer a request; a write with the time at which it was carried out."""
+        body: dict[str, Any] = {"id": number}
+        if error:
+            body |= {"error": error, "kind": kind}
+        if stamp_ns is not None:
+            body["at"] = stamp_ns
         self._send(json_message(MessageKind.DONE, body))
 
     # ── its writes ───────────────────────────────────────────────────────────────────────────────────────────────────

@@ -262,8 +262,11 @@ class Link(ABC):
         """Let other clients of a shared port wait before they may send, while `on`."""
 
     @abstractmethod
-    async def write(self, data: bytes) -> None:
+    async def write(self, data: bytes) -> int | None:
         """Send all of `data`.
+
+        Returns:
+            when it was written, as Chunk.arrival_ns, if it may have waited for others; else None.
 
         Raises:
             LinkError: it could not be sent, or the link is read-only (a file).

@@ -83,7 +83,7 @@ class HeldLink(ThreadedLink):
         self._connection: socket.socket | None = None
         self._messages = MessageReader()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._requests: dict[int, asyncio.Future[None]] = {}
+        self._requests: dict[int, asyncio.Future[int | None]] = {}
         self._answers: deque[Mapping[str, Any]] = deque()  # from the reading thread to the event loop
         self._numbers = 0
         self._offset_ns = 0  # from the monotonic clock to the clock of arrivals
@@ -284,8 +284,9 @@ class HeldLink(ThreadedLink):
 
     # ── sending ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    async def write(self, data: bytes) -> None:
-        await self._ask(lambda number: message(MessageKind.WRITE, number.to_bytes(4, "little") + data))
+    async def write(self, data: bytes) -> int | None:
+        stamp_ns = await self._ask(lambda number: message(MessageKind.WRITE, number.to_bytes(4, "little") + data))
+        return None if stamp_ns is None else stamp_ns + self._offset_ns
 
     async def request(self, do: str, **arguments: Any) -> None:
         """A request to the holder (server/holder/requests.py).
@@ -295,7 +296,8 @@ class HeldLink(ThreadedLink):
         """
         await self._ask(lambda number: json_message(MessageKind.REQUEST, {"id": number, "do": do, **arguments}))
 
-    async def _ask(self, make: Callable[[int], bytes]) -> None:
+    async def _ask(self, make: Callable[[int], bytes]) -> int | None:
+        """Have the holder carry out something; the time of a write, ns of its clock. LinkError: as `request`."""
         connection = self._connection
         if connection is None:
             raise closed(self.source)
@@ -306,7 +308,8 @@ class HeldLink(ThreadedLink):
             async with self._sending:
                 await write_all(connection.fileno(), make(number))
             async with asyncio.timeout(ANSWER_S):
-                await answered
+                stamp_ns: int | None = await answered
+            return stamp_ns
         except TimeoutError:
             raise self._does_not_answer() from None
         except OSError:
@@ -358,7 +361,7 @@ class HeldLink(ThreadedLink):
                 LinkError(body["kind"], f"{self.source}: {body['error']}.", "Correct it, then retry.")
             )
         else:
-            answered.set_result(None)
+            answered.set_result(body.get("at"))
 
     def hold_clients(self, on: bool) -> None:
         if self._connection is not None:

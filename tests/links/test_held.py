@@ -187,6 +187,24 @@ def test_the_server_waits_for_a_client_that_talks_and_clients_for_the_server(por
     asyncio.run(check())
 
 
+def test_a_write_that_waited_has_the_time_at_which_it_was_written(port: DevicePort, tmp_path: Path) -> None:
+    """It had that of the request, before what another program sent meanwhile: the log named the wrong order."""
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            os.write(driver, b"client")
+            assert port.receive(6) == b"client"
+            asked_ns = link.settings.now_ns()
+            written_ns = await link.write(b"server")
+            assert written_ns is not None
+            assert asked_ns + QUIET_S * 1e9 / 2 < written_ns <= link.settings.now_ns()
+            os.close(driver)
+
+    asyncio.run(check())
+
+
 def test_a_client_that_sets_another_rate_takes_the_port_with_it(port: DevicePort, tmp_path: Path) -> None:
     async def check() -> None:
         async with shared(port, str(tmp_path / "imu0")) as link:

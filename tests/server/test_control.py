@@ -220,11 +220,15 @@ class ControlWire:
     def __init__(self) -> None:
         self.sent: list[bytes] = []
         self.linked: list[int | None] = []
-        self.refuses = False
+        self.refuses = self.is_busy = False
+        self.written_ns: int | None = None
         self._hear: Any = None
 
-    async def send(self, data: bytes) -> None:
+    async def send(self, data: bytes) -> int | None:
         self.sent.append(data)
+        if self.is_busy:
+            raise LinkError("busy", "The client a driver is configuring the device.")
+        return self.written_ns
 
     async def reopen(self, baud: int | None) -> None:
         if self.refuses:
@@ -247,8 +251,10 @@ class Ear:
 
     def __init__(self) -> None:
         self.notes: list[str] = []
+        self.written: list[tuple[bytes, int | None]] = []
 
-    def sent(self, frame: bytes, what: str) -> None: ...
+    def sent(self, frame: bytes, what: str, written_ns: int | None) -> None:
+        self.written.append((frame, written_ns))
 
     def matched(self, event: Event) -> None: ...
 
@@ -266,6 +272,26 @@ def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
             return (yield WaitFor(lambda event: event, 1))
 
         assert await Runner(wire, Ear()).run(ask()) == "answer"
+
+    run(check())
+
+
+def test_a_request_is_logged_when_it_is_written_and_not_if_it_is_refused() -> None:
+    """It was logged before it waited for another program, also when it never reached the device."""
+
+    async def check() -> None:
+        wire, ear = ControlWire(), Ear()
+
+        def ask() -> Any:
+            yield Send(b"?")
+
+        wire.written_ns = 42
+        await Runner(wire, ear).run(ask())
+        wire.is_busy = True
+        with pytest.raises(LinkError):
+            await Runner(wire, ear).run(ask())
+        assert ear.written == [(b"?", 42)]
+        assert ear.notes == ["A request was not sent: The client a driver is configuring the device."]
 
     run(check())
 

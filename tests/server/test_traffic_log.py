@@ -55,6 +55,22 @@ def test_an_answer_has_its_time_since_the_request_and_its_bytes() -> None:
     assert round(answered.ms) == 17
 
 
+def test_a_request_has_the_time_at_which_it_was_written() -> None:
+    clock = FakeClock()
+    one = log(clock, build(0x31))
+    written_ns = clock.ns
+    clock.move(0.017)
+    one.sent(build(0x30), written_ns=written_ns)
+    event = reply(clock)
+    one.on_received(event)
+    one.matched(event)
+    one.flush()
+    asked, answered = one.tail()
+    assert asked.time == written_ns / 1e9
+    assert answered.ms is not None
+    assert round(answered.ms) == 17
+
+
 def test_unrequested_frames_have_no_time() -> None:
     clock = FakeClock()
     one = log(clock, build(0x31))
