@@ -261,7 +261,11 @@ def is_stored(folder: Path) -> bool:
     if DISABLED:
         return True
     mine = [one for one in _kernels if one.signature is not None]
-    return all(any((folder / one.__module__).glob(f"*.{one.stored_name()}-*.nbi")) for one in mine)
+    return all(
+        any((folder / one.__module__).glob(f"*.{one.stored_name()}-*.{kind}"))
+        for one in mine
+        for kind in ("nbi", "nbc")  # numba's index, and what it points to
+    )
 
 
 def recompiled() -> int:

@@ -29,6 +29,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 from imuscope.protocols.plugins import protocol_plugins
 from imuscope.server.version import VERSION
@@ -72,7 +73,7 @@ def prepare_cache(data: Path) -> list[str]:
             _remove_others(root, place)
     else:
         read_only, temporary = place, _temporary()
-        if temporary is not None and _has_code(read_only):
+        if temporary is not None and next(read_only.rglob("*.nbi"), None) is not None:
             _copy(read_only, temporary)
         else:
             messages = [f"{read_only} cannot be written: compiled code is stored for this run only."]
@@ -85,12 +86,12 @@ def prepare_cache(data: Path) -> list[str]:
 
 
 def is_there(data: Path) -> bool:
-    """Whether compiled code exists for this data folder; changes nothing."""
+    """Whether this data folder has all compiled code; changes nothing."""
     return _has_code(_cache_folder(data))
 
 
 def is_filled() -> bool:
-    """Whether compiled code exists in the configured folder; changes nothing."""
+    """Whether the configured folder has all compiled code; changes nothing."""
     place = os.environ.get(VARIABLE)
     return place is not None and _has_code(Path(place))
 
@@ -102,10 +103,7 @@ def load(*, report: Callable[[str], None], stop: Callable[[], bool] = lambda: Fa
         report: receives messages for the user if it takes longer than a second.
         stop: called periodically; compilation ends when it returns true.
     """
-    from imuscope.protocols import jit, registry  # noqa: F401 (its modules have the loops)
-    from imuscope.recordings import mcap_reader  # noqa: F401
-    from imuscope.server.links import read_loop  # noqa: F401
-
+    jit = _with_loops()
     if jit.DISABLED or jit.is_loaded():
         return
     place, started_at, first = os.environ.get(VARIABLE), time.monotonic(), not is_filled()
@@ -153,21 +151,25 @@ def _compile_in_subprocesses(stop: Callable[[], bool]) -> None:
 class BackgroundLoad:
     """`load` in a background thread; also a context manager.
 
+    From its creation on nothing else in this process loads (protocols/jit.py: automatic): a decoder that received much
+    before the thread was started would load in the event loop, and everything else would wait.
+
     Args:
         report: as `load`; called in the thread.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:
+        from imuscope.protocols import jit
+
+        jit.automatic = False
         self._report = report
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="loading compiled code")
 
     def start(self) -> None:
-        """Start the thread; returns at once."""
-        from imuscope.protocols import jit
-
-        jit.automatic = False
-        self._thread.start()
+        """Start the thread; returns at once. Idempotent."""
+        if self._thread.ident is None:
+            self._thread.start()
 
     def _run(self) -> None:
         load(report=self._report, stop=self._stop.is_set)
@@ -191,8 +193,19 @@ def _cache_folder(data: Path) -> Path:
     return Path(os.environ.get(VARIABLE) or data / "compiled" / VERSION)
 
 
+def _with_loops() -> ModuleType:
+    """`imuscope.protocols.jit`, which knows the loops of the modules imported so far, after these have been imported."""
+    from imuscope.protocols import jit, registry  # noqa: F401
+    from imuscope.recordings import mcap_reader  # noqa: F401
+    from imuscope.server.links import read_loop  # noqa: F401
+
+    return jit
+
+
 def _has_code(folder: Path) -> bool:
-    return next(folder.rglob("*.nbi"), None) is not None
+    """Whether every loop is compiled in a folder: a compiler that was killed leaves some of them."""
+    jit = _with_loops()
+    return not jit.DISABLED and bool(jit.is_stored(folder))
 
 
 def _temporary() -> Path | None:

@@ -149,8 +149,10 @@ class Services:
         if self.fleet_server is not None:
             self.fleet_server.start()
         await self.parts.start()
-        if sources or self.robots is None:  # 200 MB that a fleet server without devices does not need
+        if self.sessions.all or self.robots is None:  # 200 MB that a fleet server without devices does not need
             decoders.start()
+        else:
+            self.sessions.on_added(lambda _: decoders.start())
         yield
         await shutdown.close_all(
             shutdown.close_sequentially(self.alarms.close_trigger(), self.recorder.close()),

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 
 import pytest
 
 from imuscope.protocols import jit
 from imuscope.server import jit_cache
+from imuscope.server.config import Config
+from imuscope.server.fleet.robots import Robots
+from imuscope.server.links.base import LinkSettings
 from imuscope.server.version import VERSION
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import InProcessServer
 
 
 @pytest.fixture(autouse=True)
@@ -21,9 +27,12 @@ def _unset(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def fill(place: Path) -> None:
-    """An entry as numba makes it, by its name."""
-    (place / "protocols_0").mkdir(parents=True)
-    (place / "protocols_0" / "checksums.sum8.nbi").write_bytes(b"index")
+    """The entries that numba makes, by their names."""
+    for kernel in (one for one in jit._kernels if one.signature is not None):
+        folder = place / kernel.__module__
+        folder.mkdir(parents=True, exist_ok=True)
+        for kind in ("nbi", "1.nbc"):
+            (folder / f"file.{kernel.stored_name()}-.py311.{kind}").write_bytes(b"")
 
 
 def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,6 +45,45 @@ def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: p
     assert jit_cache.is_filled()
     monkeypatch.delenv(jit_cache.VARIABLE)
     assert jit_cache.is_there(tmp_path / "data")
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_a_cache_that_lacks_a_loop_is_not_taken_for_filled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    """A server that was killed while it compiled left some files; the next one compiled the rest without a word."""
+    fill(tmp_path)
+    monkeypatch.setenv(jit_cache.VARIABLE, str(tmp_path))
+    assert jit_cache.is_filled()
+    next(tmp_path.rglob(f"*.{kind}")).unlink()
+    assert not jit_cache.is_filled()
+
+
+def test_nothing_is_compiled_in_the_event_loop_while_a_server_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links were opened before decoders were told not to load: the server answered nothing for minutes."""
+    monkeypatch.setattr(jit, "automatic", True)
+    may_load = []
+
+    def open_link(source: str, settings: LinkSettings) -> FakeLink:
+        may_load.append(jit.automatic)
+        return FakeLink(source, settings)
+
+    with InProcessServer(Config(data=tmp_path, sources=("fake",)), open_link):
+        assert may_load == [False]
+
+
+def test_a_fleet_server_compiles_when_it_gets_a_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It never loaded in the background, so its first device loaded in the event loop."""
+    monkeypatch.setattr(jit, "automatic", True)
+    loads: list[str] = []
+    monkeypatch.setattr(jit_cache, "load", lambda **_: loads.append(threading.current_thread().name))
+    with InProcessServer(Config(data=tmp_path), FakeLink, robots=Robots()) as running:
+        assert (jit.automatic, loads) == (False, [])
+        for source in ("one", "two"):
+            running.call(running.services.sessions.add, source)
+    assert loads == ["loading compiled code"]
 
 
 def test_former_versions_are_removed(tmp_path: Path) -> None:
