@@ -3,7 +3,7 @@
     input:   {"op": "serve", settings of Ros2Settings}     open the session and announce the devices
              {"op": "sensors", "device": …, values of SensorProperties}
              {"op": "switch", "topic": …, "enabled": …}    announce or withdraw a topic
-    output:  {"op": "state", "routers": […], "peers": …, "topics": […]}     once a second
+    output:  {"op": "state", "routers": […], "peers": …, "topics": […]}     once a second, and when topics change
              {"op": "router", "state": "reached" | "lost" | "absent" | "foreign"}
              {"op": "reopen"}: start this process anew
              {"op": "failed", "why": …}
@@ -127,14 +127,15 @@ class Ros2Bridge:
         else:
             self._disabled.add(topic)
         self.configure()
-        with self._lock:
-            self._report()
 
     def configure(self) -> None:
-        """Bring nodes and topics up to date with devices and channels."""
+        """Bring nodes and topics up to date with devices and channels; report topics that change at once: others see
+        them in the graph from then on.
+        """
         if self._graph is None:
             return
         with self._lock:
+            before = self._announced()
             names = self._names()
             for id in [id for id, one in self._nodes.items() if names.get(id) != one.name]:
                 self._remove(id)
@@ -142,6 +143,12 @@ class Ros2Bridge:
                 if device["id"] in names:
                     self._update(device, names[device["id"]])
             self._subscribe()
+            if self._announced() != before:
+                self._report()
+
+    def _announced(self) -> set[tuple[str, str]]:
+        """Topics in the graph, by device."""
+        return {(id, topic) for id, node in self._nodes.items() for topic in node.publishers}
 
     def on_samples(self, frames: Sequence[SampleFrame]) -> None:
         """Publish what has subscribers."""

@@ -18,12 +18,14 @@ import pytest
 import zenoh
 
 from imuscope.server.integrations.ros2 import MODULE
+from imuscope.server.integrations.ros2_worker import Ros2Bridge
 from imuscope.server.ros2 import type_support
 from imuscope.server.ros2.attachment import Attachment, gid_of
 from imuscope.server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
 from tests.each_row import each_row
 from tests.forked_workers import workers_of
 from tests.free_ports import free_port
+from tests.server.ros2.samples import info, xyz
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
@@ -90,19 +92,64 @@ def received(session: zenoh.Session, key: str = "7/**") -> Iterator[dict[str, li
         subscriber.undeclare()
 
 
+def announced_types(session: zenoh.Session, domain: int) -> dict[str, str]:
+    """Types of the topics in the graph."""
+    entities = map(parse_token, announced(session, f"@ros2_lv/{domain}/**"))
+    return {one.topic: one.type for one in entities if isinstance(one, RosEndpoint)}
+
+
 def test_a_device_is_a_node_with_publishers(router: zenoh.Session, published: ServerProcess) -> None:
+    def listed_types() -> dict[str, str]:
+        return {name: row["type"] for name, row in topics_of(published).items()}
+
+    # a topic comes with its data, so the graph grows until each of them has been received
+    known = {f"/mti_680g/{name}" for name in ("imu/data", "imu/data_raw", "gnss/fix", "velocity", "time_reference")}
+    known |= {"/mti_680g/pressure", "/mti_680g/temperature", "/diagnostics"}
+    block_until(lambda: set(announced_types(router, 7)) >= known, "all data of the device has come")
+    block_until(lambda: listed_types() == announced_types(router, 7), "what is announced is listed")
     entities = [parse_token(token) for token in announced(router, "@ros2_lv/7/**")]
     nodes = [one for one in entities if isinstance(one, RosNode)]
     topics = {one.topic: one for one in entities if isinstance(one, RosEndpoint)}
     assert [node.full_name for node in nodes] == ["/mti_680g"]
     assert {one.kind for one in topics.values()} == {"publisher"}
-    assert {topic: one.type for topic, one in topics.items()} == {
-        name: row["type"] for name, row in topics_of(published).items()
-    }
-    assert {DATA, "/mti_680g/gnss/fix", "/diagnostics"} <= set(topics)
-    assert "/mti_680g/imu/mag" not in topics
+    assert set(topics) == known  # without /mti_680g/imu/mag
     (missing,) = state_of(published)["missing"]
     assert (missing["topic"], "tesla" in missing["reason"]) == ("/mti_680g/imu/mag", True)
+
+
+class WorkerClient:
+    """What a publisher knows of a server; the reports of its topics."""
+
+    def __init__(self) -> None:
+        self.devices = [{"id": "1", "name": "imu", "protocol": "xbus", "product": "MTi-680G", "serial_number": ""}]
+        self.channels = {1: info(1, "Acceleration", xyz("m/s²"))}
+        self.health: dict[str, Any] = {}
+        self.listed: list[dict[str, str]] = []
+
+    def subscribe(self, channels: list[int]) -> None: ...
+
+    def send(self, op: str, **words: Any) -> None:
+        if op == "state":
+            self.listed.append({row["name"]: row["type"] for row in words["topics"]})
+
+
+def test_a_topic_is_listed_as_soon_as_it_is_announced(router: zenoh.Session, port: int) -> None:
+    """It was listed at the next second, and the page lacked a topic that others already saw."""
+    client = WorkerClient()
+    bridge = Ros2Bridge(client)  # type: ignore[arg-type]
+    try:
+        bridge.serve({"router": f"tcp/127.0.0.1:{port}", "domain": 8})
+        block_until(lambda: client.listed, "the device is announced")
+        date = {"year": "", "month": "", "day": "", "hour": "h", "min": "min", "sec": "s", "valid": "", "nano": "ns"}
+        client.channels[2] = info(2, "GNSS solution", date, kind="record")
+        bridge.configure()
+        assert set(client.listed[-1]) - set(client.listed[0]) == {"/imu/time_reference"}
+        block_until(lambda: announced_types(router, 8) == client.listed[-1], "it is announced")
+        reports = len(client.listed)
+        bridge.configure()
+        assert len(client.listed) == reports
+    finally:
+        bridge.close()
 
 
 def test_messages_have_values_stamps_and_numbers(router: zenoh.Session, published: ServerProcess) -> None:
