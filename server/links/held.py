@@ -297,7 +297,7 @@ class HeldLink(ThreadedLink):
         await self._ask(lambda number: json_message(MessageKind.REQUEST, {"id": number, "do": do, **arguments}))
 
     async def _ask(self, make: Callable[[int], bytes]) -> int | None:
-        """Have the holder carry out something; the time of a write, ns of its clock. LinkError: as `request`."""
+        """Send a message and wait for its answer: of a write, its monotonic time in ns. LinkError: as `request`."""
         connection = self._connection
         if connection is None:
             raise closed(self.source)

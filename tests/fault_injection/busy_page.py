@@ -1,4 +1,4 @@
-"""What people do on the page of a robot whose driver has the device, and a device that keeps what it is sent."""
+"""Use of the page of a robot whose driver has the device, and a device that keeps what it is sent."""
 
 from __future__ import annotations
 
