@@ -170,14 +170,19 @@ class _Watch:
     # -- afterwards
 
     def restore(self) -> Transaction[None]:
-        """Restart streams that were requested and no longer run; checked once more."""
+        """Restart streams that were requested and no longer run; checked once more. A device that does not answer is
+        not back.
+        """
+        answers = True
         for _ in range(BACK_TRIES if self._requested else 0):
             for did in sorted(self._requested):
-                if not (yield from self._is_over(did)):
+                is_over = yield from self._is_over(did)
+                answers = is_over is not None
+                if is_over is False:
                     self._requested.discard(did)
                     continue
                 yield Send(self._restart(did))
-        if self._disturbed:
+        if self._disturbed and answers:
             yield PutBack()
 
     def restore_at_once(self) -> Transaction[None]:
@@ -188,13 +193,15 @@ class _Watch:
     def _restart(self, did: int) -> bytes:
         return frames.get_data(did, period=self._period(did))
 
-    def _is_over(self, did: int) -> Transaction[bool]:
-        """Whether it has stopped streaming."""
+    def _is_over(self, did: int) -> Transaction[bool | None]:
+        """Whether it has stopped streaming; None if the device does not answer."""
         if STREAMS[did].rmc_bit >= 0:
             try:
                 return did not in dids_of((yield from self._request(RMC)).get("bits", 0))
-            except (DeviceRejectedError, NoReplyError):
+            except DeviceRejectedError:
                 return False
+            except NoReplyError:
+                return None
         wait_s = max(ANSWER_S, 3e-3 * (self._received.interval_ms(did) or 0))
         return not (yield WaitFor(lambda event: _is(event, did), wait_s, "streams", is_answer=True))
 

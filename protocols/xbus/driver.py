@@ -17,7 +17,6 @@ Source: MT0101P 2020.A; the entry that means no CAN outputs from the vendor's pu
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
@@ -142,8 +141,7 @@ class XbusDriver(DeviceDriver):
                 yield Send(frames.build(requests.GO_TO_MEASUREMENT), "GoToMeasurement")
             raise
         except Exception:  # also before the body: an answer may have been lost, and the device be silent
-            if not at_rest:
-                yield from _measure_again()
+            if not at_rest and (yield from _measure_again()):
                 yield PutBack()
             raise
         if not at_rest:
@@ -408,7 +406,12 @@ def _identity(request: str) -> Transaction[dict[str, str]]:
     return dict(identity(received[-1]))
 
 
-def _measure_again() -> Transaction[None]:
-    """Try to measure after a failure; the first failure is the one reported."""
-    with suppress(DeviceRejectedError, NoReplyError):
+def _measure_again() -> Transaction[bool]:
+    """Try to measure after a failure; whether the device answered. The first failure is the one reported."""
+    try:
         yield from requests.to_measurement()
+    except DeviceRejectedError:
+        return True
+    except NoReplyError:
+        return False
+    return True

@@ -17,7 +17,7 @@ from imuscope.protocols.transactions import DeviceDriver
 from imuscope.server import previous_names
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.jobs import Jobs
-from imuscope.server.configuration.put_back import TITLE, PutBackStore, putting_back
+from imuscope.server.configuration.put_back import PutBackStore
 from imuscope.server.configuration.reading import SettingsReader
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.snapshots import Snapshots
@@ -71,7 +71,6 @@ class ControllerRegistry:
         self._bus = bus
         self._sessions = sessions
         self._drivers = drivers
-        self._patience = timings.patience
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
         previous_names.rename_folder(data / "trials", data / "rollbacks")
         self.rollbacks = RollbackStore(data / "rollbacks")
@@ -94,8 +93,8 @@ class ControllerRegistry:
             self._drivers,
             decode,
             self._sharing_line,
-            patience=self._patience,
-            put_back=self.put_back.keep,
+            timings=self._timings,
+            put_back=self.put_back,
         )
 
         async def removed() -> None:
@@ -142,7 +141,7 @@ class ControllerRegistry:
             except LinkError as error:
                 log.error("%s was interrupted and cannot be opened: %s", found.source, error)
                 continue
-            controller.add(TITLE, putting_back(controller, self.put_back, found, self._timings), stoppable=False)
+            controller.put_back.begin([bytes.fromhex(frame) for frame in found.frames])
         for record in await asyncio.to_thread(self.rollbacks.all):
             try:
                 controller = self._controller_at(record)

@@ -38,6 +38,8 @@ from imuscope.protocols.transactions import (
     Values,
 )
 from imuscope.server.configuration.preview import DevicePresentState, SerialLine, load_of
+from imuscope.server.configuration.put_back import PutBackStore, PutBackTask
+from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.traffic_log import TrafficLog
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.devices.device_demux import QuietReason
@@ -99,8 +101,8 @@ class DeviceController:
         driver_of: the driver of a protocol, None if it has none.
         decode: decodes the first frame of some bytes of a protocol to plain values.
         beside: the controllers of the other devices on its link.
-        patience: of its runner.
-        put_back: stores the frames that put a device back, by source and name on the link (put_back.py).
+        timings: how long a device is waited for.
+        put_back: store of the frames that put devices back.
     """
 
     def __init__(
@@ -111,8 +113,8 @@ class DeviceController:
         decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
         beside: Callable[[str], Sequence[DeviceController]] = lambda device: (),
         *,
-        patience: float = 1.0,
-        put_back: Callable[[str, str, Sequence[bytes]], None] | None = None,
+        timings: ConfigurationTimings,
+        put_back: PutBackStore,
     ) -> None:
         self.session = session
         self.beside = beside
@@ -125,8 +127,9 @@ class DeviceController:
             lambda frame: self._name_of(frame),
             session.bytes_at,
         )
-        self._put_back = put_back
-        self.runner = Runner(session, self.log, patience, self._store_put_back)
+        is_stored = session.info.link not in ("simulator", "file")
+        self.put_back = PutBackTask(self, put_back, timings, device=name_of(session), is_stored=is_stored)
+        self.runner = Runner(session, self.log, timings.patience, self.put_back.keep)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
@@ -217,6 +220,7 @@ class DeviceController:
             self.values, self.missing, self.cut_off, self.unfinished = {}, {}, {}, {}
             self.product = self.serial_number = self.firmware = self.state = ""
             self.read_at = 0.0
+            self.put_back.forget()
             self.rest(False)
             self.notify()
 
@@ -279,6 +283,7 @@ class DeviceController:
         """Stop the running job and drop the queued ones."""
         self._queue.clear()
         await self._stop(for_good=True)
+        await self.put_back.close()
         self._off()
         self._off_replaced()
 
@@ -317,6 +322,7 @@ class DeviceController:
         finally:
             self._running = None
             self.session.suppress_timeout(False)
+            self.put_back.transaction_ended()
             self.notify()
 
     def _finish(self, task: QueuedJob, state: str, message: str = "", hint: str = "") -> None:
@@ -348,12 +354,10 @@ class DeviceController:
         """Run a transaction; see server/configuration/transaction_runner.py."""
         return await self.runner.run(transaction)
 
-    async def _store_put_back(self, frames: Sequence[bytes]) -> None:
-        if self._put_back is not None and self.session.info.link not in ("simulator", "file"):
-            await asyncio.to_thread(self._put_back, self.session.info.source, name_of(self.session), frames)
-
     def rest(self, on: bool) -> None:
         """Note that the user set the device to the state in which settings are read, or that this state has ended."""
+        if on:
+            self.put_back.forget()
         if on != self.at_rest:
             self.at_rest = on
             self._explain_rest(on)

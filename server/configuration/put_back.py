@@ -2,8 +2,11 @@
 
     <data>/put-back/<source>.json      written before a transaction changes the state of a device, removed when it ends
 
-A server that is killed in between finds the file when it starts again and sends the frames: an MTi measures again, the
-streams of an IMX run again. Settings that were being written are rolled back by server/configuration/rollback.py.
+A transaction may end without having put the device back: its link broke, the device did not answer any more, or the
+server was killed and finds the file when it starts again. Then the frames are sent as soon as the device is there: an
+MTi measures again, the streams of an IMX run again. A device that measures by itself, after it was without power, is
+sent nothing; one that another program or a user takes over is left to them. Settings that were being written are rolled
+back by server/configuration/rollback.py.
 """
 
 from __future__ import annotations
@@ -12,19 +15,29 @@ import asyncio
 import hashlib
 import json
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.transactions import AT_REST, Send, Transaction, WaitFor
 from imuscope.recordings import atomic_write
 from imuscope.recordings.regular_file import read_regular
-from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.timings import ConfigurationTimings
+from imuscope.server.devices.member import link_of
 from imuscope.server.links.base import LinkError
+from imuscope.server.wire import Level
+
+if TYPE_CHECKING:
+    from imuscope.server.configuration.device_controller import DeviceController
 
 log = logging.getLogger("imuscope.put_back")
 
-TITLE = "Put the device back into its state"
+LONGEST_S = 10.0  # between two attempts at an open link
+WAITING = "A read or a write was interrupted: the device is put back into its state as soon as it answers."
+IS_BACK = "The device is back in the state in which it was before a read or a write was interrupted."
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,26 +91,111 @@ class PutBackStore:
         return self._folder / f"{hashlib.sha256(f'{source}#{device}'.encode()).hexdigest()[:16]}.json"
 
 
-def putting_back(
-    controller: DeviceController, store: PutBackStore, found: Interrupted, timings: ConfigurationTimings
-) -> Callable[[QueuedJob], Awaitable[None]]:
-    """Job that sends the frames once the link is open."""
+class PutBackTask:
+    """What has still to be put back on one device, and the task that does it.
 
-    async def work(task: QueuedJob) -> None:
-        waited = 0.0
-        while not controller.session.info.is_open and waited < timings.port_back_s:
-            await asyncio.sleep(timings.port_look_s)
-            waited += timings.port_look_s
+    Args:
+        source, device: under which it is stored; `device` is its name on the link, "" for the first.
+        is_stored: whether it may outlast this process; a simulator does not.
+    """
+
+    def __init__(
+        self,
+        controller: DeviceController,
+        store: PutBackStore,
+        timings: ConfigurationTimings,
+        *,
+        device: str,
+        is_stored: bool = True,
+    ) -> None:
+        self._controller, self._timings = controller, timings
+        self._store, self._device, self._is_stored = store, device, is_stored
+        self._frames: tuple[bytes, ...] = ()  # stored
+        self._left: tuple[bytes, ...] = ()  # those of them that no running transaction will send
+        self._protocol = ""
+        self._task: asyncio.Task[None] | None = None
+
+    async def keep(self, frames: Sequence[bytes]) -> None:
+        """Store the frames of the running transaction; none: it has put the device back."""
+        self._frames = tuple(dict.fromkeys((*self._left, *frames)))
+        await self._save()
+
+    def transaction_ended(self) -> None:
+        """Begin to put the device back if the transaction has not."""
+        self.begin(self._frames)
+
+    def begin(self, frames: Sequence[bytes]) -> None:
+        """Put the device back as soon as it is there."""
+        self._frames = self._left = tuple(frames)
+        if not self._left or (self._task is not None and not self._task.done()):
+            return
+        self._protocol = self._controller.session.info.protocol
+        self._report("warning", WAITING)
+        self._task = asyncio.get_running_loop().create_task(self._work(), name="put back")
+
+    def forget(self) -> None:
+        """Leave the device as it is."""
+        self._frames = self._left = ()
+
+    async def close(self) -> None:
+        """Stop; what is stored is for the next start."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _work(self) -> None:
+        backoff = Backoff(self._timings.port_look_s, LONGEST_S)
+        while self._left:
+            await asyncio.sleep(backoff.next())
+            if not link_of(self._controller.session).info.is_open:
+                backoff.reset()
+                continue
+            async with self._controller.session.turn:
+                await self._attempt()
+        if not self._frames:
+            await self._save()
+
+    async def _attempt(self) -> None:
+        protocol = self._controller.session.info.protocol
+        if self._protocol and protocol != self._protocol:  # the frames mean nothing to it
+            self.forget()
+            return
+        frames = self._left
         try:
-            for frame in found.frames:
-                data = bytes.fromhex(frame)
-                controller.log.sent(data, "")
-                await controller.session.send(data)
+            is_back = await self._controller.run(_put_back(frames, self._measures, self._timings.sample_s))
         except LinkError as error:
-            if error.kind != "busy":
-                raise  # stays stored for the next start
-            controller.log.add_note(f"{error.message} It is left to that program.")
-        await asyncio.to_thread(store.keep, found.source, found.device, ())
-        task.job.message = "A read or a write was interrupted when the server ended; the device is back in its state."
+            if error.kind == "busy":
+                self._controller.log.add_note(f"{error.message} It is left to that program.")
+                self.forget()
+            return  # otherwise again when the link is back
+        except Exception:  # top of this task
+            log.exception("%s could not be put back", self._controller.session.info.source)
+            return
+        if is_back and frames == self._left and self._controller.state != AT_REST:
+            self.forget()
+            self._report("info", IS_BACK)
 
-    return work
+    def _measures(self) -> bool:
+        """Whether samples show that the device is back: it sends none in the config state, and has not entered that
+        state after the samples, which may have waited in the port.
+        """
+        return bool(self._controller.driver.ends_rest) and self._controller.state != AT_REST
+
+    def _report(self, level: Level, text: str) -> None:
+        self._controller.log.add_note(text)
+        self._controller.bus.event(self._controller.device, "device", level, text)
+
+    async def _save(self) -> None:
+        if self._is_stored:
+            source = self._controller.session.info.source
+            await asyncio.to_thread(self._store.keep, source, self._device, self._frames)
+
+
+def _put_back(frames: Sequence[bytes], measures: Callable[[], bool], sample_s: float) -> Transaction[bool]:
+    """Send the frames if they are needed; whether the device answered."""
+    if (yield WaitFor(lambda event: isinstance(event, Batch) or None, sample_s, "a sample")) and measures():
+        return True
+    for frame in frames:
+        yield Send(frame)
+    answered = lambda event: isinstance(event, Batch | Reply) or None  # noqa: E731
+    return bool((yield WaitFor(answered, sample_s, "an answer", is_answer=True)))

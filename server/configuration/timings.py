@@ -18,6 +18,7 @@ class ConfigurationTimings:
         return_s: wait for the user to cycle the power of the device.
         reopen_s: interval of attempts to open a port during `return_s`; a device accepts the call only for a moment
             after power-on.
+        sample_s: wait for a sample, which shows that a device measures.
         patience: factor of the time that the answer to a request has (transaction_runner.py).
     """
 
@@ -28,4 +29,5 @@ class ConfigurationTimings:
     port_look_s: float = 1.0
     return_s: float = 120.0
     reopen_s: float = 0.05
+    sample_s: float = 1.5
     patience: float = 1.0

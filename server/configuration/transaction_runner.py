@@ -5,7 +5,7 @@
                 ──Sleep──────> sleep
                 ──ReopenLink─> session.reopen          close the link and open it again
                 ──Note───────> watcher.add_note        a sentence for the traffic log
-                ──PutBack────> put_back                frames on disk, in case the server is killed in between
+                ──PutBack────> put_back                frames that are owed to the device until they are sent
 
 Events are collected from the first act on, so that an answer that arrives before it is waited for is not lost. A new
 request (a Send after a wait) discards older events, so that a late answer to the previous attempt is not taken for its
@@ -61,7 +61,7 @@ class Runner:
 
     Args:
         watcher: receives every sent frame and every event that answered.
-        put_back: stores the frames that put the device back if the server is killed; none: it is back.
+        put_back: stores the frames that put the device back if the transaction does not; none: it is back.
         patience: factor of the time that the answer to a request has. A simulator on a busy machine answers late.
     """
 
@@ -74,6 +74,7 @@ class Runner:
     ) -> None:
         self._channel = channel
         self._put_back = put_back
+        self._owed: tuple[bytes, ...] = ()  # frames that put the device back
         self._patience = patience
         self._watcher = watcher
         self._received: deque[Event] = deque(maxlen=MAX_EVENTS)
@@ -87,6 +88,7 @@ class Runner:
             LinkError: sending failed.
         """
         self._received.clear()
+        self._owed = ()
         stop_listening = self._channel.listen(self._on_event)
         try:
             return await self._play(transaction)
@@ -126,6 +128,7 @@ class Runner:
                 self._watcher.add_note(words, error=True)
                 return None
             case PutBack(frames=frames):
+                self._owed = frames
                 if self._put_back is not None:
                     await self._put_back(frames)
                 return None
@@ -194,8 +197,10 @@ class Runner:
             answered.set_result(found)
 
     async def _final_steps(self, transaction: Transaction[Any]) -> None:
-        """Run the final steps of a transaction, as far as the link still accepts them."""
-        for act in cancel(transaction):
+        """Run the final steps of a transaction, as far as the link still accepts them. One that is stopped while it
+        puts the device back has none: its frames are sent.
+        """
+        for act in cancel(transaction) or [Send(frame) for frame in self._owed]:
             try:
                 async with asyncio.timeout(FINAL_STEPS_S):
                     await self._send(act.frame, act.what)

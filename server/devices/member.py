@@ -119,6 +119,11 @@ def name_of(device: AnyDevice) -> str:
     return device.name if isinstance(device, Member) else ""
 
 
+def link_of(device: AnyDevice) -> Session:
+    """The session of its link."""
+    return device.session if isinstance(device, Member) else device
+
+
 def state_of(device: AnyDevice) -> DeviceState:
     """The published state of the device."""
     if isinstance(device, Member):
@@ -128,19 +133,16 @@ def state_of(device: AnyDevice) -> DeviceState:
 
 def address_of(device: AnyDevice) -> int | None:
     """Address of the device on a shared line; None if it has none or has not reported one."""
-    session = device.session if isinstance(device, Member) else device
-    return session.devices.addresses.get(name_of(device))
+    return link_of(device).devices.addresses.get(name_of(device))
 
 
 def explain_silence(device: AnyDevice, reason: QuietReason | None) -> None:
     """Set the reason for which a device will send nothing; None: there is none any more."""
-    session = device.session if isinstance(device, Member) else device
-    sender = session.devices.of(name_of(device))
+    sender = link_of(device).devices.of(name_of(device))
     if sender is not None:
         sender.quiet_reason = reason
 
 
 def shares(device: AnyDevice) -> bool:
     """Whether its link carries other devices."""
-    session = device.session if isinstance(device, Member) else device
-    return bool(session.devices.others)
+    return bool(link_of(device).devices.others)

@@ -353,6 +353,14 @@ def test_silence_is_reported_with_request_and_attempts() -> None:
     assert line.now_ns == pytest.approx(0.2e9 + 2e9 + 3 * 0.5e9, rel=0.01)
 
 
+def test_a_device_that_does_not_answer_is_not_called_back_in_its_state() -> None:
+    """Its cable broke while it was read: it stayed silent, and nobody knew that it had to measure again."""
+    line = PlayedWire(DeafXbusDevice(), "xbus")
+    with pytest.raises(NoReplyError):
+        play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
+    assert line.put_back == [(frames.build(0x10),)]
+
+
 def test_a_lost_answer_is_requested_again() -> None:
     class Lossy(Between):
         def spoil(self, answer: bytes, now_ns: int) -> bytes:

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 import serial
 
+from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.isb.frames import get_data
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.server.configuration.put_back import PutBackStore
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.put_back import IS_BACK, PutBackStore
+from imuscope.server.devices.session import Session
+from imuscope.server.links.base import LinkError
+from imuscope.server.links.reader_thread import ThreadedLink
 from imuscope.server.links.simulator import SimulatorThread
-from tests.server.control_harness import BRIEFEST, bench, house
+from tests.server.control_harness import BRIEFEST, ControlHarness, bench, house, over
+from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
 GO_TO_CONFIG, GO_TO_MEASUREMENT = build(0x30), build(0x10)
@@ -27,7 +33,13 @@ def phase(there: SimulatorThread) -> str:
     return there.device.phase
 
 
-def test_a_read_stores_how_to_measure_again_before_it_interrupts(tmp_path: Path) -> None:
+def reported(here: ControlHarness, text: str) -> bool:
+    return text in [event.text for event in here.telemetry.log]
+
+
+def test_a_read_stores_how_to_measure_again_before_it_interrupts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     stored: list[tuple[bytes, ...]] = []
 
     async def check() -> None:
@@ -40,7 +52,7 @@ def test_a_read_stores_how_to_measure_again_before_it_interrupts(tmp_path: Path)
                 assert ("GoToConfig" in sent) == (not frames)  # stored before, removed after
                 stored.append(tuple(frames))
 
-            desk._put_back = keep
+            monkeypatch.setattr(here.desks.put_back, "keep", keep)
             assert (await here.read(desk)).state == "done"
 
     asyncio.run(check())
@@ -59,10 +71,88 @@ def test_a_device_of_a_server_that_was_killed_measures_again(tmp_path: Path) -> 
                 await until(lambda: phase(there) == "config", "the config state, as the kill left it")
             await here.desks.resume()
             await until(lambda: phase(there) == "measurement", "it measures")
-            (desk,) = here.desks._controllers.values()
-            await until(lambda: desk.job_report.done, "the job is over")
-            assert desk.job_report.done[0].state == "done"
-            assert here.desks.put_back.all() == []
+            await until(lambda: reported(here, IS_BACK), "it is back")
+            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+
+    asyncio.run(check())
+
+
+def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambda: None) -> None:
+    """Let the link break when the device answers so."""
+
+    def on_event(event: Event) -> None:
+        if isinstance(event, Reply) and event.message.name == answer:
+            off()
+            link = desk.session.link if isinstance(desk.session, Session) else None
+            assert isinstance(link, ThreadedLink)
+            link.fail(LinkError("gone", "The adapter was unplugged.", "Plug it in."))
+            then()
+
+    off = desk.session.listen(on_event)
+
+
+def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tmp_path: Path) -> None:
+    """It stayed silent until the server was restarted: only the next start put it back."""
+
+    async def check() -> None:
+        async with bench(measuring=True) as there, house(tmp_path) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            cut_at(desk, "GoToConfigAck")
+            assert (await here.read(desk)).state == "failed"
+            await until(lambda: phase(there) == "measurement", "it measures")
+            await until(lambda: reported(here, IS_BACK), "it is said")
+            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+
+    asyncio.run(check())
+
+
+def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with bench(measuring=True) as there, house(tmp_path, sample_s=PATIENCE_S) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            written: list[bytes] = []
+            desk.session.on_sent(lambda data, time_ns: written.append(data))
+            cut_at(desk, "GoToConfigAck", there.cycle)  # its adapter feeds it
+            assert (await here.read(desk)).state == "failed"
+            await until(lambda: reported(here, IS_BACK), "it is back")
+            assert GO_TO_MEASUREMENT not in written
+
+    asyncio.run(check())
+
+
+def test_a_device_that_another_program_configures_is_left_to_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def check() -> None:
+        async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            with serial.Serial(there.slave, 115_200) as port:
+                port.write(GO_TO_CONFIG)
+                await until(lambda: phase(there) == "config", "the program stops it")
+
+            async def refuse(data: bytes) -> int:
+                raise LinkError("busy", "xda_host is configuring the device.", "Wait.")
+
+            monkeypatch.setattr(desk.session, "send", refuse)
+            await desk.put_back.keep([GO_TO_MEASUREMENT])
+            desk.put_back.transaction_ended()
+            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+            assert "It is left to that program." in desk.log.tail()[-1].text
+            assert phase(there) == "config"
+
+    asyncio.run(check())
+
+
+def test_a_device_that_a_person_stops_stays_stopped(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with bench(measuring=True) as there, house(tmp_path) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            await desk.put_back.keep([GO_TO_MEASUREMENT])
+            desk.put_back.transaction_ended()
+            work = here.desks.jobs.run(desk, "GoToConfig", {}, changes=False, restarts=False)
+            assert (await over(desk.add("Stop", work))).state == "done"
+            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+            assert phase(there) == "config"
 
     asyncio.run(check())
 
