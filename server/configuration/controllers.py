@@ -141,7 +141,7 @@ class ControllerRegistry:
             except LinkError as error:
                 log.error("%s was interrupted and cannot be opened: %s", found.source, error)
                 continue
-            controller.put_back.begin([bytes.fromhex(frame) for frame in found.frames])
+            await controller.put_back.resume(found)
         for record in await asyncio.to_thread(self.rollbacks.all):
             try:
                 controller = self._controller_at(record)

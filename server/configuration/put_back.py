@@ -15,7 +15,7 @@ import asyncio
 import hashlib
 import json
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -124,7 +124,7 @@ class PutBackTask:
         """Begin to put the device back if the transaction has not."""
         self.begin(self._frames)
 
-    def begin(self, frames: Sequence[bytes]) -> None:
+    def begin(self, frames: Iterable[bytes]) -> None:
         """Put the device back as soon as it is there."""
         self._frames = self._left = tuple(frames)
         if not self._left or (self._task is not None and not self._task.done()):
@@ -132,6 +132,13 @@ class PutBackTask:
         self._protocol = self._controller.session.info.protocol
         self._report("warning", WAITING)
         self._task = asyncio.get_running_loop().create_task(self._work(), name="put back")
+
+    async def resume(self, found: Interrupted) -> None:
+        """Put back what the previous run left, under whatever address and name it was stored."""
+        self.begin(dict.fromkeys((*self._left, *map(bytes.fromhex, found.frames))))
+        await self._save()
+        if (found.source, found.device) != (self._controller.session.info.source, self._device):
+            await asyncio.to_thread(self._store.keep, found.source, found.device, ())
 
     def forget(self) -> None:
         """Leave the device as it is."""

@@ -25,7 +25,7 @@ from tests.server.control_harness import BRIEFEST, ControlHarness, bench, house,
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
-GO_TO_CONFIG, GO_TO_MEASUREMENT = build(0x30), build(0x10)
+GO_TO_CONFIG, GO_TO_MEASUREMENT, REQ_DID = build(0x30), build(0x10), build(0x00)
 
 
 def phase(there: SimulatorThread) -> str:
@@ -73,6 +73,27 @@ def test_a_device_of_a_server_that_was_killed_measures_again(tmp_path: Path) -> 
             await until(lambda: phase(there) == "measurement", "it measures")
             await until(lambda: reported(here, IS_BACK), "it is back")
             await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+
+    asyncio.run(check())
+
+
+def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotten(tmp_path: Path) -> None:
+    """A file under another name than the first device's was kept, and its frames sent at every start."""
+
+    async def check() -> None:
+        async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            source = desk.session.info.source
+            written: list[bytes] = []
+            desk.session.on_sent(lambda data, time_ns: written.append(data))
+            await desk.session.send(GO_TO_CONFIG)
+            await until(lambda: desk.state == "Config", "as the kill left it")
+            here.desks.put_back.keep(source, "", [REQ_DID])
+            here.desks.put_back.keep(source, "7", [GO_TO_MEASUREMENT])
+            await here.desks.resume()
+            await until(lambda: reported(here, IS_BACK), "it is back")
+            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+            assert set(written) == {GO_TO_CONFIG, REQ_DID, GO_TO_MEASUREMENT}
 
     asyncio.run(check())
 
