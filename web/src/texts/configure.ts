@@ -88,6 +88,7 @@ export const TEXT = {
   notReadYet: "Not read yet",
   settingsUnknown: (name: Value) =>
     `The settings of ${name} are unknown. Read them from the device; they are saved as a snapshot.`,
+  alsoUsedBy: (programs: Value) => `Also used by ${programs}, so imuscope reads the settings only on request.`,
   readSettings: "Read settings",
   readingSettings: "Reading the settings…",
   noSettingsToShow: "No settings to show",
@@ -200,7 +201,8 @@ export const TEXT = {
   // setting form
   effectAfterMeasurement: "Takes effect when measurement restarts.",
   effectAfterRestart: "Takes effect after an automatic restart.",
-  readAgainHint: (problem: Value) => `${problem} Use “Read again” to query the device.`,
+  readAgainHint: (problem: Value, pause: Value) =>
+    [problem, pause, "Use “Read again” to query the device."].filter((one) => one !== "").join(" "),
   notReadFromDevice: "Not read from this device yet.",
   notReadFromThisDevice: (why: Value) => `Not read from this device: ${why}.`,
   discardChanges: (edits: number) => `Discard ${count(edits, "change")}`,

@@ -1,20 +1,39 @@
 /** Placeholders and bands of a form: reading, never read, lost, not permitted, no settings. */
+import { useEffect, useState } from "preact/hooks";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
-import { protocolOf } from "../../wire/capabilities";
 import { describe } from "../../forms/elsewhere";
 import type { App } from "../app-state";
 import { ResumeButton } from "../empty-states";
 import type { Model } from "./model";
-import { linkTo, readAll, unfinishedOf } from "./view-state";
+import { linkTo, pauseOf, readAll, unfinishedOf } from "./view-state";
 import { clock } from "../../ui/format";
+import { request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
+const ASK_EVERY_MS = 1000;
+
+/** Programs that have the shared port of the device open. */
+function useOtherPrograms(model: Model): readonly string[] {
+  const [names, setNames] = useState<readonly string[]>([]);
+  useEffect(() => {
+    const ask = async (): Promise<void> => {
+      const answer = await request("GET /api/devices/{device}/shares", { path: { device: model.id } });
+      const clients = answer.ok ? answer.value.shares.flatMap((share) => share.clients) : [];
+      setNames([...new Set(clients.map(({ name }) => name))]);
+    };
+    void ask();
+    const timer = setInterval(() => void ask(), ASK_EVERY_MS);
+    return () => clearInterval(timer);
+  }, [model.id]);
+  return names;
+}
+
 export function NotRead({ model }: { readonly model: Model }) {
   const device = model.device.value;
   const last = model.jobs.value?.done[0];
-  const pause = protocolOf(device?.protocol)?.pause_hint;
+  const users = useOtherPrograms(model);
   const failed = model.lastRead.value === undefined ? undefined : jobOf(model, model.lastRead.value);
   return (
     <div class="veil">
@@ -24,7 +43,12 @@ export function NotRead({ model }: { readonly model: Model }) {
           {TEXT.notReadYet}
         </h2>
         <p>{TEXT.settingsUnknown(device?.name ?? COMMON.theDevice)}</p>
-        {pause && <p class="hint">{pause}</p>}
+        {(users.length > 0 || pauseOf(model) !== "") && (
+          <p class="hint">
+            {users.length > 0 && `${TEXT.alsoUsedBy(users.join(", "))} `}
+            {pauseOf(model)}
+          </p>
+        )}
         {failed && isOver(failed) && failed.state !== "done" && last?.id === failed.id && (
           <JobLine model={model} id={failed.id} />
         )}

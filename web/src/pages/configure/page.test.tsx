@@ -18,6 +18,8 @@ const type = (field: HTMLElement, value: string): void => void fireEvent.input(f
 const posts = ({ asked }: Opened, path: string): number =>
   asked.filter((one) => one.method === "POST" && one.path.endsWith(path)).length;
 
+const PAUSE = "Reading the settings of an MTi interrupts its measurement for about a second.";
+
 test("a wrong value is refused at its input", async () => {
   await openConfigure("xbus", { place: "LatLonAlt" });
   const latitude = (await until("[data-field=latitude] input")) as HTMLInputElement;
@@ -110,6 +112,7 @@ test.each(["OutputConfiguration", "Output%20configuration"])(
     const page = await openConfigure("xbus", { place, unread: true, answers: onlyLocation() });
     await until(".unread");
     await until("[data-setting=OutputConfiguration]");
+    expect(find("[data-setting=OutputConfiguration] .unread").textContent).toContain(PAUSE);
     expect(document.querySelector("[data-setting=OutputConfiguration] .budget")).toBeNull();
     expect(document.querySelector("[data-setting=OutputConfiguration] table")).toBeNull();
     fireEvent.click(button("Read again"));
@@ -121,6 +124,23 @@ test.each(["OutputConfiguration", "Output%20configuration"])(
     expect(document.querySelector(".unread")).toBeNull();
   },
 );
+
+test("a device that a driver uses is not read, which is said with what reading does, and is one click away", async () => {
+  const client = { number: 3, peer: "/dev/pts/7", name: "robot_driver (process 812)", may_write: true };
+  const shares = [{ name: "/run/imu0", kind: "pty", read_only: false, clients: [client] }];
+  const port = { why_not: "", folder: "", holder: 9, speaker: "", configuring: false, changes: [], shares };
+  const page = await openConfigure("xbus", {
+    place: "LocationID",
+    unread: true,
+    answers: { "GET /api/devices/1/shares": port },
+  });
+  const card = (await screen.findByText("Not read yet")).closest(".card") as HTMLElement;
+  const words = `Also used by robot_driver (process 812), so imuscope reads the settings only on request. ${PAUSE}`;
+  await waitFor(() => expect(card.querySelector(".hint")?.textContent).toBe(words));
+  expect(posts(page, "/read")).toBe(0);
+  fireEvent.click(within(card).getByRole("button"));
+  await waitFor(() => expect(posts(page, "/read")).toBe(1));
+});
 
 /** Values of a device of which only LocationID was read. */
 function onlyLocation(): Record<string, unknown> {

@@ -14,7 +14,7 @@ import { Message } from "../../ui/message";
 import { makeItFit } from "./fit-rates";
 import { route } from "../route";
 import type { Model } from "./model";
-import { CAUTIONS } from "./view-state";
+import { CAUTIONS, pauseOf } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
 interface Props {
@@ -56,7 +56,7 @@ export function Setting({ model, form, alone }: Props) {
         </div>
       )}
       <Words form={form} source={!alone} />
-      {unread && <p class="hint inset unread">{TEXT.readAgainHint(unreadWords(lacking))}</p>}
+      {unread && <p class="hint inset unread">{TEXT.readAgainHint(unreadWords(lacking), pauseOf(model))}</p>}
       <Body model={model} form={form} />
       {showsBytes && <Consequences model={model} form={form} />}
     </section>

@@ -4,6 +4,7 @@ import { perApp } from "../app-state";
 import { go, href } from "../route";
 import type { CautionKind, SettingForm } from "../../forms/types";
 import type { Problem } from "../../ui/http";
+import { protocolOf } from "../../wire/capabilities";
 import type { Job } from "../../wire/types";
 import type { Edits, Model } from "./model";
 import { TEXT } from "../../texts/configure";
@@ -56,6 +57,9 @@ export function readAll(model: Model): void {
     act: () => void model.readAll(true),
   };
 }
+
+/** What reading the settings does to the stream, one sentence; "" for nothing. */
+export const pauseOf = (model: Model): string => protocolOf(model.device.value?.protocol)?.pause_hint ?? "";
 
 /** Unfinished work of a command that a change of the device's state discards. */
 export const unfinishedOf = (model: Model): readonly string[] => [model.jobs.value?.unfinished ?? ""].filter(Boolean);
