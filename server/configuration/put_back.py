@@ -92,7 +92,7 @@ class PutBackStore:
 
 
 class PutBackTask:
-    """What has still to be put back on one device, and the task that does it.
+    """State of one device that has still to be put back, and the task that does it.
 
     Args:
         source, device: under which it is stored; `device` is its name on the link, "" for the first.
