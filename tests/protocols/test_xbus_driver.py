@@ -354,7 +354,6 @@ def test_silence_is_reported_with_request_and_attempts() -> None:
 
 
 def test_a_device_that_does_not_answer_is_not_called_back_in_its_state() -> None:
-    """Its cable broke while it was read: it stayed silent, and nobody knew that it had to measure again."""
     line = PlayedWire(DeafXbusDevice(), "xbus")
     with pytest.raises(NoReplyError):
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
