@@ -194,7 +194,7 @@ def _cache_folder(data: Path) -> Path:
 
 
 def _with_loops() -> ModuleType:
-    """`imuscope.protocols.jit`, which knows the loops of the modules imported so far, after these have been imported."""
+    """protocols/jit.py, which knows the loops of the modules imported so far, after these have been imported."""
     from imuscope.protocols import jit, registry  # noqa: F401
     from imuscope.recordings import mcap_reader  # noqa: F401
     from imuscope.server.links import read_loop  # noqa: F401
