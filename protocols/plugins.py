@@ -12,6 +12,7 @@ Finding them imports none of them, so that names for help and completion cost no
 from __future__ import annotations
 
 import functools
+import importlib.util
 import logging
 import re
 import tomllib
@@ -62,6 +63,14 @@ class ProtocolPlugin:
         """The module to import."""
         return self.value.partition(":")[0]
 
+    @property
+    def is_there(self) -> bool:
+        """False for one of imuscope's own whose folder was left out of the installation."""
+        try:
+            return bool(self.package) or importlib.util.find_spec(self.module) is not None
+        except ModuleNotFoundError:
+            return False
+
     def problem(self, kind: str, error: Exception) -> str:
         """A sentence about why it is unusable."""
         words = f"{type(error).__name__}: {error}" if not isinstance(error, ValueError) else str(error)
@@ -97,7 +106,7 @@ def plugins_of_others(group: str) -> list[ProtocolPlugin]:
 
 
 def import_plugins(group: str, kind: str) -> list[str]:
-    """Import the modules declared by other packages in a group; each registers something on import.
+    """Import the modules declared in a group; each registers something on import. One of ours may be left out.
 
     Args:
         kind: kind of registered objects, for messages: "exporter".
@@ -106,11 +115,15 @@ def import_plugins(group: str, kind: str) -> list[str]:
         a sentence about each that is unusable.
     """
     problems: list[str] = []
-    for plugin in plugins_of_others(group):
+    for plugin in plugins_of(group):
+        if not plugin.is_there:
+            continue
         try:
             plugin.check()
             import_module(plugin.module)
         except Exception as error:  # third-party code may raise anything
+            if not plugin.package:
+                raise
             problems.append(plugin.problem(kind, error))
             log.debug("%s failed", plugin.value, exc_info=True)
     return problems
@@ -131,11 +144,12 @@ def _own_entries(group: str) -> dict[str, str]:
     if project.is_file():
         declared = tomllib.loads(project.read_text(encoding="utf-8"))["project"]
         if declared["name"] == PACKAGE:
-            return dict(declared["entry-points"][group])
+            return dict(declared["entry-points"].get(group, {}))
     try:
-        installed = metadata.distribution(PACKAGE).entry_points.select(group=group)
-        if found := {entry.name: entry.value for entry in installed}:
-            return found
+        installed = metadata.distribution(PACKAGE).entry_points
     except metadata.PackageNotFoundError:
-        pass
-    raise RuntimeError(f"The installation declares no {group}. Install imuscope again: pip install --force-reinstall.")
+        installed = metadata.EntryPoints()
+    if not installed.select(group=GROUP):
+        text = f"The installation declares no {GROUP}. Install imuscope again: pip install --force-reinstall."
+        raise RuntimeError(text)
+    return {entry.name: entry.value for entry in installed.select(group=group)}

@@ -35,7 +35,6 @@ from imuscope.server.api import (
     reference,
     replay,
     robot_pages,
-    ros2,
     shares,
     signals,
     snapshots,
@@ -92,7 +91,6 @@ ROUTED = (
     capabilities,
     map_tiles,
     websocket,
-    ros2,
     reference,
     signals,
 )

@@ -62,9 +62,7 @@ from imuscope.server.devices.decode_options import (
 from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
 from imuscope.server.holder.shares import ShareAddress, ShareError
 from imuscope.server.logging_setup import LEVELS, STYLES
-from imuscope.server.ros2.domain import usual_domain
-from imuscope.server.ros2.key_expressions import MAX_DOMAIN, is_name
-from imuscope.server.ros2.session import DEFAULT_ROUTER, is_router_address
+from imuscope.server.ros2_settings import DEFAULT_ROUTER, MAX_DOMAIN, is_name, is_router_address, usual_domain
 from imuscope.server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings, hours_of
 
 DEFAULT_HOST = "127.0.0.1"
@@ -145,7 +143,7 @@ class Config:
         foxglove: loopback port of the Foxglove protocol (server/extensions/foxglove); 0 for any free one, −1 for
             none.
         rerun_connect: address of a Rerun viewer on another machine to stream to; "" for none.
-        ros2: publish devices as nodes of ROS 2 (server/integrations/ros2.py).
+        ros2: publish devices as nodes of ROS 2 (server/extensions/ros2/service.py).
         ros2_domain, ros2_router, ros2_namespace: ROS domain, address of the Zenoh router, namespace of the nodes.
         ros2_reliability, ros2_depth: quality of service of the publishers.
         ros2_axes: "rep103": ENU and FLU; "device": as the device sends them.

@@ -11,7 +11,6 @@ package that cannot be imported, leaves a server without it.
 from __future__ import annotations
 
 import functools
-import importlib.util
 import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -74,8 +73,8 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
     found: dict[str, Extension] = {}
     wrong: list[str] = []
     for plugin in plugins:
-        if not plugin.package and importlib.util.find_spec(plugin.module) is None:
-            continue  # one of our own, whose folder was left out
+        if not plugin.is_there:
+            continue
         try:
             extension = _loaded(plugin)
             if extension.name in found:

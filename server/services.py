@@ -32,7 +32,7 @@ from imuscope.server.devices.byte_memory import ByteMemory
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.protocol_detection import ProtocolSet
-from imuscope.server.devices.protocol_set import all_protocols, sensors_of
+from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.devices.protocol_set import protocols as installed_protocols
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.sessions import OpenLink, Sessions
@@ -44,7 +44,6 @@ from imuscope.server.fleet.raised_alarms import raised_alarms
 from imuscope.server.fleet.robots import Robots
 from imuscope.server.fleet.uploads import UploadService
 from imuscope.server.integrations.map_tiles import TileSource
-from imuscope.server.integrations.ros2 import Ros2
 from imuscope.server.jit_cache import BackgroundLoad
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.cleanup import DataFolderLock
@@ -97,7 +96,6 @@ class Services:
     recorder: Recorder
     exports: ExportJobs
     alarms: AlarmService
-    ros2: Ros2
     tiles: TileSource
     page_files: Files
     reference: ReferencePages
@@ -142,7 +140,6 @@ class Services:
         await self.recorder.resume()
         await self.alarms.start()
         self.catalogue.start()
-        self.ros2.start()
         self.fleet.start()
         if self.folder_lock.is_alone and self.robots is None:  # otherwise the other server uploads what is there
             self.uploads.start()
@@ -163,7 +160,6 @@ class Services:
                 "an analysis": self.analyses.close(),
                 "the alarms": self.alarms.close(),
                 **{part.name: part.close() for part in self.parts},
-                "ROS 2": self.ros2.close(),
                 "the fleet": self.fleet.close(),
                 **({} if self.fleet_server is None else {"the fleet server": self.fleet_server.close()}),
                 "the compiler": asyncio.to_thread(decoders.close),
@@ -244,7 +240,6 @@ def build_services(
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
         alarms=alarms,
-        ros2=Ros2(telemetry, config, sensors_of),
         tiles=TileSource(config.map),
         page_files=page_files,
         reference=ReferencePages(),

@@ -26,7 +26,7 @@ imuscope.recordings.compaction, which imports little and may have little memory.
 VIEWERS = {
     "imuscope.server.extensions.foxglove.worker": (),
     "imuscope.server.extensions.rerun.worker": (),
-    "imuscope.server.integrations.ros2_worker": ("zenoh",),
+    "imuscope.server.extensions.ros2.worker": ("zenoh",),
     "imuscope.server.extensions.rerun.stream_worker": ("imuscope.recordings.rrd.writer",),
     "imuscope.server.extensions.viser.worker": ("imuscope.server.extensions.viser.scene",),
 }

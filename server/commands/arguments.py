@@ -19,7 +19,7 @@ from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.commands.store_arguments import add_compact, add_query, add_store, add_upload
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
-from imuscope.server.ros2.session import DEFAULT_ROUTER
+from imuscope.server.ros2_settings import DEFAULT_ROUTER
 from imuscope.server.version import VERSION
 
 COMMANDS = (

@@ -1973,13 +1973,6 @@ export interface Routes {
     readonly path: { readonly z: number; readonly x: number; readonly y: number };
     readonly answer: Blob;
   };
-  /** The publisher, its topics and their subscribers; figures are renewed once a second. */
-  "GET /api/ros2": { readonly answer: RosState; };
-  /** Publish a topic, or no longer; the choice outlasts the server. */
-  "PATCH /api/ros2/topics": {
-    readonly body: SwitchTopicRequest;
-    readonly answer: RosState;
-  };
   /** Functions and units of expressions, for completion. */
   "GET /api/signals/words": { readonly answer: ExpressionWords; };
   /** Computed signals of a device. */
@@ -2009,6 +2002,13 @@ export interface Routes {
     readonly path: { readonly recording: string };
     readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
     readonly answer: ViewerQuery;
+  };
+  /** The publisher, its topics and their subscribers; figures are renewed once a second. */
+  "GET /api/ros2": { readonly answer: RosState; };
+  /** Publish a topic, or no longer; the choice outlasts the server. */
+  "PATCH /api/ros2/topics": {
+    readonly body: SwitchTopicRequest;
+    readonly answer: RosState;
   };
   /** Begin a 3D scene; returns its address as soon as it can be opened. */
   "GET /api/views/scene": {

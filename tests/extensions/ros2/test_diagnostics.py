@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from imuscope.server.ros2 import type_support
-from imuscope.server.ros2.diagnostics import ARRAY, DiagnosticCounts, diagnostics
+from imuscope.server.extensions.ros2 import type_support
+from imuscope.server.extensions.ros2.diagnostics import ARRAY, DiagnosticCounts, diagnostics
 from tests.each_row import each_row
 
 DEVICE = {

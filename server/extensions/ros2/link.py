@@ -12,7 +12,7 @@ The type of a topic is that of its publishers, unless `type` says otherwise. In 
 A router that stops is reported; nodes that are known then go on to send directly, and Zenoh finds the router again by
 itself.
 
-Source: rmw_zenoh, docs/design.md (server/ros2/).
+Source: rmw_zenoh, docs/design.md (server/extensions/ros2/).
 """
 
 from __future__ import annotations
@@ -22,28 +22,26 @@ import contextlib
 import threading
 from typing import TYPE_CHECKING, Any
 
-from imuscope.server.links.base import Link, LinkError, LinkSettings, Progress
-from imuscope.server.links.message_link import MessageLink, SeenTopic, TopicSource, listed, missing_topic, other_type
-from imuscope.server.links.registry import LinkDefinition, register_link
-from imuscope.server.links.source_url import SourceUrl, bad
-from imuscope.server.links.text import progress_line
-from imuscope.server.ros2.attachment import Attachment, AttachmentError, gid_of
-from imuscope.server.ros2.domain import usual_domain
-from imuscope.server.ros2.key_expressions import (
+from imuscope.server.extensions.ros2.attachment import Attachment, AttachmentError, gid_of
+from imuscope.server.extensions.ros2.key_expressions import (
     ANY_HASH,
-    MAX_DOMAIN,
     KeyExpressionError,
     QosProfile,
     RosEndpoint,
     RosNode,
     graph_pattern,
-    is_name,
     parse_token,
     parse_topic_key,
     topic_key,
 )
-from imuscope.server.ros2.session import ZenohSessionError, open_session
-from imuscope.server.ros2.type_support import TypeSupportError, definition, is_known, type_hash
+from imuscope.server.extensions.ros2.session import ZenohSessionError, open_session
+from imuscope.server.extensions.ros2.type_support import TypeSupportError, definition, is_known, type_hash
+from imuscope.server.links.base import Link, LinkError, LinkSettings, Progress
+from imuscope.server.links.message_link import MessageLink, SeenTopic, TopicSource, listed, missing_topic, other_type
+from imuscope.server.links.registry import LinkDefinition, register_link
+from imuscope.server.links.source_url import SourceUrl, bad
+from imuscope.server.links.text import progress_line
+from imuscope.server.ros2_settings import MAX_DOMAIN, is_name, usual_domain
 
 if TYPE_CHECKING:
     import zenoh

@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from imuscope.server.ros2 import type_support
-from imuscope.server.ros2.type_support import TypeSupportError
+from imuscope.server.extensions.ros2 import type_support
+from imuscope.server.extensions.ros2.type_support import TypeSupportError
 from tests.each_row import each_row
 
 # As `ros2 topic info --verbose` prints them in Jazzy.
@@ -66,7 +66,8 @@ def test_unknown_types_are_an_error_of_ours() -> None:
 
 def test_libraries_are_loaded_on_first_use() -> None:
     names = ", ".join(
-        f"imuscope.server.ros2.{name}" for name in ("attachment", "key_expressions", "session", "type_support")
+        f"imuscope.server.extensions.ros2.{name}"
+        for name in ("attachment", "key_expressions", "session", "type_support")
     )
     code = f"import sys, {names}; print(sorted({{'rosbags', 'zenoh', 'xxhash'}} & set(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.server.ros2 import type_support
-from imuscope.server.ros2.cdr_rows import RowEncoder, stamp_columns
-from imuscope.server.ros2.messages import FIELD, FIX, IMU, PRESSURE, TEMPERATURE, TIME, TRANSFORM, TWIST
+from imuscope.server.extensions.ros2 import type_support
+from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
+from imuscope.server.extensions.ros2.messages import FIELD, FIX, IMU, PRESSURE, TEMPERATURE, TIME, TRANSFORM, TWIST
 from tests.each_row import each_row
 
 N = 3

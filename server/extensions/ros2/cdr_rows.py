@@ -9,7 +9,7 @@ are 0.
 
     00 01 00 00 │ fields, each aligned to its size; text: u32 length with NUL, bytes, NUL      little-endian
 
-Source: OMG CDR (formal/2002-06-51, 15.3), XCDR1 as in DDS; the fields of a type come from server/ros2/type_support.py.
+Source: OMG CDR (formal/2002-06-51, 15.3), XCDR1 as in DDS; the fields of a type come from type_support.py.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.ros2.type_support import fields_of
+from imuscope.server.extensions.ros2.type_support import fields_of
 
 HEADER = b"\x00\x01\x00\x00"
 

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.extensions.ros2.service import Ros2
 from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/ros2", tags=["ros2"])
@@ -63,9 +64,9 @@ class RosState(BaseModel):
 
 
 def _state(services: Services) -> RosState:
-    config, state = services.config, services.ros2.state
+    config, state = services.config, services.parts.get(Ros2).state
     return RosState(
-        enabled=services.ros2.is_enabled,
+        enabled=services.parts.get(Ros2).is_enabled,
         router=config.ros2_router,
         domain=config.ros2_domain,
         namespace=config.ros2_namespace,
@@ -88,5 +89,5 @@ async def get_ros2(services: TheServices) -> RosState:
 @router.patch("/topics", responses=responses(404, 409, 422, 507))
 async def switch_topic(body: SwitchTopicRequest, services: TheServices) -> RosState:
     """Publish a topic, or no longer; the choice outlasts the server."""
-    services.ros2.switch(body.key, enabled=body.enabled)
+    services.parts.get(Ros2).switch(body.key, enabled=body.enabled)
     return _state(services)

@@ -9,8 +9,8 @@ import pytest
 from imuscope.recordings import atomic_write
 from imuscope.server.config import ConfigError, load
 from imuscope.server.errors import DomainError
-from imuscope.server.integrations import ros2_switches
-from imuscope.server.integrations.ros2_switches import FILE, TopicSwitches
+from imuscope.server.extensions.ros2 import switches as ros2_switches
+from imuscope.server.extensions.ros2.switches import FILE, TopicSwitches
 from tests.each_row import each_row
 
 

@@ -26,8 +26,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from imuscope.server.ros2_settings import NAME
+
 ADMIN_SPACE = "@ros2_lv"
-MAX_DOMAIN = 232  # what DDS allows; rmw_zenoh has no limit of its own
 DEFAULT_DEPTH = 42  # the depth that is left out of a token
 ANY_HASH = "*"
 
@@ -44,7 +45,6 @@ _HISTORY: Mapping[str, History] = {"": "keep_last", "0": "keep_last", "1": "keep
 
 _NODE = "NN"
 _SLASH = "%"
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _DDS_TYPE = re.compile(r"(\w+)::(\w+)::dds_::(\w+)_")
 _ROS_TYPE = re.compile(r"(\w+)/(\w+)/(\w+)")
 
@@ -232,9 +232,4 @@ def ros_type(type: str) -> str:
 def name_of(text: str) -> str:
     """A valid part of a ROS 2 name from any text: "MTi-630 (2)" is mti_630_2."""
     name = re.sub(r"[^a-z0-9]+", "_", text.lower(), flags=re.ASCII).strip("_")
-    return name if _NAME.fullmatch(name) else f"device_{name}".rstrip("_")
-
-
-def is_name(text: str) -> bool:
-    """Whether a text is a valid name of a topic or a namespace, with its first slash."""
-    return text.startswith("/") and all(_NAME.fullmatch(part) and "__" not in part for part in text[1:].split("/"))
+    return name if NAME.fullmatch(name) else f"device_{name}".rstrip("_")

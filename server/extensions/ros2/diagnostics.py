@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from imuscope.server.ros2.type_support import message_class, serialize
+from imuscope.server.extensions.ros2.type_support import message_class, serialize
 
 ARRAY, STATUS, VALUE = (f"diagnostic_msgs/msg/{name}" for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue"))
 OK, WARN, ERROR, STALE = range(4)

@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.integrations.ros2_worker`: the process in which devices are nodes of ROS 2.
+"""`python -m imuscope.server.extensions.ros2.worker`: the process in which devices are nodes of ROS 2.
 
     input:   {"op": "serve", settings of Ros2Settings}     open the session and announce the devices
              {"op": "sensors", "device": …, values of SensorProperties}
@@ -8,7 +8,7 @@
              {"op": "reopen"}: start this process anew
              {"op": "failed", "why": …}
 
-What a device sends becomes messages in server/ros2/messages.py, its figures in server/ros2/diagnostics.py. A channel is
+What a device sends becomes messages in messages.py, its figures in diagnostics.py. A channel is
 requested, and a message made, only while its topic has a subscriber.
 """
 
@@ -23,13 +23,13 @@ from typing import Any
 
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.file_names import device_names
+from imuscope.server.extensions.ros2.diagnostics import DiagnosticCounts, diagnostics
+from imuscope.server.extensions.ros2.graph import RosGraph, TopicPublisher
+from imuscope.server.extensions.ros2.key_expressions import QosProfile, RosNode, name_of
+from imuscope.server.extensions.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
+from imuscope.server.extensions.ros2.quantities import DeviceQuantities, quantities_of
+from imuscope.server.extensions.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
 from imuscope.server.integrations.viewer_client import ViewerClient
-from imuscope.server.ros2.diagnostics import DiagnosticCounts, diagnostics
-from imuscope.server.ros2.graph import RosGraph, TopicPublisher
-from imuscope.server.ros2.key_expressions import QosProfile, RosNode, name_of
-from imuscope.server.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
-from imuscope.server.ros2.quantities import DeviceQuantities, quantities_of
-from imuscope.server.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
 from imuscope.server.wire_codec import SampleFrame
 
 TICK_S = 1.0

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.sensor_properties import SensorProperties
-from imuscope.server.ros2 import type_support
-from imuscope.server.ros2.messages import FrameNames, builders_of
-from imuscope.server.ros2.quantities import quantities_of
+from imuscope.server.extensions.ros2 import type_support
+from imuscope.server.extensions.ros2.messages import FrameNames, builders_of
+from imuscope.server.extensions.ros2.quantities import quantities_of
 from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
-from tests.server.ros2.samples import T0, frame, info, xyz
+from tests.extensions.ros2.samples import T0, frame, info, xyz
 
 DEVICE = {"id": "1", "name": "IMU"}
 FRAMES = FrameNames("imu0", "map")

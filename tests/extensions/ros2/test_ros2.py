@@ -17,15 +17,15 @@ import numpy as np
 import pytest
 import zenoh
 
-from imuscope.server.integrations.ros2 import MODULE
-from imuscope.server.integrations.ros2_worker import Ros2Bridge
-from imuscope.server.ros2 import type_support
-from imuscope.server.ros2.attachment import Attachment, gid_of
-from imuscope.server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
+from imuscope.server.extensions.ros2 import type_support
+from imuscope.server.extensions.ros2.attachment import Attachment, gid_of
+from imuscope.server.extensions.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
+from imuscope.server.extensions.ros2.service import MODULE
+from imuscope.server.extensions.ros2.worker import Ros2Bridge
 from tests.each_row import each_row
+from tests.extensions.ros2.samples import info, xyz
 from tests.forked_workers import workers_of
 from tests.free_ports import free_port
-from tests.server.ros2.samples import info, xyz
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until

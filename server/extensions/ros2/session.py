@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import ipaddress
 import json
-import re
 from typing import TYPE_CHECKING, Any
+
+from imuscope.server.ros2_settings import is_router_address
 
 if TYPE_CHECKING:
     import zenoh
 
-DEFAULT_ROUTER = "tcp/localhost:7447"
 CLIENT_S = 3.0  # time of a client to reach its router
 SETTINGS: dict[str, Any] = {
     "mode": "peer",
@@ -40,7 +40,6 @@ SETTINGS: dict[str, Any] = {
 }
 CLIENT: dict[str, Any] = {"mode": "client", "listen/endpoints": []}
 IMPATIENT: dict[str, Any] = {"connect/timeout_ms": round(CLIENT_S * 1000), "connect/exit_on_failure": True}
-_ADDRESS = re.compile(r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9a-fA-F:.]+\]|[^\s/:\[\]#?]+):(\d{1,5})(?:[?#]\S*)?")
 
 
 class ZenohSessionError(Exception):
@@ -49,12 +48,6 @@ class ZenohSessionError(Exception):
 
 class RouterAbsentError(ZenohSessionError):
     """A router that a client does not reach; it may be there later."""
-
-
-def is_router_address(text: str) -> bool:
-    """Whether a text is an address of a router: tcp/HOST:PORT."""
-    found = _ADDRESS.fullmatch(text)
-    return found is not None and 0 < int(found[1]) <= 65_535
 
 
 def router_host(text: str) -> tuple[str, int]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imuscope.recordings.rotations import READ
-from imuscope.server.ros2.axes import attitudes, body_vectors, enu_from_flu, world_vectors
+from imuscope.server.extensions.ros2.axes import attitudes, body_vectors, enu_from_flu, world_vectors
 from tests.each_row import each_row
 
 FRAMES = {  # columns: the axes of the frame in ENU

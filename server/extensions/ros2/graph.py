@@ -12,9 +12,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from imuscope.server.rate_meter import RateMeter
-from imuscope.server.ros2.attachment import Attachment, gid_of
-from imuscope.server.ros2.key_expressions import (
+from imuscope.server.extensions.ros2.attachment import Attachment, gid_of
+from imuscope.server.extensions.ros2.key_expressions import (
     KeyExpressionError,
     QosProfile,
     RosEndpoint,
@@ -22,7 +21,8 @@ from imuscope.server.ros2.key_expressions import (
     graph_pattern,
     parse_token,
 )
-from imuscope.server.ros2.type_support import type_hash
+from imuscope.server.extensions.ros2.type_support import type_hash
+from imuscope.server.rate_meter import RateMeter
 
 Session = Any  # zenoh.Session: its stubs miss return types
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from zenoh.ext import Int64, z_serialize
 
-from imuscope.server.ros2.attachment import Attachment, AttachmentError, gid_of
+from imuscope.server.extensions.ros2.attachment import Attachment, AttachmentError, gid_of
 from tests.each_row import each_row
 
 GID = bytes(range(16))

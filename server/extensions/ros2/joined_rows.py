@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.recordings.topics import stamps
-from imuscope.server.ros2.axes import Floats
-from imuscope.server.ros2.quantities import Place
+from imuscope.server.extensions.ros2.axes import Floats
+from imuscope.server.extensions.ros2.quantities import Place
 from imuscope.server.wire_codec import SampleFrame
 
 Times = NDArray[np.int64]

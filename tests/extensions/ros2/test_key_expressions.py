@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from imuscope.server.ros2.key_expressions import (
+from imuscope.server.extensions.ros2.key_expressions import (
     KeyExpressionError,
     QosProfile,
     RosEndpoint,
     RosNode,
     dds_type,
     graph_pattern,
-    is_name,
     name_of,
     parse_token,
     parse_topic_key,
     ros_type,
     topic_key,
 )
+from imuscope.server.ros2_settings import is_name
 from tests.each_row import each_row
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

@@ -10,7 +10,7 @@
     temperature     sensor_msgs/msg/Temperature      °C
     /tf             tf2_msgs/msg/TFMessage           attitude, from the frame of the map to that of the device
 
-Axes are ENU and FLU (REP 103, 105, 145), or those of the device (server/ros2/axes.py). A quantity that is absent has a
+Axes are ENU and FLU (REP 103, 105, 145), or those of the device (axes.py). A quantity that is absent has a
 covariance that begins with −1; a covariance that is not known is 0, as the definitions of the messages say. The
 covariance of a sensor's noise is density² × rate / 2.
 
@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.rrd.enu import is_place
-from imuscope.server.ros2.axes import Floats, attitudes, body_vectors, enu_from_flu, world_vectors
-from imuscope.server.ros2.cdr_rows import RowEncoder, stamp_columns
-from imuscope.server.ros2.joined_rows import RowBlock, RowJoin, Times
-from imuscope.server.ros2.quantities import WORLD_FRAMES, DeviceQuantities, GnssPlaces, Place, UtcPlaces
+from imuscope.server.extensions.ros2.axes import Floats, attitudes, body_vectors, enu_from_flu, world_vectors
+from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
+from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin, Times
+from imuscope.server.extensions.ros2.quantities import WORLD_FRAMES, DeviceQuantities, GnssPlaces, Place, UtcPlaces
 from imuscope.server.wire_codec import SampleFrame
 
 Samples = Mapping[int, Sequence[SampleFrame]]

@@ -6,14 +6,14 @@ from contextlib import closing
 
 import pytest
 
-from imuscope.server.ros2.session import (
+from imuscope.server.extensions.ros2.session import (
     IMPATIENT,
     RouterAbsentError,
     ZenohSessionError,
-    is_router_address,
     open_session,
     router_host,
 )
+from imuscope.server.ros2_settings import is_router_address
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.timeouts import PATIENCE_S
@@ -38,14 +38,15 @@ def test_a_router_may_come_late_and_come_again() -> None:
 
 def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A session that accepts no connections, as seen from nodes of the router's host."""
-    monkeypatch.setattr("imuscope.server.ros2.session._is_here", lambda host: False)
+    monkeypatch.setattr("imuscope.server.extensions.ros2.session._is_here", lambda host: False)
     port = free_port()
     with monkeypatch.context() as patch:
-        patch.setattr("imuscope.server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
+        patch.setattr("imuscope.server.extensions.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
         with pytest.raises(RouterAbsentError, match=f"There is no Zenoh router at tcp/127.0.0.1:{port}."):
             open_session(f"tcp/127.0.0.1:{port}")
     monkeypatch.setattr(
-        "imuscope.server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)}
+        "imuscope.server.extensions.ros2.session.IMPATIENT",
+        {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)},
     )
     with running_router(port) as router:
         session = open_session(f"tcp/127.0.0.1:{port}")
@@ -62,11 +63,12 @@ def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.Monke
 
 def test_messages_of_a_client_reach_a_peer_of_the_router(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "imuscope.server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)}
+        "imuscope.server.extensions.ros2.session.IMPATIENT",
+        {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)},
     )
     port = free_port()
     with running_router(port), closing(open_session(f"tcp/127.0.0.1:{port}")) as peer:
-        monkeypatch.setattr("imuscope.server.ros2.session._is_here", lambda host: False)
+        monkeypatch.setattr("imuscope.server.extensions.ros2.session._is_here", lambda host: False)
         with closing(open_session(f"tcp/127.0.0.1:{port}")) as client:
             received: list[bytes] = []
             peer.declare_subscriber("0/**", lambda sample: received.append(bytes(sample.payload)))

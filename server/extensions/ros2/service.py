@@ -4,7 +4,7 @@
                                 ├── Zenoh router (rmw_zenohd or zenohd, tcp/localhost:7447)
     ros2_worker (subprocess) ───┘
 
-The session runs in a subprocess (server/integrations/ros2_worker.py), which is started after the server and restarted
+The session runs in a subprocess (server/extensions/ros2/worker.py), which is started after the server and restarted
 after a crash with growing delays. A router that is absent is no error: Zenoh tries again, and the events say so.
 """
 
@@ -22,11 +22,11 @@ from imuscope.server import wire
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
-from imuscope.server.integrations.ros2_switches import TopicSwitches
+from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.integrations.viewer_process import ViewerProcess
 from imuscope.server.streaming.telemetry import Telemetry
 
-MODULE = "imuscope.server.integrations.ros2_worker"
+MODULE = "imuscope.server.extensions.ros2.worker"
 PER_S = 125.0  # how often samples are passed on: a message is at most 8 ms late
 AGAIN_S, LONGEST_S = 1.0, 60.0
 STEADY_S = 120.0  # after running this long, the next crash counts as the first

@@ -1,0 +1,99 @@
+"""The heart of the program without its extensions: a folder that is left out leaves a server and a page without it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from imuscope.server.extension import extensions
+from tests.each_row import each_row
+from tests.server_process import tied
+from tests.source_files import PACKAGE, ROOT, facts_of, python_files
+from tests.timeouts import PATIENCE_S
+
+NAMES = sorted(path.name for path in (ROOT / "server" / "extensions").iterdir() if (path / "__init__.py").is_file())
+COPIED = ("protocols", "recordings", "server", PACKAGE, "pyproject.toml")
+ROUTES = {"viser": "/api/views/scene", "rerun": "/rerun/", "ros2": "/api/ros2"}
+"""A path that only the extension answers."""
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the program."""
+    folder = tmp_path_factory.mktemp("tree")
+    for name in COPIED:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+def served(tree: Path, data: Path) -> Iterator[str]:
+    """Address of a server of that tree."""
+    environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+    words = ["serve", "sim:xbus", "--host", "127.0.0.1", "--port", "0", "--data", str(data)]
+    command = tied([sys.executable, "-m", PACKAGE, *words])
+    with subprocess.Popen(command, env=environment, cwd=tree, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            yield next(line for line in process.stdout if line.startswith("http://")).strip()
+        finally:
+            process.terminate()
+    assert process.returncode == 0
+
+
+def status_of(url: str) -> int:
+    """Status of the answer."""
+    try:
+        with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def test_every_folder_is_an_extension() -> None:
+    assert [one.name for one in extensions()] == NAMES
+
+
+@each_row("left_out", [*([name] for name in NAMES), NAMES])
+def test_a_server_starts_without_an_extension(tree: Path, tmp_path: Path, left_out: list[str]) -> None:
+    folder = tree / "server" / "extensions"
+    for name in left_out:
+        (folder / name).rename(tmp_path / name)
+    try:
+        for url in served(tree, tmp_path / "data"):
+            assert status_of(url) == 200
+            assert status_of(f"{url}api/devices") == 200
+            assert status_of(f"{url}metrics") == 200
+            assert status_of(f"{url}openapi.json") == 200
+            for name, path in ROUTES.items():
+                assert (status_of(url.rstrip("/") + path) == 404) == (name in left_out), path
+    finally:
+        for name in left_out:
+            (tmp_path / name).rename(folder / name)
+
+
+def test_nothing_outside_imports_an_extension() -> None:
+    inside = ROOT / "server" / "extensions"
+    requires = {one.name: one.requires for one in extensions()}
+    wrong = []
+    for path in python_files("protocols", "recordings", "server"):
+        own = path.relative_to(inside).parts[0] if path.is_relative_to(inside) else ""
+        for line, module in facts_of(path).imports:
+            parts = module.split(".")
+            if (
+                parts[:2] == ["server", "extensions"]
+                and len(parts) > 2
+                and parts[2] not in (own, *requires.get(own, ()))
+            ):
+                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {module}")
+    assert not wrong, "\n".join(wrong)
