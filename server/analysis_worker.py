@@ -19,6 +19,7 @@ from imuscope.server.analysis.jobs import AnalysisJob
 from imuscope.server.analysis.limits import AnalysisLimits
 from imuscope.server.analysis.registry import load_analyses
 from imuscope.server.errors import DomainError
+from imuscope.server.extension import extensions
 from imuscope.server.fork_server import JobAnswer, serve
 
 USED = (
@@ -26,7 +27,6 @@ USED = (
     "scipy.ndimage",
     "scipy.signal",
     "imuscope.server.alarms.preview",
-    "imuscope.server.calibration.stretch",
 )  # imported late by others, or unpickled
 OWN_MB = 128  # of memory besides the limit, for stacks of threads, and for the text of the answer
 
@@ -36,7 +36,7 @@ def main() -> int:
     limits = AnalysisLimits.of(sys.argv[1:])
     limits = AnalysisLimits(min(limits.memory_mb, memory_of_one() >> 20), limits.time_s)
     load_analyses()
-    for name in USED:
+    for name in (*USED, *(job for extension in extensions() for job in extension.jobs)):
         import_module(name)
     cpu_s = round(limits.time_s * (os.cpu_count() or 1)) + 60  # in several threads
     memory = memory_in_use() + (limits.memory_mb + OWN_MB << 20)

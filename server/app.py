@@ -11,7 +11,6 @@ from starlette.types import ASGIApp
 from imuscope.server.api import (
     alarms,
     analysis,
-    calibration,
     capabilities,
     commands,
     comparison,
@@ -76,7 +75,6 @@ ROUTED = (
     recordings,
     recording_data,
     analysis,
-    calibration,
     comparison,
     alarms,
     query,
@@ -152,7 +150,7 @@ def create_app(
     app.add_middleware(PreviousPaths)
     routers = [module.router for module in ROUTED]
     for extension in extensions():
-        for part in extension.parts(services):
+        for part in extension.build(services):
             services.parts.add(part)
         routers += extension.routers()
     for router in (*routers, static_files.router):

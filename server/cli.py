@@ -1,5 +1,6 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`hold`, `record`, `replay`, `decode`, `analyse`, `calibrate`, `upload`, `query`, `compact`, `fleet`, `simulate`.
+`hold`, `record`, `replay`, `decode`, `analyse`, `upload`, `query`, `compact`, `fleet`, `simulate`, and those that
+extensions bring.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -38,6 +39,7 @@ from imuscope.server.commands.common import (
 )
 from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, secret_text
+from imuscope.server.extension import extension_commands
 from imuscope.server.jit_cache import BackgroundLoad
 from imuscope.server.printable import printable
 
@@ -52,8 +54,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.WARNING, format="imuscope: %(levelname)s: %(message)s")
     try:
         options = parse(given)
-        with _cleaning_up_at_sigterm() if options.command in OF_FILES else contextlib.nullcontext():
-            status = _RUN[options.command](options) or 0
+        own = extension_commands().get(options.command)
+        reads_file = options.command in OF_FILES if own is None else own.reads_file
+        with _cleaning_up_at_sigterm() if reads_file else contextlib.nullcontext():
+            status = (_RUN[options.command] if own is None else own.run)(options) or 0
         sys.stdout.flush()
         return status
     except (UsageError, ConfigError, DecodeOptionError) as error:
@@ -73,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-OF_FILES = ("inspect", "decode", "analyse", "calibrate", "upload", "compact")
+OF_FILES = ("inspect", "decode", "analyse", "upload", "compact")
 
 
 @contextlib.contextmanager
@@ -310,34 +314,6 @@ def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOpti
     (print_json if options.format == "json" else print_comparison)(answer, sys.stdout)
 
 
-def _calibrate(options: argparse.Namespace) -> None:
-    file = readable(str(options.file))
-    decode_options = decode_options_of(options)
-    for name, most in (("field", 1e6), ("gravity", 20.0)):
-        if not 0 <= getattr(options, name) <= most:
-            raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
-    prepare_decoders(options.data, size_of(file))
-    from imuscope.server.commands.calibrate import CalibrateError, CalibrateRequest, calibrate_file, format_of, text_of
-
-    decode_options = checked_protocol(decode_options)
-    facts = (options.field, options.gravity, options.square, options.vertical)
-    request = CalibrateRequest(options.kind, facts, options.device, options.begin, options.end)
-    try:
-        form = format_of(options.format or "", options.output)
-        with seekable(file) as path:
-            text = text_of(calibrate_file(path, decode_options, request, sys.stderr), form)
-    except CalibrateError as error:
-        raise UsageError(str(error)) from None
-    if options.output is None:
-        sys.stdout.write(text)
-        return
-    try:
-        options.output.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{options.output}: {(error.strerror or 'it cannot be written').lower()}") from None
-    print(options.output)
-
-
 def _upload(options: argparse.Namespace) -> None:
     file = readable(options.file)
     decode_options = decode_options_of(options)
@@ -451,7 +427,6 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "replay": _replay,
     "decode": _decode,
     "analyse": _analyse,
-    "calibrate": _calibrate,
     "upload": _upload,
     "query": _query,
     "compact": _compact,

@@ -4,49 +4,93 @@
     viser = "imuscope.server.extensions.viser:EXTENSION"     an Extension whose name is the same
 
 The heart is what one needs to see, record, replay and configure a sensor. An extension brings parts (built from the
-services of the heart, started and closed with them) and routes. The heart imports none; a folder that is removed, or a
-package that cannot be imported, leaves a server without it.
+services of the heart, started and closed with them), routes and commands. The heart imports none; a folder that is
+removed, or a package that cannot be imported, leaves a server without it.
 """
 
 from __future__ import annotations
 
+import argparse
 import functools
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from typing import TYPE_CHECKING, Literal
 
-from fastapi import APIRouter
-
+from imuscope.protocols.decode_options import Scope
 from imuscope.protocols.plugins import ProtocolPlugin, plugins_of
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+
+if TYPE_CHECKING:
+    from fastapi import APIRouter
+
+    from imuscope.server.parts import ServicePart
+    from imuscope.server.services import Services
 
 GROUP = "imuscope.extensions"
 log = logging.getLogger("imuscope.extensions")
 
 
 @dataclass(frozen=True, slots=True)
+class ExtensionCommand:
+    """A command of the command line.
+
+    Args:
+        name: as it is typed: "calibrate".
+        module: has `add(add_parser)`, which returns the parser, and `run(options)`, which returns the exit status; it
+            imports nothing heavy.
+        scope: which decode options it has (protocols/decode_options.py); "" for none.
+        protocol_help: help of `--protocol`, with a scope.
+        reads_file: whether it writes temporary files, which are removed when it is terminated.
+    """
+
+    name: str
+    module: str
+    scope: Scope | Literal[""] = ""
+    protocol_help: str = ""
+    reads_file: bool = False
+
+    def add(self, add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
+        """Add its parser."""
+        parser: argparse.ArgumentParser = import_module(self.module).add(add_parser)
+        return parser
+
+    def run(self, options: argparse.Namespace) -> int | None:
+        """Run it; returns the exit status."""
+        status: int | None = import_module(self.module).run(options)
+        return status
+
+
+@dataclass(frozen=True, slots=True)
 class Extension:
-    """One extension.
+    """One extension. Modules are named, not imported, so that it costs nothing until it is used.
 
     Args:
         name: of its entry point and its folder: "viser".
         title: display name.
-        parts: builds its long-lived objects.
+        parts: module with a function `parts(services)` that yields its long-lived objects (server/parts.py); "" if it
+            has none.
         routes: modules with a `router`, in the order in which their routes are matched.
+        commands: of the command line.
+        jobs: modules with jobs for the processes of analyses (server/analysis_worker.py).
         requires: names of other extensions that it imports.
     """
 
     name: str
     title: str
-    parts: Callable[[Services], Iterable[ServicePart]] = lambda services: ()
+    parts: str = ""
     routes: tuple[str, ...] = ()
+    commands: tuple[ExtensionCommand, ...] = ()
+    jobs: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
 
     def routers(self) -> list[APIRouter]:
-        """Its routes, imported when a server is made."""
+        """Its routes."""
         return [import_module(name).router for name in self.routes]
+
+    def build(self, services: Services) -> Iterator[ServicePart]:
+        """Its parts, for a server with these services."""
+        yield from import_module(self.parts).parts(services) if self.parts else ()
 
 
 def extensions() -> tuple[Extension, ...]:
@@ -102,3 +146,8 @@ def _loaded(plugin: ProtocolPlugin) -> Extension:
     if extension.name != plugin.name:
         raise ValueError(f"it calls itself {extension.name!r}")
     return extension
+
+
+def extension_commands() -> dict[str, ExtensionCommand]:
+    """Commands of all extensions, by name."""
+    return {command.name: command for extension in extensions() for command in extension.commands}

@@ -20,7 +20,6 @@ from imuscope.server.analysis.limits import AnalysisLimits
 from imuscope.server.analysis.service import AnalysisService
 from imuscope.server.analysis.signal_definitions import SignalDefinitions
 from imuscope.server.auth import Access
-from imuscope.server.calibration.session import CalibrationSessions
 from imuscope.server.capabilities import Capabilities
 from imuscope.server.capability_list import list_capabilities
 from imuscope.server.config import Config
@@ -92,7 +91,6 @@ class Services:
     columns: ColumnCache
     analyses: AnalysisService
     derived: DerivedChannels
-    calibrations: CalibrationSessions
     recorder: Recorder
     exports: ExportJobs
     alarms: AlarmService
@@ -236,7 +234,6 @@ def build_services(
             AnalysisLimits(config.analysis_mb, config.analysis_s), lambda: telemetry.clients.browsers > 0
         ),
         derived=DerivedChannels(bus, telemetry.store, signals),
-        calibrations=CalibrationSessions(bus, telemetry.store),
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
         alarms=alarms,

@@ -69,10 +69,8 @@ SERVER: dict[str, set[str]] = {
     "configuration": {"holder", "wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"fair_queue", "fork_server", "library", "streaming"},
-    "calibration": {"analysis", "streaming"},
     "evidence": {"analysis", "library", "page_files"},
     "alarms": {"analysis", "devices", "library", "security_headers", "streaming"},
-    "analysis_worker": {"alarms", "analysis", "fork_server"},
     "decode_worker": {"analysis", "devices", "jit_cache", "library"},
     "fleet": {
         "alarms",
@@ -97,7 +95,6 @@ SERVER: dict[str, set[str]] = {
             "alarms",
             "analysis",
             "auth",
-            "calibration",
             "capability_list",
             "config",
             "configuration",
@@ -110,7 +107,7 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
     "api": {
-        *("alarms", "analysis", "auth", "calibration", "configuration", "devices", "evidence", "fleet", "http_server"),
+        *("alarms", "analysis", "auth", "configuration", "devices", "evidence", "fleet", "http_server"),
         *(
             "fleet",
             "integrations",
@@ -128,6 +125,7 @@ SERVER: dict[str, set[str]] = {
         ),
     },
     "extension": {"parts", "services"},
+    "analysis_worker": {"alarms", "analysis", "fork_server", "extension"},
     "app": {
         *(
             "api",
@@ -145,8 +143,8 @@ SERVER: dict[str, set[str]] = {
         "timings",
     },
     "commands": {
-        *("analysis", "app", "auth", "calibration", "config", "configuration", "devices", "diagnostics", "evidence"),
-        *("fleet", "fleet_settings", "holder"),
+        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "evidence"),
+        *("extension", "fleet", "fleet_settings", "holder"),
         *(
             "http_server",
             "jit_cache",
@@ -158,7 +156,7 @@ SERVER: dict[str, set[str]] = {
             "streaming",
         ),
     },
-    "cli": {"commands", "config", "devices", "diagnostics", "jit_cache", "links", "logging_setup"},
+    "cli": {"commands", "config", "devices", "diagnostics", "extension", "jit_cache", "links", "logging_setup"},
     "generate_docs": {"app", "auth", "config", "reference"},
     "generate_route_types": {"app", "auth", "config"},
     "generate_ts_types": {"generate_route_types", "reference"},

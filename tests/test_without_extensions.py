@@ -21,7 +21,12 @@ from tests.timeouts import PATIENCE_S
 
 NAMES = sorted(path.name for path in (ROOT / "server" / "extensions").iterdir() if (path / "__init__.py").is_file())
 COPIED = ("protocols", "recordings", "server", PACKAGE, "pyproject.toml")
-ROUTES = {"viser": "/api/views/scene", "rerun": "/rerun/", "ros2": "/api/ros2"}
+ROUTES = {
+    "calibration": "/api/devices/1/calibration",
+    "viser": "/api/views/scene",
+    "rerun": "/rerun/",
+    "ros2": "/api/ros2",
+}
 """A path that only the extension answers."""
 
 

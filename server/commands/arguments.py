@@ -13,18 +13,19 @@ from typing import NoReturn, TypeAlias
 from imuscope.protocols.decode_options import DecodeOption, Scope
 from imuscope.protocols.plugins import protocol_names
 from imuscope.server import logging_setup
-from imuscope.server.commands.file_arguments import add_analyse, add_calibrate, add_decode
+from imuscope.server.commands.file_arguments import add_analyse, add_decode
 from imuscope.server.commands.fleet_arguments import add_fleet
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.commands.store_arguments import add_compact, add_query, add_store, add_upload
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
+from imuscope.server.extension import extension_commands
 from imuscope.server.ros2_settings import DEFAULT_ROUTER
 from imuscope.server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "analyse", "calibrate", "upload", "query", "compact", "fleet", "simulate", "completion"),
+    *("decode", "analyse", *extension_commands(), "upload", "query", "compact", "fleet", "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -60,8 +61,9 @@ ENVIRONMENT_HELP = """environment variables, used if the option is not given:
 ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
 """Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""
 DECODE_SCOPES: Mapping[str, Scope] = {
-    **dict.fromkeys(("serve", "send", "record", "decode", "analyse", "calibrate", "upload"), "source"),
+    **dict.fromkeys(("serve", "send", "record", "decode", "analyse", "upload"), "source"),
     **{"inspect": "inspect", "compose": "compose", "commands": "commands"},
+    **{one.name: one.scope for one in extension_commands().values() if one.scope},
 }
 """Commands with decode options, and which of them. None is accepted and then ignored."""
 PROTOCOL_HELP = {
@@ -69,7 +71,8 @@ PROTOCOL_HELP = {
     "inspect": f"{ANY_OF}, or auto (the default)",
     "compose": f"{ANY_OF} (default: found by the name of the message)",
     "commands": f"{ANY_OF} (default: all)",
-    **dict.fromkeys(("decode", "analyse", "calibrate", "upload"), "protocol of a capture (default: detected)"),
+    **dict.fromkeys(("decode", "analyse", "upload"), "protocol of a capture (default: detected)"),
+    **{one.name: one.protocol_help for one in extension_commands().values()},
 }
 
 
@@ -196,7 +199,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     for made in (
         add_decode(commands.add_parser, about.outputs),
         add_analyse(commands.add_parser, about.analyses),
-        add_calibrate(commands.add_parser),
+        *(one.add(commands.add_parser) for one in extension_commands().values()),
     ):
         _add_data(made)
     _add_data(add_upload(commands.add_parser))

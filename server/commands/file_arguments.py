@@ -1,4 +1,4 @@
-"""Arguments of the commands that read a file: `decode`, `analyse`, `calibrate`."""
+"""Arguments of the commands that read a file: `decode`, `analyse`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TypeAlias
 
 AddParser: TypeAlias = Callable[..., argparse.ArgumentParser]
-CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
 
 
 def add_decode(add_parser: AddParser, outputs: str) -> argparse.ArgumentParser:
@@ -85,33 +84,4 @@ def add_analyse(add_parser: AddParser, analyses: str) -> argparse.ArgumentParser
     group.add_argument(
         "--search", type=float, metavar="S", help="correlation searches as far as this on both sides of --offset"
     )
-    return command
-
-
-def add_calibrate(add_parser: AddParser) -> argparse.ArgumentParser:
-    """Add `imuscope calibrate`."""
-    command = add_parser("calibrate", help="calibrate a sensor with a recording, log or capture")
-    command.add_argument(
-        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
-    )
-    command.add_argument("kind", choices=CALIBRATIONS, metavar="KIND", help=", ".join(CALIBRATIONS))
-    command.add_argument(
-        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
-    )
-    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
-    command.add_argument("--device", default="", metavar="D", help="device to calibrate, if there are several")
-    command.add_argument(
-        "--field", type=float, default=0.0, metavar="F", help="magnetometer: strength of the field, in its unit"
-    )
-    command.add_argument("--gravity", type=float, default=0.0, metavar="G", help="accelerometer: gravity there, m/s²")
-    command.add_argument(
-        "--square", action="store_true", help="accelerometer: the housing is square and rests on a level table"
-    )
-    command.add_argument(
-        "--vertical", choices=("up", "down"), default="up", help="mounting: where z of the vehicle points (default up)"
-    )
-    command.add_argument(
-        "--format", choices=("text", "json", "yaml", "csv", "c"), help="default: that of the suffix of OUT, else text"
-    )
-    command.add_argument("-o", "--output", type=Path, metavar="OUT", help="file to write (default: standard output)")
     return command

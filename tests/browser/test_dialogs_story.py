@@ -2,7 +2,7 @@
 
 The calibration coach at each of its states, and the shares of a port. What they say and send is tested in
 web/src/calibration/dialog.test.tsx and web/src/pages/port-shares.test.tsx; what the server does, in
-tests/server/test_calibration_api.py and test_port_shares.py.
+tests/extensions/calibration/test_calibration_api.py and test_port_shares.py.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from playwright.sync_api import Page
 
 from imuscope.protocols.simulator.setups import SensorSetup
 from imuscope.server.analysis.triads import Samples
-from imuscope.server.api.calibration import AvailableCalibration, CalibrationState
-from imuscope.server.calibration.accelerometer import six_positions
-from imuscope.server.calibration.kinds import METHODS
-from imuscope.server.calibration.magnetometer import magnetometer_iron
-from imuscope.server.calibration.report import CalibrationReport
+from imuscope.server.extensions.calibration.accelerometer import six_positions
+from imuscope.server.extensions.calibration.kinds import METHODS
+from imuscope.server.extensions.calibration.magnetometer import magnetometer_iron
+from imuscope.server.extensions.calibration.report import CalibrationReport
+from imuscope.server.extensions.calibration.routes import AvailableCalibration, CalibrationState
 from tests.browser.page_checks import PHONE, fits, serious, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until

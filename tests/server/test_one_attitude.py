@@ -18,7 +18,7 @@ from imuscope.protocols.mounting import frame_angles, matrix_of, quaternion_of
 from imuscope.protocols.simulator import trajectory
 from imuscope.recordings.rotations import READ, angle_of, conjugate, product
 from imuscope.server.analysis.signal_request import requested_signals
-from imuscope.server.calibration.mounting import mounting_angles
+from imuscope.server.extensions.calibration.mounting import mounting_angles
 from imuscope.server.extensions.ros2.axes import attitudes
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row

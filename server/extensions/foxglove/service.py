@@ -16,7 +16,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from imuscope.server.auth import Access
@@ -24,6 +24,8 @@ from imuscope.server.backoff import Backoff
 from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
 from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.foxglove.worker"
@@ -127,3 +129,9 @@ class Foxglove:
         text = "The Foxglove bridge crashed and is restarted."
         self._bus.event("", "device", "warning", text, data={"said": words[-500:]})
         self._has_ended.set()
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    service = Foxglove(services.telemetry, services.config.foxglove, services.access)
+    yield ServicePart("Foxglove", service, service.close, service.start)

@@ -18,7 +18,7 @@ import base64
 import contextlib
 import logging
 from collections import deque
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +26,8 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.remote import RemoteRerun
 from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.workers import Worker
 
@@ -257,3 +259,9 @@ class Rerun:
             stops.append(self._remote.stop())
         self.feeds.clear()
         await asyncio.gather(*stops)
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    service = Rerun(services.telemetry, services.config.rerun_connect)
+    yield ServicePart("Rerun", service, service.close, service.start)

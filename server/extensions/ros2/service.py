@@ -13,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -21,9 +21,12 @@ from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.server import wire
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
+from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.ros2.worker"
@@ -209,3 +212,9 @@ class Ros2:
 
     def _event(self, level: wire.Level, text: str, data: dict[str, Any] | None = None) -> None:
         self._bus.event("", "device", level, text, data=data)
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    service = Ros2(services.telemetry, services.config, sensors_of)
+    yield ServicePart("ROS 2", service, service.close, service.start)

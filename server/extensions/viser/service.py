@@ -20,7 +20,7 @@ import asyncio
 import secrets
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,6 +30,8 @@ from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
 from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.viser.worker"
@@ -220,3 +222,9 @@ class Viser:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    service = Viser(services.telemetry, services.timings.scene_idle_s)
+    yield ServicePart("viser", service, service.close)

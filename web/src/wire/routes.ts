@@ -1764,39 +1764,6 @@ export interface Routes {
     readonly body: AnalysisRequest;
     readonly answer: readonly SignalFigures[] | Blob;
   };
-  /** Calibrations that a live device allows, and the one under way with its progress or result. */
-  "GET /api/devices/{device}/calibration": {
-    readonly path: { readonly device: string };
-    readonly answer: CalibrationState;
-  };
-  /** Start a calibration of a live device, in place of an earlier one. It uses the samples from now on. */
-  "POST /api/devices/{device}/calibration": {
-    readonly path: { readonly device: string };
-    readonly body: StartCalibrationRequest;
-    readonly answer: CalibrationState;
-  };
-  /** Stop the calibration and discard its result. The device is not changed. */
-  "DELETE /api/devices/{device}/calibration": {
-    readonly path: { readonly device: string };
-    readonly answer: undefined;
-  };
-  /** End the calibration with the samples until now. Refused while they do not determine a result. */
-  "POST /api/devices/{device}/calibration/finish": {
-    readonly path: { readonly device: string };
-    readonly answer: CalibrationState;
-  };
-  /** The result as a file: JSON, YAML, CSV or a C header. */
-  "GET /api/devices/{device}/calibration/export": {
-    readonly path: { readonly device: string };
-    readonly query?: { readonly format?: "json" | "yaml" | "csv" | "c" | undefined };
-    readonly answer: string;
-  };
-  /** Calibrate with a stretch of a recording, or of a live device as far as memory holds it. */
-  "POST /api/calibration/{kind}": {
-    readonly path: { readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting" };
-    readonly body: CalibrationRequest;
-    readonly answer: CalibrationReport | string;
-  };
   /** Compare signals of two sources, or of two ranges of one, aligned in time. */
   "POST /api/comparison": {
     readonly body: ComparisonRequest;
@@ -1990,6 +1957,39 @@ export interface Routes {
   "DELETE /api/devices/{device}/signals/{name}": {
     readonly path: { readonly device: string; readonly name: string };
     readonly answer: undefined;
+  };
+  /** Calibrations that a live device allows, and the one under way with its progress or result. */
+  "GET /api/devices/{device}/calibration": {
+    readonly path: { readonly device: string };
+    readonly answer: CalibrationState;
+  };
+  /** Start a calibration of a live device, in place of an earlier one. It uses the samples from now on. */
+  "POST /api/devices/{device}/calibration": {
+    readonly path: { readonly device: string };
+    readonly body: StartCalibrationRequest;
+    readonly answer: CalibrationState;
+  };
+  /** Stop the calibration and discard its result. The device is not changed. */
+  "DELETE /api/devices/{device}/calibration": {
+    readonly path: { readonly device: string };
+    readonly answer: undefined;
+  };
+  /** End the calibration with the samples until now. Refused while they do not determine a result. */
+  "POST /api/devices/{device}/calibration/finish": {
+    readonly path: { readonly device: string };
+    readonly answer: CalibrationState;
+  };
+  /** The result as a file: JSON, YAML, CSV or a C header. */
+  "GET /api/devices/{device}/calibration/export": {
+    readonly path: { readonly device: string };
+    readonly query?: { readonly format?: "json" | "yaml" | "csv" | "c" | undefined };
+    readonly answer: string;
+  };
+  /** Calibrate with a stretch of a recording, or of a live device as far as memory holds it. */
+  "POST /api/calibration/{kind}": {
+    readonly path: { readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting" };
+    readonly body: CalibrationRequest;
+    readonly answer: CalibrationReport | string;
   };
   /** The recording for a Rerun viewer, sent while it is converted; static data first. */
   "GET /api/recordings/{recording}/recording.rrd": {

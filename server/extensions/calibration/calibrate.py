@@ -12,13 +12,13 @@ import numpy as np
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.server.analysis.signals import SignalColumn, recorded_samples
 from imuscope.server.analysis.triads import Samples, finite
-from imuscope.server.calibration.export import FORMATS, exported
-from imuscope.server.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
-from imuscope.server.calibration.mounting import VerticalAxis
-from imuscope.server.calibration.report import CalibrationReport, SensorCorrection
 from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.calibration.export import FORMATS, exported
+from imuscope.server.extensions.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
+from imuscope.server.extensions.calibration.mounting import VerticalAxis
+from imuscope.server.extensions.calibration.report import CalibrationReport, SensorCorrection
 from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.wire import ChannelInfo
 

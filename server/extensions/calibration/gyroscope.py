@@ -10,7 +10,7 @@ import numpy as np
 
 from imuscope.server.analysis.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
 from imuscope.server.analysis.triads import NO_SAMPLES, Samples
-from imuscope.server.calibration.report import (
+from imuscope.server.extensions.calibration.report import (
     CalibrationFigure,
     CalibrationRefusal,
     CalibrationReport,

@@ -25,8 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.server.analysis.triads import Floats, Samples
-from imuscope.server.calibration.directions import CELLS, CENTRES, RINGS, cells_of, missing_axes, unit_vectors
-from imuscope.server.calibration.report import (
+from imuscope.server.extensions.calibration.directions import (
+    CELLS,
+    CENTRES,
+    RINGS,
+    cells_of,
+    missing_axes,
+    unit_vectors,
+)
+from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,
     DirectionCoverage,

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import ACC_BIAS, ACC_SCALE, SensorSetup
 from imuscope.server.analysis.triads import NO_SAMPLES, Floats, Samples, Triad
-from imuscope.server.calibration.accelerometer import six_positions
-from imuscope.server.calibration.kinds import METHODS, CalibrationOptions, evaluated
-from imuscope.server.calibration.mounting import MAX_TURN, mounting_rotation
-from imuscope.server.calibration.report import CalibrationKind, CalibrationReport
+from imuscope.server.extensions.calibration.accelerometer import six_positions
+from imuscope.server.extensions.calibration.kinds import METHODS, CalibrationOptions, evaluated
+from imuscope.server.extensions.calibration.mounting import MAX_TURN, mounting_rotation
+from imuscope.server.extensions.calibration.report import CalibrationKind, CalibrationReport
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 

@@ -15,9 +15,9 @@ from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import GYRO_BIAS, HARD_IRON, MOTIONS, SOFT_IRON, SensorSetup
 from imuscope.server.analysis.stillness import step_means, stillness
 from imuscope.server.analysis.triads import NO_SAMPLES, Floats, Samples
-from imuscope.server.calibration.directions import CELLS, CENTRES, HALF, RINGS, cells_of, missing_axes
-from imuscope.server.calibration.gyroscope import NEEDED_S, gyroscope_bias
-from imuscope.server.calibration.magnetometer import fit_ellipsoid, magnetometer_iron, provisional_centre
+from imuscope.server.extensions.calibration.directions import CELLS, CENTRES, HALF, RINGS, cells_of, missing_axes
+from imuscope.server.extensions.calibration.gyroscope import NEEDED_S, gyroscope_bias
+from imuscope.server.extensions.calibration.magnetometer import fit_ellipsoid, magnetometer_iron, provisional_centre
 from tests.each_row import each_row
 
 START = 1_760_000_000.0

@@ -10,7 +10,7 @@ import numpy as np
 from imuscope.server.analysis.jobs import JSON, Content, SampleSource
 from imuscope.server.analysis.signals import SignalColumn
 from imuscope.server.analysis.triads import Samples, Triad, finite
-from imuscope.server.calibration.kinds import METHODS, CalibrationOptions, evaluated
+from imuscope.server.extensions.calibration.kinds import METHODS, CalibrationOptions, evaluated
 
 
 @dataclass(frozen=True, slots=True)

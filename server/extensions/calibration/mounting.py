@@ -19,7 +19,7 @@ import numpy as np
 from imuscope.protocols.euler import euler_columns
 from imuscope.server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
 from imuscope.server.analysis.triads import Floats, Samples
-from imuscope.server.calibration.report import (
+from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,
     DriveProgress,

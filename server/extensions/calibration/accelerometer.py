@@ -19,8 +19,8 @@ import numpy as np
 
 from imuscope.server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
 from imuscope.server.analysis.triads import NO_SAMPLES, Floats, Samples
-from imuscope.server.calibration.directions import AXES, AXIS_VECTORS
-from imuscope.server.calibration.report import (
+from imuscope.server.extensions.calibration.directions import AXES, AXIS_VECTORS
+from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,
     ResidualTrace,

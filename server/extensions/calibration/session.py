@@ -11,21 +11,23 @@ reaches back. Above MAX_SAMPLES every second sample is dropped, and from then on
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from imuscope.server.analysis.triads import Samples, Triad, finite
-from imuscope.server.calibration.kinds import (
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.calibration.kinds import (
     CalibrationInputs,
     CalibrationMethod,
     CalibrationOptions,
     evaluated,
     method_for,
 )
-from imuscope.server.calibration.report import CalibrationReport
-from imuscope.server.errors import DomainError
+from imuscope.server.extensions.calibration.report import CalibrationReport
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore
 
@@ -212,3 +214,12 @@ class CalibrationSessions:
     def discard(self, device: str) -> None:
         """Forget the calibration of a device."""
         self._sessions.pop(device, None)
+
+
+async def _close() -> None:
+    """Sessions hold nothing that must be freed."""
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    yield ServicePart("calibrations", CalibrationSessions(services.telemetry.bus, services.telemetry.store), _close)

@@ -10,8 +10,8 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from imuscope.server.calibration.report import CalibrationReport, SensorCorrection
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.calibration.report import CalibrationReport, SensorCorrection
 
 _EQUATION = "corrected = matrix * (measured - bias)"
 

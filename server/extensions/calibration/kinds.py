@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 from imuscope.server.analysis.sample_quality import stuck_or_clipped
 from imuscope.server.analysis.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
-from imuscope.server.calibration.accelerometer import six_positions
-from imuscope.server.calibration.gyroscope import gyroscope_bias
-from imuscope.server.calibration.magnetometer import magnetometer_iron
-from imuscope.server.calibration.mounting import VerticalAxis, mounting_rotation
-from imuscope.server.calibration.report import CalibrationKind, CalibrationRefusal, CalibrationReport
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.calibration.accelerometer import six_positions
+from imuscope.server.extensions.calibration.gyroscope import gyroscope_bias
+from imuscope.server.extensions.calibration.magnetometer import magnetometer_iron
+from imuscope.server.extensions.calibration.mounting import VerticalAxis, mounting_rotation
+from imuscope.server.extensions.calibration.report import CalibrationKind, CalibrationRefusal, CalibrationReport
 from imuscope.server.wire import ChannelInfo
 
 TEMPERATURE = "temperature"

@@ -20,8 +20,10 @@ from imuscope.server.analysis.triads import Triad
 from imuscope.server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import responses
-from imuscope.server.calibration.export import FORMATS, exported
-from imuscope.server.calibration.kinds import (
+from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.calibration.export import FORMATS, exported
+from imuscope.server.extensions.calibration.kinds import (
     HINT,
     METHODS,
     CalibrationInputs,
@@ -29,12 +31,10 @@ from imuscope.server.calibration.kinds import (
     CalibrationOptions,
     method_for,
 )
-from imuscope.server.calibration.mounting import VerticalAxis
-from imuscope.server.calibration.report import CalibrationKind, CalibrationReport
-from imuscope.server.calibration.session import SessionState
-from imuscope.server.calibration.stretch import CalibrationJob
-from imuscope.server.devices.protocol_set import sensors_of
-from imuscope.server.errors import DomainError
+from imuscope.server.extensions.calibration.mounting import VerticalAxis
+from imuscope.server.extensions.calibration.report import CalibrationKind, CalibrationReport
+from imuscope.server.extensions.calibration.session import CalibrationSessions, SessionState
+from imuscope.server.extensions.calibration.stretch import CalibrationJob
 from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.services import Services
 from imuscope.server.wire import ChannelInfo
@@ -124,33 +124,33 @@ async def get_calibration(device: str, services: TheServices) -> CalibrationStat
 
     All clients see the same one; it is evaluated when somebody asks, at most three times a second.
     """
-    inputs = services.calibrations.inputs(device)
-    session = services.calibrations.get(device)
+    inputs = services.parts.get(CalibrationSessions).inputs(device)
+    session = services.parts.get(CalibrationSessions).get(device)
     return _state(device, services, inputs, None if session is None else await session.state())
 
 
 @router.post("/devices/{device}/calibration", responses=responses(404, 409, 422))
 async def start_calibration(device: str, body: StartCalibrationRequest, services: TheServices) -> CalibrationState:
     """Start a calibration of a live device, in place of an earlier one. It uses the samples from now on."""
-    inputs = services.calibrations.inputs(device)
+    inputs = services.parts.get(CalibrationSessions).inputs(device)
     info = services.telemetry.bus.devices.latest[device]
     usual = vertical_of(sensors_of(info.protocol, info.product))
-    session = services.calibrations.start(device, body.kind, body.options(usual))
+    session = services.parts.get(CalibrationSessions).start(device, body.kind, body.options(usual))
     return _state(device, services, inputs, await session.state())
 
 
 @router.post("/devices/{device}/calibration/finish", responses=responses(404, 422))
 async def finish_calibration(device: str, services: TheServices) -> CalibrationState:
     """End the calibration with the samples until now. Refused while they do not determine a result."""
-    state = await services.calibrations.of(device).finish()
-    return _state(device, services, services.calibrations.inputs(device), state)
+    state = await services.parts.get(CalibrationSessions).of(device).finish()
+    return _state(device, services, services.parts.get(CalibrationSessions).inputs(device), state)
 
 
 @router.delete("/devices/{device}/calibration", status_code=204, responses=responses(404, 422))
 async def discard_calibration(device: str, services: TheServices) -> None:
     """Stop the calibration and discard its result. The device is not changed."""
-    services.calibrations.inputs(device)
-    services.calibrations.discard(device)
+    services.parts.get(CalibrationSessions).inputs(device)
+    services.parts.get(CalibrationSessions).discard(device)
 
 
 @router.get(
@@ -162,7 +162,7 @@ async def export_calibration(
     device: str, services: TheServices, format: Annotated[ExportFormat, Query()] = "yaml"
 ) -> Response:
     """The result as a file: JSON, YAML, CSV or a C header."""
-    state = await services.calibrations.of(device).state()
+    state = await services.parts.get(CalibrationSessions).of(device).state()
     info = services.telemetry.bus.devices.latest[device]
     words = " ".join(part for part in (info.product or info.name, info.serial_number) if part)
     return _file(state.report, words, format)

@@ -1,0 +1,20 @@
+"""Calibration of inertial sensors and magnetometers from their own samples: fits, live sessions, exports."""
+
+from imuscope.server.extension import Extension, ExtensionCommand
+
+EXTENSION = Extension(
+    "calibration",
+    "Calibration",
+    parts="imuscope.server.extensions.calibration.session",
+    routes=("imuscope.server.extensions.calibration.routes",),
+    commands=(
+        ExtensionCommand(
+            "calibrate",
+            "imuscope.server.extensions.calibration.command",
+            scope="source",
+            protocol_help="protocol of a capture (default: detected)",
+            reads_file=True,
+        ),
+    ),
+    jobs=("imuscope.server.extensions.calibration.stretch",),
+)

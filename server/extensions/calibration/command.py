@@ -1,0 +1,84 @@
+"""Arguments of `imuscope calibrate`, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from imuscope.server.commands.common import (
+    UsageError,
+    checked_protocol,
+    decode_options_of,
+    prepare_decoders,
+    readable,
+    seekable,
+    size_of,
+)
+
+CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
+
+
+def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    """Add `imuscope calibrate`."""
+    command = add_parser("calibrate", help="calibrate a sensor with a recording, log or capture")
+    command.add_argument(
+        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
+    )
+    command.add_argument("kind", choices=CALIBRATIONS, metavar="KIND", help=", ".join(CALIBRATIONS))
+    command.add_argument(
+        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
+    )
+    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
+    command.add_argument("--device", default="", metavar="D", help="device to calibrate, if there are several")
+    command.add_argument(
+        "--field", type=float, default=0.0, metavar="F", help="magnetometer: strength of the field, in its unit"
+    )
+    command.add_argument("--gravity", type=float, default=0.0, metavar="G", help="accelerometer: gravity there, m/s²")
+    command.add_argument(
+        "--square", action="store_true", help="accelerometer: the housing is square and rests on a level table"
+    )
+    command.add_argument(
+        "--vertical", choices=("up", "down"), default="up", help="mounting: where z of the vehicle points (default up)"
+    )
+    command.add_argument(
+        "--format", choices=("text", "json", "yaml", "csv", "c"), help="default: that of the suffix of OUT, else text"
+    )
+    command.add_argument("-o", "--output", type=Path, metavar="OUT", help="file to write (default: standard output)")
+    return command
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run it."""
+    file = readable(str(options.file))
+    decode_options = decode_options_of(options)
+    for name, most in (("field", 1e6), ("gravity", 20.0)):
+        if not 0 <= getattr(options, name) <= most:
+            raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
+    prepare_decoders(options.data, size_of(file))
+    from imuscope.server.extensions.calibration.calibrate import (
+        CalibrateError,
+        CalibrateRequest,
+        calibrate_file,
+        format_of,
+        text_of,
+    )
+
+    decode_options = checked_protocol(decode_options)
+    facts = (options.field, options.gravity, options.square, options.vertical)
+    request = CalibrateRequest(options.kind, facts, options.device, options.begin, options.end)
+    try:
+        form = format_of(options.format or "", options.output)
+        with seekable(file) as path:
+            text = text_of(calibrate_file(path, decode_options, request, sys.stderr), form)
+    except CalibrateError as error:
+        raise UsageError(str(error)) from None
+    if options.output is None:
+        sys.stdout.write(text)
+        return
+    try:
+        options.output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{options.output}: {(error.strerror or 'it cannot be written').lower()}") from None
+    print(options.output)
