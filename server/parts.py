@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import inspect
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
@@ -25,12 +26,14 @@ class ServicePart:
         service: the object, which routes of the extension find by its type.
         close: frees everything; the end of the server waits a second for it.
         start: called once the sources are open.
+        sends: it sends to devices, so that it is closed before them.
     """
 
     name: str
     service: object
     close: Callable[[], Awaitable[None]]
     start: Callable[[], Awaitable[None] | None] = _nothing
+    sends: bool = False
 
 
 class Parts:
@@ -58,6 +61,10 @@ class Parts:
         raise DomainError(
             "no-extension", f"This server has no {kind.__name__}.", "Install the extension that brings it."
         )
+
+    async def close_senders(self) -> None:
+        """Close the parts that send to devices."""
+        await asyncio.gather(*(part.close() for part in self._all if part.sends))
 
     async def start(self) -> None:
         """Start all parts, one after the other."""

@@ -24,7 +24,6 @@ from imuscope.server.capabilities import Capabilities
 from imuscope.server.capability_list import list_capabilities
 from imuscope.server.config import Config
 from imuscope.server.configuration.controllers import ControllerRegistry
-from imuscope.server.configuration.correction_manager import CorrectionManager
 from imuscope.server.configuration.port_shares import PortShares
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.devices.byte_memory import ByteMemory
@@ -85,7 +84,6 @@ class Services:
     byte_memory: ByteMemory
     sessions: Sessions
     controllers: ControllerRegistry
-    corrections: CorrectionManager
     shares: PortShares
     catalogue: Catalogue
     columns: ColumnCache
@@ -157,11 +155,11 @@ class Services:
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
                 "an analysis": self.analyses.close(),
                 "the alarms": self.alarms.close(),
-                **{part.name: part.close() for part in self.parts},
+                **{part.name: part.close() for part in self.parts if not part.sends},
                 "the fleet": self.fleet.close(),
                 **({} if self.fleet_server is None else {"the fleet server": self.fleet_server.close()}),
                 "the compiler": asyncio.to_thread(decoders.close),
-                "a device": shutdown.close_sequentially(self.corrections.close(), self.sessions.close()),
+                "a device": shutdown.close_sequentially(self.parts.close_senders(), self.sessions.close()),
             },
         )
         self.folder_lock.end()
@@ -226,7 +224,6 @@ def build_services(
         byte_memory=byte_memory,
         sessions=sessions,
         controllers=controllers,
-        corrections=CorrectionManager(sessions),
         shares=shares,
         catalogue=catalogue,
         columns=columns,

@@ -31,10 +31,10 @@ from imuscope.recordings.probe import probe
 from imuscope.server import http_server, wire
 from imuscope.server.api.devices import check_path
 from imuscope.server.config import Config
-from imuscope.server.configuration.correction_manager import CorrectionManager
-from imuscope.server.configuration.correction_stream import file_of
 from imuscope.server.connections import ConnectionLimits
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.corrections.manager import CorrectionManager
+from imuscope.server.extensions.corrections.stream import file_of
 from imuscope.server.library import range_query
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings

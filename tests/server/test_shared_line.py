@@ -22,12 +22,12 @@ from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.sources import McapSource
 from imuscope.server.cli import main
 from imuscope.server.configuration.budget import overload
-from imuscope.server.configuration.correction_manager import CorrectionManager
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.preview import fit, preview_setting
 from imuscope.server.configuration.risk_check import SHARED, plan_changes
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.corrections.manager import CorrectionManager
 from imuscope.server.library.decode import decode
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import LinkError, open_link

@@ -1552,22 +1552,6 @@ export interface Routes {
     readonly body: Defaulted<CompareRequest, "take">;
     readonly answer: Difference;
   };
-  /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
-  "GET /api/devices/{device}/corrections": {
-    readonly path: { readonly device: string };
-    readonly answer: Corrections;
-  };
-  /** Forward this stream in place of the previous one. */
-  "PUT /api/devices/{device}/corrections": {
-    readonly path: { readonly device: string };
-    readonly body: CorrectionsRequest;
-    readonly answer: Corrections;
-  };
-  /** Stop forwarding; returns the final counters. */
-  "DELETE /api/devices/{device}/corrections": {
-    readonly path: { readonly device: string };
-    readonly answer: Corrections;
-  };
   /** The shares with their clients. */
   "GET /api/devices/{device}/shares": {
     readonly path: { readonly device: string };
@@ -1990,6 +1974,22 @@ export interface Routes {
     readonly path: { readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting" };
     readonly body: CalibrationRequest;
     readonly answer: CalibrationReport | string;
+  };
+  /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
+  "GET /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly answer: Corrections;
+  };
+  /** Forward this stream in place of the previous one. */
+  "PUT /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly body: CorrectionsRequest;
+    readonly answer: Corrections;
+  };
+  /** Stop forwarding; returns the final counters. */
+  "DELETE /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly answer: Corrections;
   };
   /** The recording for a Rerun viewer, sent while it is converted; static data first. */
   "GET /api/recordings/{recording}/recording.rrd": {

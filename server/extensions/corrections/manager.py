@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.configuration.correction_log import LogSink, ignore
-from imuscope.server.configuration.correction_stream import CorrectionForwarder
 from imuscope.server.devices.member import AnyDevice
 from imuscope.server.devices.sessions import Sessions
+from imuscope.server.extensions.corrections.log import LogSink, ignore
+from imuscope.server.extensions.corrections.stream import CorrectionForwarder
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
 
 
 class CorrectionManager:
@@ -69,3 +72,9 @@ class CorrectionManager:
         for stream in self._streams.values():
             await stream.close()
         self._streams.clear()
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    manager = CorrectionManager(services.sessions)
+    yield ServicePart("corrections", manager, manager.close, sends=True)

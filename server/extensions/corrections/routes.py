@@ -13,9 +13,10 @@ from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import check_path
 from imuscope.server.api.errors import responses
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.configuration.correction_stream import file_of
-from imuscope.server.configuration.ntrip import CorrectionError
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.corrections.manager import CorrectionManager
+from imuscope.server.extensions.corrections.ntrip import CorrectionError
+from imuscope.server.extensions.corrections.stream import file_of
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
 
@@ -36,14 +37,14 @@ class CorrectionsRequest(BaseModel):
 @router.get("/corrections", responses=responses(404, 422))
 async def get_corrections(receiver: OneController, services: TheServices) -> Corrections:
     """The stream that is forwarded; an empty source if there is none. The password is never returned."""
-    return services.corrections.state(receiver.session)
+    return services.parts.get(CorrectionManager).state(receiver.session)
 
 
 @router.put("/corrections", responses=responses(400, 404, 409, 422))
 async def put_corrections(receiver: OneController, body: CorrectionsRequest, services: TheServices) -> Corrections:
     """Forward this stream in place of the previous one."""
     session = receiver.session
-    if not services.corrections.accepts(session):
+    if not services.parts.get(CorrectionManager).accepts(session):
         title = PROTOCOLS[session.info.protocol].title if session.info.protocol in PROTOCOLS else "This device"
         hints = [
             family.configuration.corrections.hint
@@ -56,13 +57,13 @@ async def put_corrections(receiver: OneController, body: CorrectionsRequest, ser
         file = file_of(body.source)
         if file is not None:
             await asyncio.to_thread(check_path, file, services.source_folders)
-        await services.corrections.begin(session, body.source, receiver.log.streamed)
+        await services.parts.get(CorrectionManager).begin(session, body.source, receiver.log.streamed)
     except CorrectionError as error:
         raise DomainError("bad-source", error.message, error.hint) from None
-    return services.corrections.state(session)
+    return services.parts.get(CorrectionManager).state(session)
 
 
 @router.delete("/corrections", responses=responses(404, 422))
 async def delete_corrections(receiver: OneController, services: TheServices) -> Corrections:
     """Stop forwarding; returns the final counters."""
-    return await services.corrections.end(receiver.session)
+    return await services.parts.get(CorrectionManager).end(receiver.session)

@@ -21,12 +21,12 @@ from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.server.configuration import correction_stream
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.configuration.correction_log import CorrectionLog
-from imuscope.server.configuration.correction_stream import CorrectionForwarder, gga, source_of, without_password
-from imuscope.server.configuration.ntrip import Caster, CorrectionError, mounts
 from imuscope.server.devices.position_tracker import Position
+from imuscope.server.extensions.corrections import stream as correction_stream
+from imuscope.server.extensions.corrections.log import CorrectionLog
+from imuscope.server.extensions.corrections.ntrip import Caster, CorrectionError, mounts
+from imuscope.server.extensions.corrections.stream import CorrectionForwarder, gga, source_of, without_password
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire import DeviceInfo
 from tests.each_row import each_row

@@ -35,10 +35,18 @@ from imuscope.protocols.nmea import sentence
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.configuration.correction_log import CorrectionLog, LogSink, ignore
-from imuscope.server.configuration.ntrip import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
 from imuscope.server.devices.member import AnyDevice, address_of
 from imuscope.server.devices.position_tracker import Position, PositionTracker
+from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
+from imuscope.server.extensions.corrections.ntrip import (
+    CONNECT_S,
+    READ,
+    TRIED,
+    Caster,
+    CasterStream,
+    CorrectionError,
+    connect,
+)
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.source_url import is_host, is_printable
 from imuscope.server.wire import DeviceInfo

@@ -1,0 +1,10 @@
+"""GNSS corrections (RTCM 3) for devices: from a caster (NTRIP), a network address or a file."""
+
+from imuscope.server.extension import Extension
+
+EXTENSION = Extension(
+    "corrections",
+    "GNSS corrections",
+    parts="imuscope.server.extensions.corrections.manager",
+    routes=("imuscope.server.extensions.corrections.routes",),
+)
