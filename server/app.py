@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
@@ -19,27 +19,21 @@ from imuscope.server.api import (
     devices,
     errors,
     exports,
-    fleet,
-    fleet_profiles,
-    fleet_rollouts,
     forms,
     map_tiles,
     packets,
     ports,
-    query,
     recorder,
     recording_data,
     recordings,
     reference,
     replay,
-    robot_pages,
     shares,
     signals,
     snapshots,
     static_files,
     status,
     unicode_guard,
-    uploads,
     websocket,
     workspaces,
 )
@@ -48,8 +42,6 @@ from imuscope.server.config import Config
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sessions import OpenLink
 from imuscope.server.extension import extensions
-from imuscope.server.fleet.fleet_server import FleetServer
-from imuscope.server.fleet.robots import Robots
 from imuscope.server.links import open_link
 from imuscope.server.page_files import Files
 from imuscope.server.previous_names import PreviousPaths
@@ -75,13 +67,7 @@ ROUTED = (
     analysis,
     comparison,
     alarms,
-    query,
-    uploads,
     workspaces,
-    fleet,
-    fleet_profiles,
-    fleet_rollouts,
-    robot_pages,
     ports,
     status,
     capabilities,
@@ -106,16 +92,16 @@ def create_app(
     now_ns: Callable[[], int] | None = None,
     page_files: Files | None = None,
     timings: ViewerTimings | None = None,
-    robots: Robots | None = None,
-    fleet_server: FleetServer | None = None,
+    brought: Sequence[object] = (),
+    has_devices: bool = True,
 ) -> ASGIApp:
     """The application, guarded.
 
     Args:
         open_link, protocol_set, now_ns, page_files, timings: links, protocols, clock, page and time limits; tests pass
             their own.
-        robots: makes it a page of these robots.
-        fleet_server: likewise, of the robots that it receives; its session is open.
+        brought: objects that an extension takes over: a fleet server, whose session is open.
+        has_devices: False for a page of other robots: without sources, none is simulated.
 
     Raises:
         DecodeOptionError: the configuration has an invalid option of a source.
@@ -123,13 +109,13 @@ def create_app(
     """
     page_files, timings = page_files or Files(), timings or ViewerTimings()
     services = build_services(
-        config, access, open_link, protocol_set, now_ns, page_files, timings, robots, fleet_server
+        config, access, open_link, protocol_set, now_ns, page_files, timings, tuple(brought), has_devices=has_devices
     )
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         async with services.running():
-            services.fleet.pages.serve(app)
+            services.parts.serve(app)
             yield
 
     app = FastAPI(

@@ -1,6 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`hold`, `record`, `replay`, `decode`, `analyse`, `upload`, `query`, `compact`, `fleet`, `simulate`, and those that
-extensions bring.
+`hold`, `record`, `replay`, `decode`, `analyse`, `simulate`, and those that extensions bring.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -77,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-OF_FILES = ("inspect", "decode", "analyse", "upload", "compact")
+OF_FILES = ("inspect", "decode", "analyse")
 
 
 @contextlib.contextmanager
@@ -314,51 +313,6 @@ def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOpti
     (print_json if options.format == "json" else print_comparison)(answer, sys.stdout)
 
 
-def _upload(options: argparse.Namespace) -> None:
-    file = readable(options.file)
-    decode_options = decode_options_of(options)
-    prepare_decoders(options.data, size_of(file))
-    from imuscope.server.commands.upload import UploadError, UploadRequest, upload_file
-
-    decode_options = checked_protocol(decode_options)
-    try:
-        with seekable(file) as path:
-            request = UploadRequest(options.store, options.robot)
-            print(upload_file(path, options.file, decode_options, request, sys.stderr))
-    except UploadError as error:
-        raise UsageError(str(error)) from None
-
-
-def _query(options: argparse.Namespace) -> None:
-    from imuscope.server.commands.query import QueryCommandError, QueryRequest, answer, question_of
-
-    try:
-        sql = question_of(options.sql, options.question or "")
-        if options.show:
-            print(sql)
-            return
-        sql = sys.stdin.read() if sql == "-" else sql
-        request = QueryRequest(options.store, sql, options.format, options.memory, options.timeout)
-        answer(request, sys.stdout, sys.stdout.buffer)
-    except QueryCommandError as error:
-        raise UsageError(str(error)) from None
-
-
-def _compact(options: argparse.Namespace) -> None:
-    from imuscope.server.commands.compact import CompactError, compact_store
-
-    try:
-        compact_store(options.store, options.remove_unused, sys.stdout)
-    except CompactError as error:
-        raise UsageError(str(error)) from None
-
-
-def _fleet(options: argparse.Namespace) -> None:
-    from imuscope.server.commands.fleet import fleet
-
-    fleet(options)
-
-
 def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
@@ -427,10 +381,6 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "replay": _replay,
     "decode": _decode,
     "analyse": _analyse,
-    "upload": _upload,
-    "query": _query,
-    "compact": _compact,
-    "fleet": _fleet,
     "simulate": _simulate,
     "completion": _completion,
 }

@@ -152,7 +152,7 @@ class Config:
         ros2_tf: publish the attitude as a transform from that frame to the device's, too.
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
-        store: recordings of many robots, for questions (server/fleet).
+        store: recordings of many robots, for questions (server/extensions/fleet).
         fleet: the fleet that this robot belongs to.
         fleet_server: the bus of `imuscope fleet`; `serve` does not use it.
     """

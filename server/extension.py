@@ -16,7 +16,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from imuscope.protocols.decode_options import Scope
 from imuscope.protocols.plugins import ProtocolPlugin, plugins_of
@@ -24,6 +24,7 @@ from imuscope.protocols.plugins import ProtocolPlugin, plugins_of
 if TYPE_CHECKING:
     from fastapi import APIRouter
 
+    from imuscope.server.config import Config
     from imuscope.server.parts import ServicePart
     from imuscope.server.services import Services
 
@@ -37,27 +38,30 @@ class ExtensionCommand:
 
     Args:
         name: as it is typed: "calibrate".
-        module: has `add(add_parser)`, which returns the parser, and `run(options)`, which returns the exit status; it
-            imports nothing heavy.
+        adds: "module:function" that adds its parser, and returns it.
+        runs: "module:function" that runs it with the options, and returns the exit status. Both import nothing heavy.
         scope: which decode options it has (protocols/decode_options.py); "" for none.
         protocol_help: help of `--protocol`, with a scope.
         reads_file: whether it writes temporary files, which are removed when it is terminated.
+        has_data: whether it has `--data`.
     """
 
     name: str
-    module: str
+    adds: str
+    runs: str
     scope: Scope | Literal[""] = ""
     protocol_help: str = ""
     reads_file: bool = False
+    has_data: bool = True
 
     def add(self, add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
         """Add its parser."""
-        parser: argparse.ArgumentParser = import_module(self.module).add(add_parser)
+        parser: argparse.ArgumentParser = _named(self.adds)(add_parser)
         return parser
 
     def run(self, options: argparse.Namespace) -> int | None:
         """Run it; returns the exit status."""
-        status: int | None = import_module(self.module).run(options)
+        status: int | None = _named(self.runs)(options)
         return status
 
 
@@ -72,6 +76,8 @@ class Extension:
             has none.
         routes: modules with a `router`, in the order in which their routes are matched.
         commands: of the command line.
+        checks: "module:function" that is called with the configuration before a server is made, and raises ValueError
+            with a sentence; "" for none.
         jobs: modules with jobs for the processes of analyses (server/analysis_worker.py).
         requires: names of other extensions that it imports.
     """
@@ -81,6 +87,7 @@ class Extension:
     parts: str = ""
     routes: tuple[str, ...] = ()
     commands: tuple[ExtensionCommand, ...] = ()
+    checks: str = ""
     jobs: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
 
@@ -88,9 +95,24 @@ class Extension:
         """Its routes."""
         return [import_module(name).router for name in self.routes]
 
+    def check(self, config: Config) -> None:
+        """Check a configuration before a server is made.
+
+        Raises:
+            ValueError: it cannot be used; the text is for a person.
+        """
+        if self.checks:
+            _named(self.checks)(config)
+
     def build(self, services: Services) -> Iterator[ServicePart]:
         """Its parts, for a server with these services."""
         yield from import_module(self.parts).parts(services) if self.parts else ()
+
+
+def _named(place: str) -> Callable[..., Any]:
+    module, _, name = place.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found
 
 
 def extensions() -> tuple[Extension, ...]:

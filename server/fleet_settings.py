@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class FleetSettings:
-    """Membership of a robot in a fleet (server/fleet/publisher.py).
+    """Membership of a robot in a fleet (server/extensions/fleet/publisher.py).
 
     Args:
         router: address of the fleet server, or of a Zenoh router before it; "" for no fleet.
@@ -40,13 +40,13 @@ class FleetSettings:
 
 @dataclass(frozen=True, slots=True)
 class FleetServerSettings:
-    """The bus of a fleet server (server/fleet/fleet_server.py).
+    """The bus of a fleet server (server/extensions/fleet/fleet_server.py).
 
     Args:
         listen: address for robots; "" for none.
         router: address of a Zenoh router to use instead.
-        robots: file of the robots that may connect, with their passwords (server/fleet/access.py).
-        operators: file of persons who may command some groups (server/fleet/operators.py).
+        robots: file of the robots that may connect, with their passwords (server/extensions/fleet/access.py).
+        operators: file of persons who may command some groups (server/extensions/fleet/operators.py).
         anyone: anyone on the network may join and listen.
         certificate, key, ca: PEM files: certificate of this server, and the authority of the other side's.
         user, password: at the router; the password may be @FILE.

@@ -8,13 +8,20 @@ from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
+from starlette.types import ASGIApp
+
 from imuscope.server.errors import DomainError
+from imuscope.server.prometheus_text import PrometheusText
 
 T = TypeVar("T")
 
 
 def _nothing() -> None:
     """Start nothing."""
+
+
+async def _nothing_to_close() -> None:
+    """Close nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +34,17 @@ class ServicePart:
         close: frees everything; the end of the server waits a second for it.
         start: called once the sources are open.
         sends: it sends to devices, so that it is closed before them.
+        metrics: adds its figures to the page for Prometheus.
+        serves: called with the application, which it may ask, before the start.
     """
 
     name: str
     service: object
-    close: Callable[[], Awaitable[None]]
+    close: Callable[[], Awaitable[None]] = _nothing_to_close
     start: Callable[[], Awaitable[None] | None] = _nothing
     sends: bool = False
+    metrics: Callable[[PrometheusText], None] | None = None
+    serves: Callable[[ASGIApp], None] | None = None
 
 
 class Parts:
@@ -55,12 +66,27 @@ class Parts:
         Raises:
             DomainError: "no-extension": its extension is not installed.
         """
-        for part in self._all:
-            if isinstance(part.service, kind):
-                return part.service
+        found = self.find(kind)
+        if found is not None:
+            return found
         raise DomainError(
             "no-extension", f"This server has no {kind.__name__}.", "Install the extension that brings it."
         )
+
+    def find(self, kind: type[T]) -> T | None:
+        """The service of that type; None without one."""
+        return next((part.service for part in self._all if isinstance(part.service, kind)), None)
+
+    def serve(self, app: ASGIApp) -> None:
+        """Give the application to the parts that answer requests with it."""
+        for part in self._all:
+            if part.serves is not None:
+                part.serves(app)
+
+    @property
+    def metrics(self) -> list[Callable[[PrometheusText], None]]:
+        """Functions that add figures of parts to the page for Prometheus."""
+        return [part.metrics for part in self._all if part.metrics is not None]
 
     async def close_senders(self) -> None:
         """Close the parts that send to devices."""

@@ -34,13 +34,6 @@ from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.devices.protocol_set import protocols as installed_protocols
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.sessions import OpenLink, Sessions
-from imuscope.server.fleet.fleet_server import FleetServer
-from imuscope.server.fleet.known_settings import KnownSettings
-from imuscope.server.fleet.publisher import FleetPublisher
-from imuscope.server.fleet.question_service import QuestionService
-from imuscope.server.fleet.raised_alarms import raised_alarms
-from imuscope.server.fleet.robots import Robots
-from imuscope.server.fleet.uploads import UploadService
 from imuscope.server.integrations.map_tiles import TileSource
 from imuscope.server.jit_cache import BackgroundLoad
 from imuscope.server.library.catalogue import Catalogue
@@ -68,9 +61,8 @@ class Services:
     Args:
         reading: default decode options of sources and recordings.
         scan_lock: held during a port scan, because a port can be opened only once.
-        fleet: this robot in its fleet.
-        robots: those of a fleet; None if this is no fleet server.
-        fleet_server: what receives them.
+        has_devices: False for a server of other robots, which has none of its own unless it is told.
+        brought: objects that a command made for its extension, which takes them over.
         parts: what extensions bring; complete before the server is started.
         history_lock: held while history is sent to a browser, so that several pages are served one after the other.
     """
@@ -99,11 +91,9 @@ class Services:
     timings: ViewerTimings
     folder_lock: DataFolderLock
     workspaces: WorkspaceStore
-    questions: QuestionService
-    fleet: FleetPublisher
-    uploads: UploadService
-    robots: Robots | None = None
-    fleet_server: FleetServer | None = None
+    compactor: CompactionWorker
+    has_devices: bool = True
+    brought: tuple[object, ...] = ()
     parts: Parts = field(default_factory=Parts)
     protocols: Callable[[], dict[str, str]] = installed_protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -118,7 +108,7 @@ class Services:
     async def running(self) -> AsyncIterator[None]:
         """Start all services; close them concurrently at the end."""
         reading = self.reading if self.config.sources else DecodeOptions()
-        sources = self.config.sources or (default_sources() if self.robots is None else [])
+        sources = self.config.sources or (default_sources() if self.has_devices else [])
         loop = asyncio.get_running_loop()
 
         def report(text: str) -> None:
@@ -136,13 +126,8 @@ class Services:
         await self.recorder.resume()
         await self.alarms.start()
         self.catalogue.start()
-        self.fleet.start()
-        if self.folder_lock.is_alone and self.robots is None:  # otherwise the other server uploads what is there
-            self.uploads.start()
-        if self.fleet_server is not None:
-            self.fleet_server.start()
         await self.parts.start()
-        if self.sessions.all or self.robots is None:  # 200 MB that a fleet server without devices does not need
+        if self.sessions.all or self.has_devices:  # 200 MB that a server without devices does not need
             decoders.start()
         else:
             self.sessions.on_added(lambda _: decoders.start())
@@ -151,13 +136,10 @@ class Services:
             shutdown.close_sequentially(self.alarms.close_trigger(), self.recorder.close()),
             {
                 "an export": self.exports.close(),
-                "an upload": self.uploads.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
                 "an analysis": self.analyses.close(),
                 "the alarms": self.alarms.close(),
                 **{part.name: part.close() for part in self.parts if not part.sends},
-                "the fleet": self.fleet.close(),
-                **({} if self.fleet_server is None else {"the fleet server": self.fleet_server.close()}),
                 "the compiler": asyncio.to_thread(decoders.close),
                 "a device": shutdown.close_sequentially(self.parts.close_senders(), self.sessions.close()),
             },
@@ -173,8 +155,9 @@ def build_services(
     now_ns: Callable[[], int] | None,
     page_files: Files,
     timings: ViewerTimings,
-    robots: Robots | None = None,
-    fleet_server: FleetServer | None = None,
+    brought: tuple[object, ...] = (),
+    *,
+    has_devices: bool = True,
 ) -> Services:
     """Create the services without starting them. Arguments and errors as for `create_app`."""
     wall_ns = now_ns or time.time_ns
@@ -209,11 +192,8 @@ def build_services(
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
     compactor = CompactionWorker(catalogue.finished)
     signals = SignalDefinitions(config.data)
-    robots = robots if fleet_server is None else fleet_server.robots
     recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory, signals)
     alarms = AlarmService(bus, telemetry.store, config.data, recorder, config.webhook_hosts)
-    uploads = UploadService(config, catalogue, compactor, bus)
-    recorder.waiting = uploads.waiting_paths
     return Services(
         config=config,
         access=access,
@@ -241,14 +221,7 @@ def build_services(
         timings=timings,
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),
-        fleet=FleetPublisher(
-            telemetry,
-            config,
-            lambda: raised_alarms(alarms),
-            KnownSettings(config.data / "fleet", controllers.get),
-        ),
-        uploads=uploads,
-        robots=robots,
-        questions=QuestionService(config.store),
-        fleet_server=fleet_server,
+        compactor=compactor,
+        has_devices=has_devices,
+        brought=brought,
     )

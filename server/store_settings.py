@@ -4,10 +4,10 @@
     url = "s3://bucket/prefix"  # or a folder
     query_s = 60                # limits of a question over HTTP
     query_mb = 1024
-    upload = true               # finished recordings of this robot go there (server/fleet/uploads.py)
+    upload = true               # finished recordings of this robot go there (server/extensions/fleet/uploads.py)
     upload_hours = "22:00-06:00"
 
-Credentials come from the environment (server/fleet/store.py).
+Credentials come from the environment (server/extensions/fleet/store.py).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+STORE_FORMS = "a folder, file:///folder, s3://bucket/prefix, az://container/prefix or gs://bucket/prefix"
 MIN_QUERY_MB, MAX_QUERY_MB = 64, 1 << 24
 _HOURS = re.compile(r"([01]\d|2[0-3]):([0-5]\d)\s*-\s*([01]\d|2[0-3]):([0-5]\d)")
 

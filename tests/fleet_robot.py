@@ -8,10 +8,10 @@ from types import TracebackType
 
 import zenoh
 
-from imuscope.server.fleet import keys
-from imuscope.server.fleet.bus import BusCredentials, client_settings, open_bus
-from imuscope.server.fleet.journal import Journal
-from imuscope.server.fleet.reports import ReportedDevice, RobotEvent, RobotStatus
+from imuscope.server.extensions.fleet import keys
+from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.extensions.fleet.journal import Journal
+from imuscope.server.extensions.fleet.reports import ReportedDevice, RobotEvent, RobotStatus
 
 
 class FleetRobot:

@@ -18,7 +18,11 @@ WORKERS = (
         "imuscope.server.library.export_sizes",
         "imuscope.server.evidence.worker",
     ),
-    *("imuscope.server.fleet.query_worker", "imuscope.server.fleet.upload_worker", "imuscope.server.analysis_worker"),
+    *(
+        "imuscope.server.extensions.fleet.query_worker",
+        "imuscope.server.extensions.fleet.upload_worker",
+        "imuscope.server.analysis_worker",
+    ),
 )
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
 imuscope.recordings.compaction, which imports little and may have little memory.

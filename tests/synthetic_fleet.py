@@ -14,8 +14,8 @@ import time
 from pathlib import Path
 
 from imuscope.server.config import Config
-from imuscope.server.fleet.robots import Robots
-from imuscope.server.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
+from imuscope.server.extensions.fleet.robots import Robots
+from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 

@@ -72,19 +72,6 @@ SERVER: dict[str, set[str]] = {
     "evidence": {"analysis", "library", "page_files"},
     "alarms": {"analysis", "devices", "library", "security_headers", "streaming"},
     "decode_worker": {"analysis", "devices", "jit_cache", "library"},
-    "fleet": {
-        "alarms",
-        "auth",
-        "config",
-        "configuration",
-        "devices",
-        "fair_queue",
-        "fleet_settings",
-        "library",
-        "store_settings",
-        "streaming",
-        "wire_codec",
-    },
     "integrations": {"wire_codec", "streaming", "config", "auth"},
     "reference": {"configuration", "library"},
     "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
@@ -99,7 +86,6 @@ SERVER: dict[str, set[str]] = {
             "config",
             "configuration",
             "devices",
-            "fleet",
             "integrations",
             "library",
             "links",
@@ -107,9 +93,8 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
     "api": {
-        *("alarms", "analysis", "auth", "configuration", "devices", "evidence", "fleet", "http_server"),
+        *("alarms", "analysis", "auth", "configuration", "devices", "evidence", "http_server"),
         *(
-            "fleet",
             "integrations",
             "library",
             "links",
@@ -124,7 +109,7 @@ SERVER: dict[str, set[str]] = {
             "workspaces",
         ),
     },
-    "extension": {"parts", "services"},
+    "extension": {"config", "parts", "services"},
     "analysis_worker": {"alarms", "analysis", "fork_server", "extension"},
     "app": {
         *(
@@ -133,7 +118,6 @@ SERVER: dict[str, set[str]] = {
             "extension",
             "config",
             "devices",
-            "fleet",
             "links",
             "page_files",
             "rate_limit",
@@ -144,7 +128,7 @@ SERVER: dict[str, set[str]] = {
     },
     "commands": {
         *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "evidence"),
-        *("extension", "fleet", "fleet_settings", "holder"),
+        *("extension", "fleet_settings", "holder", "store_settings"),
         *(
             "http_server",
             "jit_cache",

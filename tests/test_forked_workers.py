@@ -21,7 +21,7 @@ def test_a_worker_that_was_killed_before_it_is_ended_has_ended() -> None:
     """To signal it took the news of its end from who waited for it, and a killed question had no answer."""
 
     async def check() -> None:
-        worker = await Worker.start("imuscope.server.fleet.query_worker")
+        worker = await Worker.start("imuscope.server.extensions.fleet.query_worker")
         worker.dismiss()
         process: Any = worker._process
         os.kill(worker.pid, signal.SIGKILL)

@@ -22,6 +22,7 @@ from tests.timeouts import PATIENCE_S
 NAMES = sorted(path.name for path in (ROOT / "server" / "extensions").iterdir() if (path / "__init__.py").is_file())
 COPIED = ("protocols", "recordings", "server", PACKAGE, "pyproject.toml")
 ROUTES = {
+    "fleet": "/api/uploads",
     "calibration": "/api/devices/1/calibration",
     "viser": "/api/views/scene",
     "rerun": "/rerun/",

@@ -54,7 +54,7 @@ async def get_build(request: Request, services: TheServices) -> Build:
         run=services.telemetry.bus.run,
         protocols=list(services.protocols()),
         role=request.state.role,
-        fleet=services.robots is not None,
+        fleet=not services.has_devices,
     )
 
 
@@ -81,8 +81,7 @@ async def get_metrics(services: TheServices) -> Response:
         services.config.data,
         [
             services.alarms.add_metrics,
-            services.uploads.add_metrics,
-            *([] if services.fleet_server is None else [services.fleet_server.add_metrics]),
+            *services.parts.metrics,
         ],
     )
     return Response(services.metrics.text(sources), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})

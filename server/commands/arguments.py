@@ -14,18 +14,17 @@ from imuscope.protocols.decode_options import DecodeOption, Scope
 from imuscope.protocols.plugins import protocol_names
 from imuscope.server import logging_setup
 from imuscope.server.commands.file_arguments import add_analyse, add_decode
-from imuscope.server.commands.fleet_arguments import add_fleet
 from imuscope.server.commands.page_arguments import add_page_address
-from imuscope.server.commands.store_arguments import add_compact, add_query, add_store, add_upload
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
 from imuscope.server.extension import extension_commands
 from imuscope.server.ros2_settings import DEFAULT_ROUTER
+from imuscope.server.store_settings import STORE_FORMS
 from imuscope.server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "analyse", *extension_commands(), "upload", "query", "compact", "fleet", "simulate", "completion"),
+    *("decode", "analyse", *extension_commands(), "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -61,7 +60,7 @@ ENVIRONMENT_HELP = """environment variables, used if the option is not given:
 ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
 """Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""
 DECODE_SCOPES: Mapping[str, Scope] = {
-    **dict.fromkeys(("serve", "send", "record", "decode", "analyse", "upload"), "source"),
+    **dict.fromkeys(("serve", "send", "record", "decode", "analyse"), "source"),
     **{"inspect": "inspect", "compose": "compose", "commands": "commands"},
     **{one.name: one.scope for one in extension_commands().values() if one.scope},
 }
@@ -71,7 +70,7 @@ PROTOCOL_HELP = {
     "inspect": f"{ANY_OF}, or auto (the default)",
     "compose": f"{ANY_OF} (default: found by the name of the message)",
     "commands": f"{ANY_OF} (default: all)",
-    **dict.fromkeys(("decode", "analyse", "upload"), "protocol of a capture (default: detected)"),
+    **dict.fromkeys(("decode", "analyse"), "protocol of a capture (default: detected)"),
     **{one.name: one.protocol_help for one in extension_commands().values()},
 }
 
@@ -199,13 +198,12 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     for made in (
         add_decode(commands.add_parser, about.outputs),
         add_analyse(commands.add_parser, about.analyses),
-        *(one.add(commands.add_parser) for one in extension_commands().values()),
     ):
         _add_data(made)
-    _add_data(add_upload(commands.add_parser))
-    add_query(commands.add_parser)
-    add_compact(commands.add_parser)
-    _add_data(add_fleet(commands.add_parser))
+    for one in extension_commands().values():
+        made = one.add(commands.add_parser)
+        if one.has_data:
+            _add_data(made)
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)
     for name in root.commands if not command else [command] if command in root.commands else ():
@@ -231,7 +229,7 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
         "udp://HOST:PORT, each with ?mode=read to forbid writing; may be repeated",
     )
     command.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
-    add_store(command, "store of recordings to answer questions about: ", required=False)
+    command.add_argument("--store", metavar="URL", help=f"store of recordings to answer questions about: {STORE_FORMS}")
     command.add_argument(
         "--foxglove",
         type=int,

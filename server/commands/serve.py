@@ -22,7 +22,7 @@ from imuscope.server.commands.common import (
 from imuscope.server.config import Config, load
 from imuscope.server.devices.decode_options import declared_options, option_text
 from imuscope.server.devices.protocol_set import problems
-from imuscope.server.fleet.store import MISSING, StoreError, is_installed, location
+from imuscope.server.extension import extensions
 from imuscope.server.links.simulated_device import simulators
 from imuscope.server.version import VERSION
 
@@ -65,7 +65,7 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
     keys = logging_setup.secrets_of(access.view_token, access.control_token, *given, *secrets.values())
     logging_setup.install(config.log_format, config.log_level, keys)
     tls_renewal = http_server.keeper_of(config)
-    _check_store(config.store.url)
+    _check_extensions(config)
     prepare(config.data)
     check_sources(config.sources, decode_options)
     try:
@@ -125,16 +125,13 @@ def _fleet(options: argparse.Namespace) -> dict[str, str] | None:
     return {name: text for name, text in given.items() if text is not None} or None
 
 
-def _check_store(url: str) -> None:
-    """Raise UsageError unless a store can be used, if one is given."""
-    if not url:
-        return
-    if not is_installed():
-        raise UsageError(MISSING)
+def _check_extensions(config: Config) -> None:
+    """Raise UsageError if an extension cannot use the configuration."""
     try:
-        location(url)
-    except StoreError as error:
-        raise UsageError(f"{error.message.rstrip('.')}. {error.hint}".strip()) from None
+        for extension in extensions():
+            extension.check(config)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
 
 
 def _print_addresses(config: Config, access: Access, url: str, fingerprint: str, is_robot: bool) -> None:

@@ -27,8 +27,8 @@ from typing import Any
 
 import zenoh
 
-from imuscope.server.fleet.access import RouterSettings
-from imuscope.server.fleet.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.extensions.fleet.access import RouterSettings
+from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
 from tests.bench.report import report
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port

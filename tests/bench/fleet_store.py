@@ -44,11 +44,11 @@ sys.path.insert(0, str(ROOT))
 from imuscope.protocols.xbus.simulator.device import XbusSimulator  # noqa: E402
 from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from imuscope.server.devices.decode_options import DecodeOptions  # noqa: E402
-from imuscope.server.fleet.query import ask  # noqa: E402
-from imuscope.server.fleet.questions import QUESTIONS  # noqa: E402
-from imuscope.server.fleet.store import location  # noqa: E402
-from imuscope.server.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
-from imuscope.server.fleet.upload import upload  # noqa: E402
+from imuscope.server.extensions.fleet.query import ask  # noqa: E402
+from imuscope.server.extensions.fleet.questions import QUESTIONS  # noqa: E402
+from imuscope.server.extensions.fleet.store import location  # noqa: E402
+from imuscope.server.extensions.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
+from imuscope.server.extensions.fleet.upload import upload  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 DAYS, MONTH = 365, 31

@@ -23,8 +23,8 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.fleet.store import location
-from imuscope.server.fleet.upload import upload
+from imuscope.server.extensions.fleet.store import location
+from imuscope.server.extensions.fleet.upload import upload
 from tests import chromium
 from tests.chromium import until
 from tests.conftest import READY

@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import Page
 
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.fleet.store import location
-from imuscope.server.fleet.upload import upload
+from imuscope.server.extensions.fleet.store import location
+from imuscope.server.extensions.fleet.upload import upload
 from tests.browser.page_checks import PHONE, SILENT, fits, serious, small_targets
 from tests.chromium import until
 from tests.recordings.recorded_drive import drive

@@ -9,7 +9,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import serious
 from tests.chromium import until
-from tests.server.fleet.robot_with_pages import CONTROL, fleet_of
+from tests.extensions.fleet.robot_with_pages import CONTROL, fleet_of
 
 ROW = "document.querySelector('.fleet-row')"
 

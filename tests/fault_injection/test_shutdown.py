@@ -29,8 +29,8 @@ from fastapi import FastAPI
 
 from imuscope.server import http_server
 from tests.each_row import each_row
+from tests.extensions.fleet.store_fixtures import ENDLESS
 from tests.fault_injection.ending import children, end, is_there
-from tests.server.fleet.store_fixtures import ENDLESS
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until

@@ -16,8 +16,8 @@ from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sessions import OpenLink
-from imuscope.server.fleet.fleet_server import FleetServer
-from imuscope.server.fleet.robots import Robots
+from imuscope.server.extensions.fleet.fleet_server import FleetServer
+from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.page_files import Files
 from imuscope.server.services import Services
 from imuscope.server.timings import ViewerTimings
@@ -52,8 +52,8 @@ class InProcessServer:
             protocol_set=protocol_set,
             page_files=page_files,
             timings=timings,
-            robots=robots,
-            fleet_server=fleet_server,
+            brought=[one for one in (robots, fleet_server) if one is not None],
+            has_devices=robots is None and fleet_server is None,
         )
         self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)

@@ -11,7 +11,7 @@ import pytest
 from imuscope.protocols import jit
 from imuscope.server import jit_cache
 from imuscope.server.config import Config
-from imuscope.server.fleet.robots import Robots
+from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.version import VERSION
 from tests.server.fakes import FakeLink

@@ -10,7 +10,8 @@ EXTENSION = Extension(
     commands=(
         ExtensionCommand(
             "calibrate",
-            "imuscope.server.extensions.calibration.command",
+            "imuscope.server.extensions.calibration.command:add",
+            "imuscope.server.extensions.calibration.command:run",
             scope="source",
             protocol_help="protocol of a capture (default: detected)",
             reads_file=True,

@@ -184,7 +184,7 @@ def test_viser_ends_with_the_server_however_that_ends(tmp_path: Path) -> None:
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     """The start would take seconds longer: what draws, hands on or reads tables is imported by who does that."""
     code = (
-        "import sys; import imuscope.server.cli; import imuscope.server.fleet.publisher; "
+        "import sys; import imuscope.server.cli; import imuscope.server.extensions.fleet.publisher; "
         "from imuscope.server.app import create_app; "
         "from imuscope.server.auth import Access; from imuscope.server.config import Config; "
         "config = Config(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "

@@ -1797,24 +1797,6 @@ export interface Routes {
     readonly body: AcknowledgeRequest;
     readonly answer: AlarmInfo;
   };
-  /** The store of this server, its limits, and the questions of this client that wait or run. */
-  "GET /api/query": { readonly answer: QueryState; };
-  /** Ask the store a question. The answer ends with the connection: whoever closes it cancels the question. */
-  "POST /api/query": {
-    readonly body: QueryBody;
-    readonly answer: QueryAnswer | Blob;
-  };
-  /** Prepared questions with their SQL. */
-  "GET /api/query/questions": { readonly answer: readonly PreparedQuestionInfo[]; };
-  /** Tables with their columns, signals, and functions of SQL: what an editor completes. */
-  "GET /api/query/tables": { readonly answer: QueryWords; };
-  /** Fetch a recording of the store into the library, unless it is there, and compare its checksum. */
-  "POST /api/query/recordings/{recording}/fetch": {
-    readonly path: { readonly recording: string };
-    readonly answer: FetchedRecording;
-  };
-  /** State of the uploads, of each finished recording. */
-  "GET /api/uploads": { readonly answer: UploadsState; };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };
   /** A workspace with its content. */
@@ -1838,69 +1820,6 @@ export interface Routes {
     readonly path: { readonly family: string };
     readonly body: DefaultWorkspaceRequest;
     readonly answer: Readonly<Record<string, string>>;
-  };
-  /** Robots of the fleet, at a glance. */
-  "GET /api/fleet/robots": {
-    readonly query?: { readonly after?: number | null | undefined };
-    readonly answer: FleetRobots;
-  };
-  /** Remove a robot that is lost, for good, from the list. Its events stay. One that joins again is listed again. */
-  "DELETE /api/fleet/robots/{robot}": {
-    readonly path: { readonly robot: string };
-    readonly answer: undefined;
-  };
-  /** Acknowledge an alarm of the fleet server. Those of a robot are acknowledged on its own page. */
-  "POST /api/fleet/robots/{robot}/acknowledge": {
-    readonly path: { readonly robot: string };
-    readonly body: FleetAcknowledgement;
-    readonly answer: undefined;
-  };
-  /** Events of all robots, the newest first, each once. They are stored within a second of their arrival. */
-  "GET /api/fleet/events": {
-    readonly query?: { readonly robot?: string | undefined; readonly before?: number | null | undefined; readonly limit?: number | undefined };
-    readonly answer: readonly FleetEvent[];
-  };
-  /** Settings of a robot's devices against the profiles of its group. */
-  "GET /api/fleet/robots/{robot}/settings": {
-    readonly path: { readonly robot: string };
-    readonly answer: readonly DeviceSettingsCheck[];
-  };
-  /** Make the settings of a device the profile of its group, for its product. Nothing is written to any robot. */
-  "POST /api/fleet/robots/{robot}/profile": {
-    readonly path: { readonly robot: string };
-    readonly body: ProfileRequest;
-    readonly answer: readonly DeviceSettingsCheck[];
-  };
-  /** Remove the profile that a device is compared with. */
-  "DELETE /api/fleet/robots/{robot}/profile": {
-    readonly path: { readonly robot: string };
-    readonly query: { readonly device: string; readonly by: string };
-    readonly answer: readonly DeviceSettingsCheck[];
-  };
-  /** Plan of a rollout: devices of the group that differ from the profile that this one is compared with. */
-  "GET /api/fleet/robots/{robot}/rollout": {
-    readonly path: { readonly robot: string };
-    readonly query: { readonly device: string; readonly waves?: string | undefined };
-    readonly answer: RolloutPlan;
-  };
-  /** Carry a plan out, in waves. Each device is written to with settings that are temporary until they are confirmed: once it has delivered for `watch_s` at the rate of the profile, with the settings of the profile. Otherwise the robot rolls back by itself, and no further wave begins. 412 if the plan has changed. */
-  "POST /api/fleet/robots/{robot}/rollout": {
-    readonly path: { readonly robot: string };
-    readonly body: RolloutRequest;
-    readonly answer: Rollout;
-  };
-  /** Rollouts, the newest first. */
-  "GET /api/fleet/rollouts": { readonly answer: readonly RolloutHead[]; };
-  /** A rollout, with the state of each device. */
-  "GET /api/fleet/rollouts/{rollout}": {
-    readonly path: { readonly rollout: number };
-    readonly answer: Rollout;
-  };
-  /** Begin with no further device. Those that are under way are finished: confirmed, or rolled back. */
-  "POST /api/fleet/rollouts/{rollout}/stop": {
-    readonly path: { readonly rollout: number };
-    readonly body: RolloutStopRequest;
-    readonly answer: Rollout;
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };
@@ -1990,6 +1909,87 @@ export interface Routes {
   "DELETE /api/devices/{device}/corrections": {
     readonly path: { readonly device: string };
     readonly answer: Corrections;
+  };
+  /** The store of this server, its limits, and the questions of this client that wait or run. */
+  "GET /api/query": { readonly answer: QueryState; };
+  /** Ask the store a question. The answer ends with the connection: whoever closes it cancels the question. */
+  "POST /api/query": {
+    readonly body: QueryBody;
+    readonly answer: QueryAnswer | Blob;
+  };
+  /** Prepared questions with their SQL. */
+  "GET /api/query/questions": { readonly answer: readonly PreparedQuestionInfo[]; };
+  /** Tables with their columns, signals, and functions of SQL: what an editor completes. */
+  "GET /api/query/tables": { readonly answer: QueryWords; };
+  /** Fetch a recording of the store into the library, unless it is there, and compare its checksum. */
+  "POST /api/query/recordings/{recording}/fetch": {
+    readonly path: { readonly recording: string };
+    readonly answer: FetchedRecording;
+  };
+  /** State of the uploads, of each finished recording. */
+  "GET /api/uploads": { readonly answer: UploadsState; };
+  /** Robots of the fleet, at a glance. */
+  "GET /api/fleet/robots": {
+    readonly query?: { readonly after?: number | null | undefined };
+    readonly answer: FleetRobots;
+  };
+  /** Remove a robot that is lost, for good, from the list. Its events stay. One that joins again is listed again. */
+  "DELETE /api/fleet/robots/{robot}": {
+    readonly path: { readonly robot: string };
+    readonly answer: undefined;
+  };
+  /** Acknowledge an alarm of the fleet server. Those of a robot are acknowledged on its own page. */
+  "POST /api/fleet/robots/{robot}/acknowledge": {
+    readonly path: { readonly robot: string };
+    readonly body: FleetAcknowledgement;
+    readonly answer: undefined;
+  };
+  /** Events of all robots, the newest first, each once. They are stored within a second of their arrival. */
+  "GET /api/fleet/events": {
+    readonly query?: { readonly robot?: string | undefined; readonly before?: number | null | undefined; readonly limit?: number | undefined };
+    readonly answer: readonly FleetEvent[];
+  };
+  /** Settings of a robot's devices against the profiles of its group. */
+  "GET /api/fleet/robots/{robot}/settings": {
+    readonly path: { readonly robot: string };
+    readonly answer: readonly DeviceSettingsCheck[];
+  };
+  /** Make the settings of a device the profile of its group, for its product. Nothing is written to any robot. */
+  "POST /api/fleet/robots/{robot}/profile": {
+    readonly path: { readonly robot: string };
+    readonly body: ProfileRequest;
+    readonly answer: readonly DeviceSettingsCheck[];
+  };
+  /** Remove the profile that a device is compared with. */
+  "DELETE /api/fleet/robots/{robot}/profile": {
+    readonly path: { readonly robot: string };
+    readonly query: { readonly device: string; readonly by: string };
+    readonly answer: readonly DeviceSettingsCheck[];
+  };
+  /** Plan of a rollout: devices of the group that differ from the profile that this one is compared with. */
+  "GET /api/fleet/robots/{robot}/rollout": {
+    readonly path: { readonly robot: string };
+    readonly query: { readonly device: string; readonly waves?: string | undefined };
+    readonly answer: RolloutPlan;
+  };
+  /** Carry a plan out, in waves. Each device is written to with settings that are temporary until they are confirmed: once it has delivered for `watch_s` at the rate of the profile, with the settings of the profile. Otherwise the robot rolls back by itself, and no further wave begins. 412 if the plan has changed. */
+  "POST /api/fleet/robots/{robot}/rollout": {
+    readonly path: { readonly robot: string };
+    readonly body: RolloutRequest;
+    readonly answer: Rollout;
+  };
+  /** Rollouts, the newest first. */
+  "GET /api/fleet/rollouts": { readonly answer: readonly RolloutHead[]; };
+  /** A rollout, with the state of each device. */
+  "GET /api/fleet/rollouts/{rollout}": {
+    readonly path: { readonly rollout: number };
+    readonly answer: Rollout;
+  };
+  /** Begin with no further device. Those that are under way are finished: confirmed, or rolled back. */
+  "POST /api/fleet/rollouts/{rollout}/stop": {
+    readonly path: { readonly rollout: number };
+    readonly body: RolloutStopRequest;
+    readonly answer: Rollout;
   };
   /** The recording for a Rerun viewer, sent while it is converted; static data first. */
   "GET /api/recordings/{recording}/recording.rrd": {

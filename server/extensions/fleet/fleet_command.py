@@ -1,0 +1,147 @@
+"""`imuscope fleet`: the page of many robots, and the router that they connect to."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from imuscope.server.commands.common import UsageError
+from imuscope.server.commands.serve import run
+from imuscope.server.config import Config, load
+from imuscope.server.devices.decode_options import secret_text
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.fleet.access import FleetAccessError, RouterSettings, as_document, read_robots
+from imuscope.server.extensions.fleet.bus import BusCredentials, FleetBusError, client_settings
+from imuscope.server.extensions.fleet.database import FleetDatabase, FleetDatabaseError
+from imuscope.server.extensions.fleet.fleet_alarms import FleetAlarms
+from imuscope.server.extensions.fleet.fleet_server import FleetServer
+from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
+from imuscope.server.extensions.fleet.operators import Operators
+from imuscope.server.extensions.fleet.robots import Robots
+from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
+from imuscope.server.extensions.fleet.rollouts import RolloutFiles
+from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.logging_setup import print_or_log
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
+    from imuscope.server.auth import Access
+
+DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
+
+
+def serve_fleet(options: argparse.Namespace) -> None:
+    """Serve until stopped.
+
+    Raises:
+        UsageError: the options cannot be fulfilled.
+        ConfigError, DecodeOptionError: invalid options or configuration file.
+    """
+    config = _config(options)
+    given = config.fleet_server
+    if given.listen and given.router:
+        raise UsageError("--listen and --router exclude each other: give the one that robots connect to")
+    try:
+        bus_settings(given)
+        if options.router_config:
+            print(json.dumps(as_document(bus_settings(given)), indent=2), file=sys.stdout)
+            return
+    except FleetAccessError as error:
+        raise UsageError(str(error)) from None
+
+    def create(config: Config, access: Access) -> ASGIApp:
+        from imuscope.server.app import create_app
+
+        try:
+            server = create_fleet_server(config)
+            if given.operators:
+                access.operators = Operators(Path(given.operators), server.group_of, server.group_of_rollout)
+            if not given.router:
+                server.open()
+        except (DomainError, FleetDatabaseError, FleetBusError, FleetAccessError) as error:
+            raise UsageError(str(error)) from None
+        place = f"at the router {given.router}" if given.router else f"at {given.listen or DEFAULT_LISTEN}"
+        print_or_log(f"Robots join {place}: imuscope serve … --fleet {given.router or given.listen or DEFAULT_LISTEN}")
+        return create_app(config, access, brought=(server,), has_devices=False)
+
+    run(replace(config, sources=(), fleet=FleetSettings()), create, is_robot=False)
+
+
+def create_fleet_server(config: Config, timing: RolloutTiming | None = None) -> FleetServer:
+    """The fleet server of a configuration; its session is not open yet.
+
+    Args:
+        timing: of rollouts; tests pass their own.
+
+    Raises:
+        DomainError, FleetDatabaseError: its stored state cannot be used.
+    """
+    folder, given = config.data / "fleet", config.fleet_server
+    profiles = GroupProfiles(folder)
+    return FleetServer(
+        Robots(),
+        FleetDatabase(folder),
+        lambda: bus_settings(given),
+        lambda: _version(given),
+        profiles=profiles,
+        alarms=FleetAlarms(folder, given, profiles.applies),
+        rollouts=RolloutFiles(folder),
+        timing=timing,
+    )
+
+
+def bus_settings(given: FleetServerSettings) -> Mapping[str, Any]:
+    """Settings of the session.
+
+    Raises:
+        FleetAccessError: they are not safe, or a file cannot be used.
+    """
+    if given.router:
+        password = secret_text(given.password, "password") if given.password else ""
+        credentials = BusCredentials(given.user, password, given.ca, given.certificate, given.key)
+        return client_settings(given.router, credentials)
+    robots = read_robots(Path(given.robots)) if given.robots else None
+    router = RouterSettings(given.listen or DEFAULT_LISTEN, robots, given.certificate, given.key, given.ca)
+    router.check(is_open=given.anyone)
+    return router.settings()
+
+
+def _version(given: FleetServerSettings) -> object:
+    """A value that changes with the file of robots."""
+    if not given.robots or given.router:
+        return None
+    try:
+        state = Path(given.robots).stat()
+    except OSError:
+        return None
+    return state.st_mtime_ns, state.st_size, state.st_ino
+
+
+def _config(options: argparse.Namespace) -> Config:
+    table = {
+        "listen": options.listen,
+        "router": options.router,
+        "robots": options.robots,
+        "operators": options.operators,
+        "certificate": options.bus_certificate,
+        "key": options.bus_key,
+        "ca": options.bus_ca,
+        "anyone": options.anyone,
+    }
+    return load(
+        options.config,
+        host=options.host,
+        port=options.port,
+        data=options.data,
+        tls=options.tls,
+        tls_cert=options.tls_cert,
+        tls_key=options.tls_key,
+        store=None if options.store is None else {"url": options.store},
+        fleet_server={name: value for name, value in table.items() if value is not None},
+    )

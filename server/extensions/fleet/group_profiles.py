@@ -1,0 +1,275 @@
+"""Profiles of groups: the settings that the devices of a group should have, and how far each robot is from them.
+
+    digest in a status ──> known here?  no ──> the robot is asked for the settings, once for all robots with this digest
+                             │
+    profile of the group ────┴──> difference, kept for the pair of digests ──> "as-profile", "drifted" with a number
+
+A profile is for a product: a group with two products has two. It is taken from a robot by a person, and kept in
+<data>/fleet/profiles.json with who did so and when. Settings of robots are in memory only, because robots have them.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.recordings import atomic_write
+from imuscope.server.configuration.api_models import Difference
+from imuscope.server.configuration.controllers import driver_of
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.fleet.device_settings import (
+    DeviceSettings,
+    SettingsAnswer,
+    decode_settings,
+    difference,
+    encode_settings,
+)
+from imuscope.server.extensions.fleet.person import person
+from imuscope.server.extensions.fleet.reports import ReportError
+from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary, SettingsState
+
+log = logging.getLogger("imuscope.fleet")
+
+FILE = "profiles.json"
+MAX_PROFILES = 200
+MAX_KNOWN = 5000
+MAX_DIFFERENCES = 10_000
+ASK_AGAIN_S = 5.0
+
+
+class GroupProfile(msgspec.Struct, frozen=True):
+    """A profile.
+
+    Args:
+        robot, device: that it was taken from; the device by its displayed name.
+        by: the person.
+        time: unix s of the fleet server.
+    """
+
+    group: str
+    robot: str
+    device: str
+    by: str
+    time: float
+    settings: SettingsAnswer
+
+
+class _ProfileFile(msgspec.Struct):
+    profiles: Annotated[list[GroupProfile], Meta(max_length=MAX_PROFILES)] = []
+    imuscope: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsCheck:
+    """A device against the profile of its group.
+
+    Args:
+        why: of unknown, as one sentence.
+        difference: None if it is unknown; its left side is the robot, its right side the profile.
+    """
+
+    state: SettingsState
+    why: str = ""
+    profile: GroupProfile | None = None
+    difference: Difference | None = None
+
+
+class GroupProfiles:
+    """Profiles and settings. To be used in one thread.
+
+    Args:
+        folder: of the fleet within the data folder.
+    """
+
+    def __init__(self, folder: Path, drivers: Callable[[str], DeviceDriver | None] = driver_of) -> None:
+        self._path = folder / FILE
+        self._drivers = drivers
+        self._profiles: dict[tuple[str, str, str], tuple[GroupProfile, DeviceSettings]] = {}
+        self._known: OrderedDict[str, DeviceSettings] = OrderedDict()
+        self._wanted: dict[tuple[str, str], str] = {}  # robot, device → digest of settings that are not known here
+        self._asked: OrderedDict[str, float] = OrderedDict()
+        self._differences: OrderedDict[tuple[str, str], Difference | None] = OrderedDict()
+        self.problem = ""
+        with suppress(FileNotFoundError):
+            try:
+                stored = msgspec.json.decode(self._path.read_bytes(), type=_ProfileFile)
+            except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+                if isinstance(error, FileNotFoundError):
+                    raise
+                self.problem = f"The profiles of groups cannot be read, and are not applied: {error!s:.200}."
+                log.error("%s Repair or remove %s.", self.problem, self._path)
+            else:
+                for one in stored.profiles:
+                    self._take(one)
+
+    def _take(self, profile: GroupProfile) -> None:
+        given = profile.settings
+        settings = DeviceSettings(given.protocol, given.product, given.firmware, given.values)
+        self._profiles[profile.group, given.protocol, given.product] = profile, settings
+
+    def judged(self, robot: RobotSummary) -> RobotSummary:
+        """A summary with how far the robot is from the profiles of its group. What is not known is asked for later."""
+        for device in robot.devices:
+            if robot.state == "live" and device.settings and device.settings not in self._known:
+                self._wanted[robot.name, device.id] = device.settings
+        if not self._profiles:
+            return robot
+        checks = [self.check(robot.group, one) for one in robot.devices]
+        rows = sum(len(one.difference.rows) for one in checks if one.difference is not None)
+        relevant = {one.state for one in checks if one.profile is not None}
+        state: SettingsState = "drifted" if rows else "as-profile" if relevant == {"as-profile"} else "unknown"
+        devices = [self._with_rate(robot.group, one) for one in robot.devices]
+        return robot.model_copy(update={"settings": state, "drifted": rows, "devices": devices})
+
+    def check(self, group: str, device: RobotDevice) -> SettingsCheck:
+        """A device against the profile of its group."""
+        profile, wanted = self._profiles.get((group, device.protocol, device.product), (None, None))
+        if profile is None or wanted is None:
+            return SettingsCheck("unknown", "Its group has no profile for this product.")
+        if not device.settings:
+            why = "The robot does not know its settings: read them once on its page Configure."
+            return SettingsCheck("unknown", why, profile)
+        if device.settings not in self._known:
+            return SettingsCheck("unknown", "The robot was asked for its settings.", profile)
+        found = self._difference(device.settings, wanted)
+        if found is None:
+            return SettingsCheck("unknown", "Its settings cannot be compared; the log has details.", profile)
+        return SettingsCheck("drifted" if found.rows else "as-profile", "", profile, found)
+
+    def applies(self, robot: RobotSummary) -> bool:
+        """Whether the group of a robot has a profile for one of its devices."""
+        return any((robot.group, one.protocol, one.product) in self._profiles for one in robot.devices)
+
+    def profile_of(self, group: str, device: RobotDevice) -> tuple[GroupProfile, DeviceDriver]:
+        """The profile of a group for a device's product, and what it is written with.
+
+        Raises:
+            DomainError: there is none, or this version cannot use it.
+        """
+        profile, wanted = self._profiles.get((group, device.protocol, device.product), (None, None))
+        if profile is None or wanted is None:
+            hint = "Make the settings of a device the profile first."
+            raise DomainError("not-found", f"The group has no profile for {device.product:.80}.", hint)
+        driver = self._drivers(wanted.protocol)
+        if driver is None:
+            raise DomainError(
+                "no-driver", f"Devices of {wanted.protocol:.40} cannot be configured.", "Update the fleet server."
+            )
+        return profile, driver
+
+    def settings_of(self, device: RobotDevice) -> DeviceSettings | None:
+        """Settings of a device; None if they are not known here."""
+        return self._known.get(device.settings)
+
+    def _difference(self, digest: str, wanted: DeviceSettings) -> Difference | None:
+        key = digest, wanted.digest
+        if key not in self._differences:
+            driver = self._drivers(wanted.protocol)
+            found = None
+            if driver is not None:
+                try:
+                    found = difference(driver, wanted, self._known[digest])
+                except ReportError as error:
+                    log.warning("%s", error)
+            self._differences[key] = found
+            while len(self._differences) > MAX_DIFFERENCES:
+                self._differences.popitem(last=False)
+        return self._differences[key]
+
+    def _with_rate(self, group: str, device: RobotDevice) -> RobotDevice:
+        """A device whose rate by its settings is unknown is expected to have that of the profile."""
+        _, wanted = self._profiles.get((group, device.protocol, device.product), (None, None))
+        driver = None if wanted is None else self._drivers(wanted.protocol)
+        if device.expected_rate is not None or wanted is None or driver is None:
+            return device
+        rate = None
+        with suppress(Exception):  # values that came from the bus
+            rate = driver.message_rate(wanted.values, wanted.context)
+        return device if rate is None else device.model_copy(update={"expected_rate": rate})
+
+    def questions(self, now: float, limit: int) -> Iterator[tuple[str, str]]:
+        """Robots and devices to ask for their settings now: one for each digest, another one if no answer comes."""
+        for (robot, device), digest in list(self._wanted.items()):
+            if digest in self._known:
+                del self._wanted[robot, device]
+            elif limit > 0 and self._asked.get(digest, -math.inf) + ASK_AGAIN_S <= now:
+                limit -= 1
+                del self._wanted[robot, device]  # to the end
+                self._wanted[robot, device] = digest
+                self._asked[digest] = now
+                self._asked.move_to_end(digest)
+                while len(self._asked) > MAX_KNOWN:
+                    self._asked.popitem(last=False)
+                yield robot, device
+
+    def forget_question(self, robot: str, device: str) -> None:
+        """Drop a question to a robot that is lost; it is asked when it reports again."""
+        self._wanted.pop((robot, device), None)
+
+    def learn(self, data: bytes) -> str:
+        """Take settings that a robot sent; returns their digest.
+
+        Raises:
+            ReportError: they are invalid.
+        """
+        found = decode_settings(data)
+        self._known[found.digest] = found
+        self._known.move_to_end(found.digest)
+        while len(self._known) > MAX_KNOWN:
+            self._known.popitem(last=False)
+        return found.digest
+
+    def use(self, robot: RobotSummary, device: RobotDevice, by: str, time: float) -> GroupProfile:
+        """Make the settings of a device the profile of its robot's group.
+
+        Raises:
+            DomainError: they are unknown, the name is missing, there are too many profiles, or the disk is full.
+        """
+        name = person(by)
+        known = self._known.get(device.settings)
+        if known is None:
+            hint = "Read them once on the page Configure of the robot, and try again when it is live."
+            raise DomainError("not-now", f"The settings of {device.name:.80} are not known.", hint)
+        key = robot.group, device.protocol, device.product
+        if (known.protocol, known.product) != key[1:]:
+            raise DomainError(
+                "not-now", f"The settings of {device.name:.80} are of another device.", "Read them again."
+            )
+        if len(self._profiles) >= MAX_PROFILES and key not in self._profiles:
+            raise DomainError("full", f"There are {MAX_PROFILES} profiles already.", "Remove one first.")
+        settings = msgspec.msgpack.decode(encode_settings(known), type=SettingsAnswer)
+        profile = GroupProfile(robot.group, robot.name, device.name, name, time, settings)
+        self._change({**self._profiles, key: (profile, known)})
+        return profile
+
+    def remove(self, robot: RobotSummary, device: RobotDevice, by: str) -> None:
+        """Remove the profile for a device's product of its robot's group.
+
+        Raises:
+            DomainError: there is none, the name is missing, or the disk is full.
+        """
+        person(by)
+        key = robot.group, device.protocol, device.product
+        if key not in self._profiles:
+            raise DomainError("not-found", "There is no such profile.", "It may have been removed already.")
+        self._change({other: one for other, one in self._profiles.items() if other != key})
+
+    def _change(self, profiles: dict[tuple[str, str, str], tuple[GroupProfile, DeviceSettings]]) -> None:
+        text = msgspec.json.encode(_ProfileFile([one for one, _ in profiles.values()]))
+        try:
+            atomic_write.write_atomic(self._path, msgspec.json.format(text, indent=1))
+        except OSError as error:
+            message = f"The profile cannot be stored: {error.strerror or error}."
+            raise DomainError("disk", message, "Free space in the data folder, or make it writable.") from None
+        self._profiles = profiles
+        self.problem = ""

@@ -1,0 +1,222 @@
+"""Requests to robots through their fleet server, below /robots/NAME.
+
+The page itself is that of the fleet server, never a file of a robot: a robot delivers data only, so it cannot run code
+in the browser of somebody who may command others. What it answers is shown by no browser as a page (`SANDBOX`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+from collections.abc import AsyncIterator
+from urllib.parse import parse_qsl, urlencode
+
+import msgspec
+from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
+from fastapi.responses import RedirectResponse, Response, StreamingResponse
+
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.auth import is_command
+from imuscope.server.errors import DomainError, status_of
+from imuscope.server.extensions.fleet.page_messages import MAX_BODY, MAX_SAID, End, Head, Open, Part
+from imuscope.server.extensions.fleet.page_server import HEADERS
+from imuscope.server.extensions.fleet.robot_pages import PageStream
+from imuscope.server.extensions.fleet.robot_routes import TheFleetServer, fleet_server_of
+from imuscope.server.previous_names import path_of
+from imuscope.server.printable import printable
+
+router = APIRouter(include_in_schema=False)
+
+FORWARDED = frozenset({"accept", "content-type", "if-match", "if-none-match", "range"})
+"""Headers of a request that a robot is told; tokens and cookies stay here."""
+METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"]
+SANDBOX = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; sandbox"
+ACTIVE = re.compile("html|xml|svg|script|css|wasm", re.IGNORECASE)
+CODES = (1000, 1001, 1002, 1003, 1008, 1009, 1011, 1012, 1013)
+"""Codes below 3000 that may be sent."""
+VERSION_HINT = "Its version may be too new for this fleet server; update the fleet server."
+MAX_MESSAGE = 32 * 1024 * 1024  # bytes of one message of a WebSocket
+
+
+class _ViewerGoneError(Exception):
+    """The viewer has closed the connection."""
+
+
+def _who(role: str, operator: str, peer: str) -> str:
+    return f"{operator or ('operator' if role == 'control' else 'viewer')} at {peer or 'an unknown address'}"
+
+
+def _request(connection: Request | WebSocket, path: str) -> Open:
+    role, peer = connection.state.role, connection.client.host if connection.client else ""
+    query = [pair for pair in parse_qsl(connection.url.query, keep_blank_values=True) if pair[0] != "token"]
+    return Open(
+        stream=0,
+        boot="",
+        method=connection.scope.get("method", "GET"),
+        path=path,
+        query=urlencode(query),
+        headers=tuple((name, text) for name, text in connection.headers.items() if name in FORWARDED),
+        role=role,
+        who=_who(role, connection.state.operator, peer),
+        peer=peer[:64],
+    )
+
+
+@router.get("/robots/{robot}")
+async def page_of_robot(robot: str, server: TheFleetServer, request: Request) -> Response:
+    """The address of a robot's page ends with a slash."""
+    return RedirectResponse(request.url.path + "/", headers={"cache-control": "no-store"})
+
+
+@router.api_route("/robots/{robot}/api/{path:path}", methods=METHODS)
+async def request_to_robot(robot: str, path: str, server: TheFleetServer, request: Request) -> Response:
+    """Pass a request on to a robot, and its answer back."""
+    asked = _request(request, f"/api/{path}")
+    body = b""
+    if int(request.headers.get("content-length", "0")) <= MAX_BODY:
+        body = await request.body()
+    elif asked.method in METHODS:
+        hint = "Open the page at the robot's own address."
+        raise DomainError("too-large", f"A body through the fleet may have at most {MAX_BODY} bytes.", hint)
+    changes = is_command(asked.method, path_of(asked.path))
+    said = f"{asked.who}: {asked.method} {printable(asked.path[:200])}"
+    try:
+        stream = server.pages.open(
+            robot, lambda number, boot: msgspec.structs.replace(asked, stream=number, boot=boot, body=body)
+        )
+        try:
+            head = await _head(stream, request)
+            if not isinstance(head, Head):
+                raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
+        except BaseException:
+            stream.close()
+            raise
+    except DomainError as error:
+        if changes:
+            server.note_command(robot, "warning", f"Command of {said}: {error.message}")
+        raise
+    except _ViewerGoneError:
+        if changes:
+            server.note_command(robot, "warning", f"Command of {said}: the viewer left before the answer.")
+        return Response(status_code=204)  # nobody receives it
+    if changes:
+        server.note_command(robot, "info", f"Command of {said}: answered with {head.status}.")
+    return StreamingResponse(_body(stream), head.status, _headers(head))
+
+
+async def _head(stream: PageStream, request: Request) -> Head | Part | End:
+    """The beginning of the answer.
+
+    Raises:
+        _ViewerGoneError: nobody waits any more.
+        DomainError: of the robot.
+    """
+    waiting = asyncio.create_task(stream.next(), name="robot: answer")
+    gone = asyncio.create_task(_until_gone(request), name="browser: gone")
+    try:
+        await asyncio.wait((waiting, gone), return_when=asyncio.FIRST_COMPLETED)
+        if not waiting.done():
+            raise _ViewerGoneError
+        return waiting.result()
+    finally:
+        for task in (waiting, gone):
+            task.cancel()
+        await asyncio.gather(waiting, gone, return_exceptions=True)
+
+
+async def _until_gone(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
+async def _body(stream: PageStream) -> AsyncIterator[bytes]:
+    """The body, each part taken when the viewer has it. An answer that breaks off never looks complete."""
+    try:
+        while not isinstance(part := await stream.next(), End):
+            if not isinstance(part, Part):
+                raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
+            if part.data:
+                yield part.data
+                stream.passed_on(len(part.data))
+    finally:
+        stream.close()
+
+
+def _headers(head: Head) -> dict[str, str]:
+    headers = {name: text for name, text in head.headers if name in HEADERS}
+    kind = headers.get("content-type", "")
+    if ACTIVE.search(kind):
+        headers["content-type"] = "application/octet-stream"
+        headers.setdefault("content-disposition", "attachment")
+    headers.setdefault("cache-control", "no-store")
+    return {**headers, "content-security-policy": SANDBOX, "x-content-type-options": "nosniff"}
+
+
+@router.websocket("/robots/{robot}/ws")
+async def live_of_robot(robot: str, socket: WebSocket, services: TheServices) -> None:
+    """Pass the live WebSocket of a robot on."""
+    try:
+        server = await fleet_server_of(services)
+        offered = tuple(str(one) for one in socket.scope.get("subprotocols", ()))[:8]
+        asked = msgspec.structs.replace(_request(socket, "/ws"), socket=offered)
+        stream = server.pages.open(robot, lambda number, boot: msgspec.structs.replace(asked, stream=number, boot=boot))
+    except DomainError as error:
+        await _close(socket, error)
+        return
+    tasks: list[asyncio.Task[None]] = []
+    try:
+        head = await stream.next()
+        if not isinstance(head, Head):
+            raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
+        await socket.accept(head.subprotocol if head.subprotocol in offered else None)
+        tasks = [
+            asyncio.create_task(_to_robot(socket, stream), name="browser: to the robot"),
+            asyncio.create_task(_from_robot(socket, stream), name="browser: from the robot"),
+        ]
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    except DomainError as error:
+        await _close(socket, error)
+    except (WebSocketDisconnect, RuntimeError, OSError):
+        pass  # the browser has gone
+    finally:
+        stream.close()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _close(socket: WebSocket, error: DomainError) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+        await socket.close(1008 if status_of(error.kind) < 500 else 1011, _reason(error.message))
+
+
+def _reason(text: str) -> str:
+    """Text as long as the reason of a close may be: 123 bytes (RFC 6455, 5.5)."""
+    return printable(text).encode()[:120].decode(errors="ignore")
+
+
+async def _to_robot(socket: WebSocket, stream: PageStream) -> None:
+    while (message := await socket.receive())["type"] == "websocket.receive":
+        text = message.get("text")
+        if text is None or len(text) > MAX_SAID:
+            raise DomainError("bad-request", "A browser sends short text frames only.", "Reload the page.")
+        stream.say(text)
+
+
+async def _from_robot(socket: WebSocket, stream: PageStream) -> None:
+    message = bytearray()
+    while not isinstance(part := await stream.next(), End):
+        if not isinstance(part, Part) or len(message) > MAX_MESSAGE:
+            raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
+        message += part.data
+        if part.is_last and part.is_text:
+            await socket.send_text(message.decode(errors="replace"))
+        elif part.is_last:
+            await socket.send_bytes(bytes(message))
+        stream.passed_on(len(part.data))
+        if part.is_last:
+            message.clear()
+    await socket.close(part.code if part.code in CODES or part.code >= 3000 else 1011, _reason(part.reason))

@@ -1,0 +1,408 @@
+"""The robot's end of its pages at a fleet server: requests from the bus, answered by its own application.
+
+    bus ─> Inbox ─> Open ─> a task: application(scope, receive, send) ─> Head, Part, Part, End ─> bus
+
+The application runs in this process, so routes, limits and locks are those of the robot's own page. Its guard of tokens
+is replaced by the rules here: only what `fleet.pages` allows, only /api and /ws, and the role that the fleet server
+granted. Commands are told as events. A job that a request began belongs to the robot: neither a viewer that leaves
+nor a line that is lost ends it, nor its way back.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import msgspec
+from starlette.types import ASGIApp, Message
+
+from imuscope.server import wire
+from imuscope.server.auth import is_command
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.fleet import keys
+from imuscope.server.extensions.fleet.inbox import Inbox
+from imuscope.server.extensions.fleet.page_messages import (
+    MAX_OPEN,
+    Answer,
+    Beat,
+    End,
+    Fail,
+    Head,
+    Open,
+    PageMessageError,
+    Part,
+    Say,
+    Stop,
+    Taken,
+    decode_ask,
+    encode,
+)
+from imuscope.server.extensions.fleet.page_window import Window
+from imuscope.server.extensions.fleet.summaries import PagesAllowed
+from imuscope.server.previous_names import path_of
+from imuscope.server.printable import printable
+
+if TYPE_CHECKING:
+    import zenoh
+
+log = logging.getLogger("imuscope.fleet")
+
+MAX_SERVERS = 8
+MAX_SAID = 200
+"""Messages of a browser that wait to be read."""
+SILENCE_S = 15.0
+"""A fleet server that says nothing for this long has gone, and its streams with it."""
+LEAVE_S = 5.0
+HEADERS = frozenset(
+    {
+        *("accept-ranges", "cache-control", "content-disposition", "content-encoding", "content-length"),
+        *("content-range", "content-type", "etag", "last-modified", "retry-after", "vary"),
+    }
+)
+"""Headers of an answer that are sent; cookies and redirections are not."""
+
+
+def check_allowed(asked: Open, pages: PagesAllowed) -> None:
+    """Refuse what the robot does not let through.
+
+    Args:
+        pages: `fleet.pages`.
+
+    Raises:
+        DomainError: with the reason and what to do.
+    """
+    path = path_of(asked.path)
+    setting = "in the table [fleet] of the robot's configuration file"
+    if pages == "off":
+        hint = f'Set pages = "view" {setting}.'
+        raise DomainError("not-now", "This robot does not show its pages through the fleet server.", hint)
+    if not (path == "/ws" if asked.socket is not None else path.startswith("/api/")):
+        raise DomainError(
+            "not-found", "This is not available through the fleet server.", "Open the page at the robot's own address."
+        )
+    if asked.socket is None and is_command(asked.method, path):
+        if asked.role != "control":
+            raise DomainError("view-only", "This token is view-only.", "Open the page with a control token.")
+        if pages != "control":
+            hint = f'Set pages = "control" {setting}, or open the page at the robot\'s own address.'
+            raise DomainError("view-only", "This robot may only be viewed through the fleet server.", hint)
+
+
+class PageServer:
+    """The pages of this robot. To be used in the event loop, except `declare`.
+
+    Args:
+        name, boot: the robot and this run of it.
+        pages: `fleet.pages`.
+        tell: takes an event: level and text.
+        delay_of: seconds until so many bytes may be sent; 0: they are counted as sent now.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        boot: str,
+        pages: PagesAllowed,
+        tell: Callable[[wire.Level, str], None],
+        delay_of: Callable[[int], float] = lambda size: 0.0,
+    ) -> None:
+        self._name, self._boot, self.pages = name, boot, pages
+        self._tell, self._delay_of = tell, delay_of
+        self._inbox = Inbox(self.take)
+        self._app: ASGIApp | None = None
+        self._session: zenoh.Session | None = None
+        self._streams: dict[tuple[str, int], RobotStream] = {}
+        self._heard: dict[str, float] = {}  # fleet server → when, monotonic s
+        self._line = asyncio.Lock()  # one message at a time, in order of arrival: streams take turns
+
+    @property
+    def streams(self) -> int:
+        """Number of requests and WebSockets that are open."""
+        return len(self._streams)
+
+    def serve(self, app: ASGIApp) -> None:
+        """Begin to answer with this application, without its guard."""
+        self._app = app
+        self._inbox.start()
+
+    def declare(self, session: zenoh.Session) -> object:
+        """Begin to receive; from any thread. Returns what has to be kept."""
+        self._session = session
+
+        def on_ask(sample: zenoh.Sample) -> None:
+            self._inbox.put(keys.server_of(str(sample.key_expr)), sample.payload.to_bytes())
+
+        return session.declare_subscriber(keys.asks(self._name), on_ask)
+
+    def tick(self) -> None:
+        """End the streams of fleet servers that have gone. To be called each second or so."""
+        now = time.monotonic()
+        for server in [one for one, heard in self._heard.items() if now - heard > SILENCE_S]:
+            del self._heard[server]
+            self._stop_all(server)
+
+    def line_lost(self) -> None:
+        """End all streams."""
+        self._heard.clear()
+        self._stop_all()
+
+    async def close(self) -> None:
+        """End all streams, at once."""
+        tasks = [stream.task for stream in self._streams.values()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _stop_all(self, server: str = "") -> None:
+        for stream in list(self._streams.values()):
+            if not server or stream.server == server:
+                stream.stop()
+
+    def take(self, server: str, data: bytes) -> None:
+        """Take over a message of a fleet server."""
+        if not server:
+            return
+        try:
+            asked = decode_ask(data)
+        except PageMessageError as error:
+            log.warning("A message of the fleet server is ignored. %s", error, extra={"often": ("pages", server)})
+            return
+        if server not in self._heard and len(self._heard) >= MAX_SERVERS:
+            return
+        self._heard[server] = time.monotonic()
+        if isinstance(asked, Beat):
+            if asked.boot == self._boot:
+                mine = tuple(stream for name, stream in self._streams if name == server)
+                self._put_soon(server, Beat(self._boot, asked.last, mine))
+        elif isinstance(asked, Open):
+            self._open(server, asked)
+        elif (stream := self._streams.get((server, asked.stream))) is not None:
+            stream.take(asked)
+
+    def _open(self, server: str, asked: Open) -> None:
+        place = server, asked.stream
+        if asked.boot != self._boot or place in self._streams:
+            return
+        changes = asked.socket is None and is_command(asked.method, path_of(asked.path))
+        words = f"{printable(asked.who) or 'an unnamed viewer'}: {asked.method} {printable(asked.path[:200])}"
+        try:
+            if self._app is None or len(self._streams) >= MAX_OPEN:
+                words = f"This robot answers at most {MAX_OPEN} requests through the fleet server at once."
+                raise DomainError("full", words, "Close an unused page, or try again later.")
+            check_allowed(asked, self.pages)
+        except DomainError as error:
+            if changes:
+                self._tell("warning", f"Refused a command through the fleet server of {words}. {error.message}")
+            self._put_soon(server, Fail(asked.stream, 0, error.kind, error.message, error.hint))
+            return
+        if changes:
+            self._tell("info", f"Command through the fleet server of {words}.")
+        stream = self._streams[place] = RobotStream(self, server, asked)
+        stream.task = asyncio.create_task(stream.run(self._app), name="page for the fleet")
+        stream.task.add_done_callback(lambda _: self._streams.pop(place, None))
+
+    def _put_soon(self, server: str, answer: Answer) -> None:
+        task = asyncio.create_task(self.put(server, answer), name="answer for the fleet")
+        _KEPT.add(task)
+        task.add_done_callback(_KEPT.discard)
+
+    async def put(self, server: str, answer: Answer) -> None:
+        """Send a message. Waits for the line, never in the event loop."""
+        data = encode(answer)
+        async with self._line:
+            while delay := self._delay_of(len(data)):
+                await asyncio.sleep(delay)
+            await asyncio.to_thread(self._write, keys.answers(server, self._name), data)
+
+    def _write(self, key: str, data: bytes) -> None:
+        import zenoh
+
+        session = self._session
+        if session is None:
+            return
+        with contextlib.suppress(zenoh.ZError):  # a closed session: the streams are ended
+            session.put(
+                key,
+                data,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.DATA_LOW,  # reports and their answers come first
+            )
+
+
+_KEPT: set[asyncio.Task[None]] = set()
+"""Tasks that nobody else refers to."""
+
+
+class RobotStream:
+    """A request or a WebSocket of a viewer."""
+
+    task: asyncio.Task[None]
+
+    def __init__(self, pages: PageServer, server: str, asked: Open) -> None:
+        self.server = server
+        self._pages, self._asked = pages, asked
+        self._is_socket = asked.socket is not None
+        self._window = Window()
+        self._number = 0  # of the next message that is sent
+        self._expected = 1
+        self._said: deque[Message] = deque()
+        self._news = asyncio.Event()
+        self._is_stopped = self._has_begun = self._has_ended = False
+        first: Message = {"type": "http.request", "body": asked.body, "more_body": False}
+        self._said.append({"type": "websocket.connect"} if self._is_socket else first)
+
+    # ── from the fleet server ────────────────────────────────────────────────────────────────────────────────────────
+
+    def take(self, asked: Say | Taken | Stop) -> None:
+        """Take over a message; a gap in the numbers ends the stream."""
+        is_next = asked.number == self._expected
+        self._expected += 1
+        if not is_next or isinstance(asked, Stop):
+            self.stop()
+        elif isinstance(asked, Taken):
+            if not self._window.taken(asked.size, time.monotonic()):
+                self.stop()
+        elif self._is_socket and len(self._said) < MAX_SAID:
+            self._said.append({"type": "websocket.receive", "text": asked.text})
+            self._news.set()
+        else:
+            self.stop()
+
+    def stop(self) -> None:
+        """The viewer has gone. What only reads is ended; a command is carried out."""
+        if self._is_stopped:
+            return
+        self._is_stopped = True
+        self._window.close()
+        self._news.set()
+        if self._is_socket:
+            asyncio.get_running_loop().call_later(LEAVE_S, self.task.cancel)
+        elif self._has_begun or not is_command(self._asked.method, path_of(self._asked.path)):
+            self.task.cancel()
+
+    # ── the application ──────────────────────────────────────────────────────────────────────────────────────────────
+
+    async def run(self, app: ASGIApp) -> None:
+        """Answer."""
+        try:
+            await app(self._scope(), self._receive, self._send)
+            if not self._has_ended:
+                await self._put(End(0, 0, 1011, ""))
+        except asyncio.CancelledError:
+            raise
+        except Exception:  # the framework has logged it
+            if not self._has_ended and not self._is_stopped:
+                await self._put(Fail(0, 0, "fault", "The robot failed to answer.", "Its log has the reason."))
+        finally:
+            self._window.close()
+
+    def _scope(self) -> dict[str, Any]:
+        asked = self._asked
+        scope: dict[str, Any] = {
+            "type": "websocket" if self._is_socket else "http",
+            "asgi": {"version": "3.0", "spec_version": "2.3"},
+            "http_version": "1.1",
+            "scheme": "ws" if self._is_socket else "http",
+            "path": asked.path,
+            "raw_path": quote(asked.path).encode(),
+            "query_string": asked.query.encode("latin-1", "replace"),
+            "root_path": "",
+            "headers": [
+                (b"host", b"fleet"),
+                *((name.encode(), text.encode("latin-1")) for name, text in asked.headers),
+            ],
+            "client": (_address(asked.peer), 0),
+            "server": None,
+            "state": {"role": asked.role if self._pages.pages == "control" else "view"},
+            "extensions": {},
+        }
+        if self._is_socket:
+            scope["subprotocols"] = list(asked.socket or ())
+            scope["extensions"] = {"imuscope.transport": self}
+        else:
+            scope["method"] = asked.method
+        return scope
+
+    async def _receive(self) -> Message:
+        while not self._said:
+            if self._is_stopped:
+                gone = {"type": "websocket.disconnect", "code": 1006}
+                return gone if self._is_socket else {"type": "http.disconnect"}
+            self._news.clear()
+            await self._news.wait()
+        return self._said.popleft()
+
+    async def _send(self, message: Message) -> None:
+        if self._is_stopped or self._has_ended:
+            return
+        kind = message["type"]
+        if kind == "http.response.start":
+            self._has_begun = True
+            await self._put(Head(0, 0, message["status"], _sent_headers(message.get("headers", ()))))
+        elif kind == "http.response.body":
+            await self._put_parts(message.get("body", b""))
+            if not message.get("more_body", False):
+                await self._put(End(0, 0))
+        elif kind == "websocket.accept":
+            self._has_begun = True
+            await self._put(Head(0, 0, subprotocol=message.get("subprotocol") or ""))
+        elif kind == "websocket.send":
+            text = message.get("text")
+            data = message.get("bytes", b"") if text is None else text.encode()
+            await self._put_parts(data, is_text=text is not None, is_message=True)
+        elif kind == "websocket.close":
+            await self._put(End(0, 0, message.get("code", 1000), (message.get("reason") or "")[:120]))
+
+    async def _put_parts(self, data: bytes, *, is_text: bool = False, is_message: bool = False) -> None:
+        start = 0
+        while start < len(data) or (is_message and not start and not data):
+            size = min(self._window.piece, len(data) - start)
+            await self._window.wait(size)
+            if self._is_stopped:
+                return
+            stop = start + size
+            is_last = is_message and stop == len(data)
+            self._window.sent(size, time.monotonic())
+            await self._put(Part(0, 0, bytes(data[start:stop]), is_text, is_last))
+            if stop == len(data):
+                return
+            start = stop
+
+    async def _put(self, answer: Head | Part | End | Fail) -> None:
+        self._has_ended |= isinstance(answer, End | Fail)
+        number, self._number = self._number, self._number + 1
+        changes = {"stream": self._asked.stream, "number": number}
+        await self._pages.put(self.server, _changed(answer, changes))
+
+    # ── for the sender of the live view, which tells a slow browser from one that is stuck ──────────────────────────
+
+    def get_write_buffer_size(self) -> int:
+        """Bytes that are not taken yet."""
+        return self._window.under_way
+
+    def abort(self) -> None:
+        """End the stream."""
+        self.stop()
+
+
+def _changed(answer: Head | Part | End | Fail, changes: dict[str, int]) -> Answer:
+    return msgspec.structs.replace(answer, **changes)
+
+
+def _sent_headers(headers: Any) -> tuple[tuple[str, str], ...]:
+    known = ((bytes(name).decode("latin-1").lower(), bytes(text).decode("latin-1")) for name, text in headers)
+    return tuple((name, text) for name, text in known if name in HEADERS)
+
+
+def _address(peer: str) -> str:
+    """The address of a viewer, for limits per address."""
+    with contextlib.suppress(ValueError):
+        return str(ipaddress.ip_address(peer))
+    return "fleet"

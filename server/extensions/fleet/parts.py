@@ -1,0 +1,38 @@
+"""Long-lived objects of the fleet: a robot in its fleet, its uploads, questions, and the fleet server."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from imuscope.server.extensions.fleet.fleet_server import FleetServer
+from imuscope.server.extensions.fleet.known_settings import KnownSettings
+from imuscope.server.extensions.fleet.publisher import FleetPublisher
+from imuscope.server.extensions.fleet.question_service import QuestionService
+from imuscope.server.extensions.fleet.raised_alarms import raised_alarms
+from imuscope.server.extensions.fleet.robots import Robots
+from imuscope.server.extensions.fleet.uploads import UploadService
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    config = services.config
+    uploads = UploadService(config, services.catalogue, services.compactor, services.telemetry.bus)
+    services.recorder.waiting = uploads.waiting_paths
+
+    def start_uploads() -> None:
+        if services.folder_lock.is_alone and services.has_devices:  # otherwise the other server uploads what is there
+            uploads.start()
+
+    yield ServicePart("an upload", uploads, uploads.close, start_uploads, metrics=uploads.add_metrics)
+    yield ServicePart("questions", QuestionService(config.store))
+    known = KnownSettings(config.data / "fleet", services.controllers.get)
+    publisher = FleetPublisher(services.telemetry, config, lambda: raised_alarms(services.alarms), known)
+    yield ServicePart("the fleet", publisher, publisher.close, publisher.start, serves=publisher.pages.serve)
+    for one in services.brought:
+        if isinstance(one, FleetServer):
+            yield ServicePart("the fleet server", one, one.close, one.start, metrics=one.add_metrics)
+            yield ServicePart("robots", one.robots)
+        elif isinstance(one, Robots):
+            yield ServicePart("robots", one)

@@ -1,0 +1,382 @@
+"""A robot's side of a fleet (`--fleet`, off by default): its status once a second, and its events.
+
+    telemetry bus ─> DeviceFigures ─> status ──┐ once a second
+                  ─> events ───────────────────┴─> Journal ─> report ─> Zenoh ─> router or fleet server
+                                                      └──────<── "reports after 17?"
+
+The connection is outgoing only. A thread of its own opens the session, because that lasts until the router is there;
+the event loop never waits for the line. A report that is not received is asked for again by its number, so nothing is
+repeated by itself. Figures that changed less than a person would see (summaries.py) are not sent.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import platform
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from imuscope.server import wire
+from imuscope.server.config import Config, ConfigError
+from imuscope.server.devices.decode_options import secret_text
+from imuscope.server.extensions.fleet import keys
+from imuscope.server.extensions.fleet.bus import (
+    BusCredentials,
+    FleetBusError,
+    client_settings,
+    is_loopback_address,
+    open_bus,
+)
+from imuscope.server.extensions.fleet.device_figures import DeviceFigures, clipped
+from imuscope.server.extensions.fleet.journal import ANSWER_BYTES, FOLDER, Journal
+from imuscope.server.extensions.fleet.known_settings import KnownSettings
+from imuscope.server.extensions.fleet.page_server import PageServer
+from imuscope.server.extensions.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
+from imuscope.server.extensions.fleet.status_summary import summary_of
+from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, settled
+from imuscope.server.fleet_settings import FleetSettings
+from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.version import VERSION
+
+if TYPE_CHECKING:
+    import zenoh
+
+log = logging.getLogger("imuscope.fleet")
+
+PERIOD_S = 1.0
+QUIET_EVERY = 10  # reports: without news the others are left out; this one tells whether one was lost on the way
+CLOCK_S = 60.0
+FULL_EVERY = 600  # reports: the whole status, for whoever has joined since
+BURST_S = 10.0  # a line with a limit may send the bytes of so many seconds at once
+RESERVED = 0.3
+"""Share of it that pages leave for reports."""
+KINDS = ("link", "device", "alarm", "marker", "command", "clock")
+"""Events that are told; gaps and rejects are in the figures."""
+
+
+class FleetSettingsError(ConfigError):
+    """Settings of a robot that cannot join a fleet."""
+
+
+@dataclass(slots=True)
+class ByteBudget:
+    """Bytes that may be sent at present.
+
+    Args:
+        rate: bytes/s; 0 for no limit.
+    """
+
+    rate: float
+    left: float = 0.0
+    at: float = float("-inf")
+
+    def available(self, now: float) -> float:
+        """Bytes that may be sent now."""
+        if not self.rate:
+            return float("inf")
+        self.left = min(self.left + (now - self.at) * self.rate, self.rate * BURST_S)
+        self.at = now
+        return self.left
+
+    def take(self, size: int) -> None:
+        """Count bytes that were sent."""
+        if self.rate:
+            self.left -= size
+
+
+def robot_name(settings: FleetSettings) -> str:
+    """Name of this robot.
+
+    Raises:
+        FleetSettingsError: it is not valid.
+    """
+    name = settings.name or platform.node().partition(".")[0]
+    if not keys.is_robot_name(name):
+        raise FleetSettingsError(
+            f"{name!r:.120} is not a valid name of a robot. "
+            f"Give --fleet-name, or name in [fleet], with {keys.NAME_RULE}."
+        )
+    return name
+
+
+def credentials_of(settings: FleetSettings) -> BusCredentials:
+    """Credentials that the robot shows to the router.
+
+    Raises:
+        FleetSettingsError: user without password, or a file is missing.
+        DecodeOptionError: the file of the password cannot be read.
+    """
+    if bool(settings.user) != bool(settings.password):
+        raise FleetSettingsError("fleet.user and fleet.password belong together: give both, or none.")
+    if bool(settings.certificate) != bool(settings.key):
+        raise FleetSettingsError("fleet.certificate and fleet.key belong together: give both, or none.")
+    for name in ("ca", "certificate", "key"):
+        path = getattr(settings, name)
+        if path and not os.access(path, os.R_OK):
+            raise FleetSettingsError(f"fleet.{name} {path!r} cannot be read.")
+    password = secret_text(settings.password, "fleet.password") if settings.password else ""
+    return BusCredentials(settings.user, password, settings.ca, settings.certificate, settings.key)
+
+
+def allowed_pages(settings: FleetSettings) -> PagesAllowed:
+    """Rights of the fleet server at the pages of this robot.
+
+    Raises:
+        FleetSettingsError: it may command over a line that others can write to.
+    """
+    router = settings.router
+    if settings.pages == "control" and not (router.startswith("tls/") or is_loopback_address(router)):
+        raise FleetSettingsError(
+            f'fleet.pages = "control" lets the fleet server command this robot, but {router} is reached without TLS, '
+            'where others on the network could pose as it: use a router at tls/HOST:PORT, or pages = "view".'
+        )
+    return "control" if settings.pages == "control" else "view" if settings.pages == "view" else "off"
+
+
+class FleetPublisher:
+    """The robot in its fleet. To be used in the event loop of the server.
+
+    Args:
+        alarms: those that are raised at present.
+        settings: those of the devices, as far as they are known.
+
+    Raises:
+        FleetSettingsError, DecodeOptionError: the settings of the fleet are not valid.
+    """
+
+    def __init__(
+        self,
+        telemetry: Telemetry,
+        config: Config,
+        alarms: Callable[[], Iterable[ReportedAlarm]],
+        settings: KnownSettings,
+    ) -> None:
+        self._settings = config.fleet
+        self._data = config.data
+        self._bus = telemetry.bus
+        self._alarms = alarms
+        self._known_settings = settings
+        self._figures = DeviceFigures(telemetry.bus, telemetry.store)
+        self.journal = Journal(folder=config.data / FOLDER)
+        self.name, self._credentials = "", BusCredentials()
+        if self.is_enabled:
+            self.name, self._credentials = robot_name(self._settings), credentials_of(self._settings)
+        self._budget = ByteBudget(self._settings.limit_kb_s * 1000)
+        self._budget_lock = threading.Lock()
+        pages = allowed_pages(self._settings)
+        self.pages = PageServer(self.name, self.journal.boot, pages, self._tell_command, self._delay_of_pages)
+        self._session: zenoh.Session | None = None
+        self._publisher: zenoh.Publisher | None = None
+        self._declared: list[object] = []  # a token ends with its object
+        self._closed = threading.Event()
+        self._task: asyncio.Task[None] | None = None
+        self._unsubscribe: Callable[[], None] | None = None
+        self._latency_ms: float | None = None
+        self._shown: RobotSummary | None = None
+        self._was_connected: bool | None = None
+        self._ticks = 0
+        self._measure_at = 0.0
+
+    @property
+    def is_enabled(self) -> bool:
+        return bool(self._settings.router)
+
+    def start(self) -> None:
+        """Join in the background, if configured."""
+        if not self.is_enabled:
+            return
+        self._unsubscribe = self._bus.events.subscribe(self._on_event)
+        self.journal.start()
+        loop = asyncio.get_running_loop()
+        threading.Thread(target=self._open, args=(loop,), name="fleet", daemon=True).start()
+        self._task = loop.create_task(self._report_each_second(), name="fleet")
+
+    async def close(self) -> None:
+        """Leave."""
+        self._closed.set()
+        await self.pages.close()
+        if self._unsubscribe is not None:
+            self._unsubscribe()
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        session, self._session = self._session, None
+        if session is not None:
+            await asyncio.to_thread(_leave, session)
+        await asyncio.to_thread(self.journal.close)
+
+    # ── in the event loop ────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _on_event(self, event: wire.EventInfo) -> None:
+        if event.kind in KINDS or event.level != "info":
+            self.journal.add_event(
+                RobotEvent(event.time, event.kind, event.level, clipped(event.text, 500), clipped(event.device))
+            )
+
+    async def _report_each_second(self) -> None:
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            due = max(due + PERIOD_S, loop.time())
+            await asyncio.sleep(due - loop.time())
+            try:
+                self._report()
+            except Exception:  # a fault here must not end the reports
+                log.exception("a report for the fleet failed")
+
+    def _report(self) -> None:
+        publisher = self._publisher
+        self._tell_connection()
+        self.pages.tick()
+        session = self._session
+        if session is not None and time.monotonic() >= self._measure_at:
+            self._measure_at = time.monotonic() + CLOCK_S
+            self._measure_latency(session)
+        status = self._changed_status()
+        if status is None and not self.journal.has_events and self._ticks % QUIET_EVERY:
+            return  # the token says that the robot is there
+        data = self.journal.report(time.time(), status)
+        with self._budget_lock:
+            fits = self._budget.available(time.monotonic()) >= len(data)
+            if publisher is None or not fits:
+                return  # it will be asked for
+            self._budget.take(len(data))
+        with contextlib.suppress(Exception):  # a closed session: the journal has the report
+            publisher.put(data)
+
+    def _tell_connection(self) -> None:
+        session = self._session
+        is_connected = session is not None and _is_connected(session)
+        if is_connected == self._was_connected:
+            return
+        if not is_connected:
+            self._latency_ms = None
+            self.pages.line_lost()
+        place = self._settings.router
+        if is_connected:
+            self._bus.event("", "link", "info", f"The fleet at {place} is reached; this robot is {self.name}.")
+        elif self._was_connected:
+            words = f"The line to the fleet at {place} is lost; reports are kept until it is back."
+            self._bus.event("", "link", "warning", words)
+        self._was_connected = is_connected
+        self.journal.set_line(is_there=is_connected)
+
+    def _tell_command(self, level: wire.Level, text: str) -> None:
+        self._bus.event("", "command", level, text)
+
+    def _delay_of_pages(self, size: int) -> float:
+        """Seconds until a message of a page may be sent; 0: it is counted as sent. A part of the limit is left for
+        reports.
+        """
+        with self._budget_lock:
+            missing = size - self._budget.available(time.monotonic()) + self._budget.rate * BURST_S * RESERVED
+            if missing <= 0:
+                self._budget.take(size)
+                return 0.0
+            return missing / self._budget.rate
+
+    def _changed_status(self) -> RobotStatus | None:
+        """The status, if a person would see a difference, or nobody was told for long."""
+        recorder = self._bus.recorder.latest
+        status = RobotStatus(
+            version=VERSION,
+            group=clipped(self._settings.group),
+            address=clipped(self._settings.address, 500),
+            latency_ms=self._latency_ms,
+            recording=recorder is not None and recorder.running,
+            disk_free_bytes=_free(self._data),
+            pages=self.pages.pages,
+            alarms=tuple(self._alarms())[:MAX_ALARMS],
+            devices=self._known_settings.with_settings(self._figures.devices()),
+        )
+        shown = settled(summary_of(self.name, status, 0.0), self._shown)
+        self._ticks += 1
+        if shown == self._shown and self._ticks % FULL_EVERY:
+            return None
+        self._shown = shown
+        return status
+
+    # ── in threads ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _open(self, loop: asyncio.AbstractEventLoop) -> None:
+        try:
+            session = open_bus(client_settings(self._settings.router, self._credentials))
+        except FleetBusError as error:
+            words, place = str(error), self._settings.router
+            with contextlib.suppress(RuntimeError):  # the loop is closed already
+                loop.call_soon_threadsafe(
+                    lambda: self._bus.event("", "link", "error", f"{words} This robot is not in the fleet at {place}.")
+                )
+            return
+        if self._closed.is_set():
+            _leave(session)
+            return
+        import zenoh
+
+        self.journal.wait_loaded()  # earlier runs are asked for as soon as the token is there
+        self._session = session
+        self._declared.append(self.pages.declare(session))
+        self._declared.append(session.declare_queryable(keys.journal_key(self.name), self._on_query))
+        self._declared.append(session.declare_queryable(keys.settings_key(self.name), self._on_settings_query))
+        self._publisher = session.declare_publisher(
+            keys.report_key(self.name), congestion_control=zenoh.CongestionControl.DROP
+        )
+        self._declared.append(session.liveliness().declare_token(keys.token_key(self.name, self.journal.boot)))
+
+    def _on_query(self, query: zenoh.Query) -> None:
+        """Answer with the reports after a number."""
+        asked = query.selector.parameters
+        try:
+            boot, after = str(asked.get("boot") or ""), int(asked.get("after") or 0)
+        except (TypeError, ValueError):
+            boot, after = "", 0
+        with self._budget_lock:
+            room = self._budget.available(time.monotonic())
+            limit = ANSWER_BYTES if room == float("inf") else max(0, int(room))
+            earlier, kept = bool(asked.get("earlier")), str(asked.get("kept") or "")
+            data = self.journal.answer(boot, after, limit, earlier=earlier, kept=kept)
+            self._budget.take(len(data))
+        with query:
+            query.reply(keys.journal_key(self.name), data)
+
+    def _on_settings_query(self, query: zenoh.Query) -> None:
+        """Answer with the settings of a device."""
+        with query, self._budget_lock:
+            data = self._known_settings.answer(str(query.selector.parameters.get("device") or ""))
+            if data and self._budget.available(time.monotonic()) > 0:  # else it is asked again
+                self._budget.take(len(data))
+                query.reply(keys.settings_key(self.name), data)
+
+    def _measure_latency(self, session: zenoh.Session) -> None:
+        asked = time.monotonic()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                self._latency_ms = (time.monotonic() - asked) * 1000
+
+        with contextlib.suppress(Exception):  # a closed session
+            session.get(keys.CLOCK, on_reply, timeout=5.0)
+
+
+def _is_connected(session: zenoh.Session) -> bool:
+    with contextlib.suppress(Exception):
+        return bool(list(session.info.routers_zid()))
+    return False
+
+
+def _free(folder: object) -> int | None:
+    with contextlib.suppress(OSError):
+        return shutil.disk_usage(str(folder)).free
+    return None
+
+
+def _leave(session: zenoh.Session) -> None:
+    with contextlib.suppress(Exception):
+        session.close()  # type: ignore[no-untyped-call]

@@ -1,0 +1,21 @@
+"""Alarms of this robot that are raised, as its fleet is told of them."""
+
+from __future__ import annotations
+
+from imuscope.server.alarms.service import AlarmService
+from imuscope.server.extensions.fleet.device_figures import clipped
+from imuscope.server.extensions.fleet.reports import ReportedAlarm
+from imuscope.server.extensions.fleet.summaries import AlarmRaisedState
+
+
+def raised_alarms(alarms: AlarmService) -> list[ReportedAlarm]:
+    """The alarms that are raised at present, one for each device."""
+    found = []
+    for stored in alarms.alarms:
+        for state in alarms.states(stored.id):
+            if state.raised:
+                acknowledged: AlarmRaisedState = "raised" if state.acknowledged is None else "acknowledged"
+                shown: AlarmRaisedState = "missing" if state.status == "missing" else acknowledged
+                definition = stored.definition
+                found.append(ReportedAlarm(clipped(definition.name), definition.level, shown, clipped(state.device)))
+    return found

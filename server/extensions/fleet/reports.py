@@ -1,0 +1,230 @@
+"""Reports of robots on the bus: MessagePack, with a limit for every number, text and list.
+
+    report      a map: version, boot, number, time, status, events, dropped
+    journal     the answer of a robot to the query of its journal: a map with reports in order of their numbers
+
+docs/fleet.md is the specification. Version 1 can grow: a kind, a level or a state is any short word, and fields that
+this version does not know are kept as text where a page shows them (later_versions.py). A field that is missing has its
+default. What is of another shape, or exceeds a limit, makes the whole report invalid: `decode_report` raises
+ReportError and nothing else, for any bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Any, Literal, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from imuscope.server.extensions.fleet.later_versions import MAX_MORE, with_further_fields
+
+VERSION: Literal[1] = 1
+MAX_REPORT = 65_536  # bytes
+MAX_JOURNAL = 262_144  # bytes of an answer
+MAX_DEVICES, MAX_ALARMS, MAX_EVENTS, MAX_REPORTS = 64, 100, 64, 500
+
+Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
+Count = Annotated[int, Meta(ge=0, le=2**53 - 1)]
+Name = Annotated[str, Meta(max_length=100)]
+Word = Annotated[str, Meta(min_length=1, max_length=40)]
+"""Of a list that later versions may extend."""
+Further = Annotated[dict[Name, Name], Meta(max_length=MAX_MORE)]
+Sentence = Annotated[str, Meta(max_length=500)]
+Digest = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
+Boot = Annotated[str, Meta(pattern="^[0-9a-f]{16}$")]
+
+
+class ReportError(ValueError):
+    """An invalid report: the reason as one sentence."""
+
+
+class ReportedAlarm(msgspec.Struct, frozen=True):
+    """An alarm that is raised."""
+
+    name: Name
+    level: Word
+    state: Word
+    device: Name = ""
+
+
+class ReportedDevice(msgspec.Struct, frozen=True):
+    """A device; fields as those of RobotDevice (server/extensions/fleet/summaries.py).
+
+    Args:
+        more: fields of a later version, as text.
+    """
+
+    id: Name
+    name: Name
+    status: Word
+    product: Name = ""
+    serial_number: Name = ""
+    firmware: Name = ""
+    protocol: Name = ""
+    rate: Number = 0.0
+    expected_rate: Number | None = None
+    loss: Annotated[float, Meta(ge=0, le=1)] | None = None
+    lost: Count = 0
+    fix: Name = ""
+    temperature: Number | None = None
+    clock_ppm: Number | None = None
+    clock_uncertainty_ms: Number | None = None
+    settings: Digest = ""
+    settings_read: Number | None = None
+    more: Further = msgspec.field(default_factory=dict)
+
+
+class RobotStatus(msgspec.Struct, frozen=True):
+    """A robot at a glance, as it says itself.
+
+    Args:
+        more: fields of a later version, as text.
+    """
+
+    version: Name = ""
+    group: Name = ""
+    address: Sentence = ""
+    latency_ms: Number | None = None
+    recording: bool = False
+    disk_free_bytes: Count | None = None
+    pages: Word = "off"
+    alarms: Annotated[tuple[ReportedAlarm, ...], Meta(max_length=MAX_ALARMS)] = ()
+    devices: Annotated[tuple[ReportedDevice, ...], Meta(max_length=MAX_DEVICES)] = ()
+    more: Further = msgspec.field(default_factory=dict)
+
+
+class RobotEvent(msgspec.Struct, frozen=True):
+    """An event of a robot or of a device of it."""
+
+    time: Number
+    kind: Word
+    level: Word
+    text: Sentence
+    device: Name = ""
+
+
+class RobotReport(msgspec.Struct, frozen=True):
+    """Changes since the report before.
+
+    Args:
+        boot: run of the robot's server; numbers begin at 1 with each.
+        number: of this report; without status and events, of the one before.
+        time: of the robot's clock, unix s.
+        status: None if it is as before.
+        dropped: reports of this run that left the journal unread, and events that were too many for a report.
+    """
+
+    boot: Boot
+    number: Count
+    time: Number
+    version: Literal[1] = VERSION
+    status: RobotStatus | None = None
+    events: Annotated[tuple[RobotEvent, ...], Meta(max_length=MAX_EVENTS)] = ()
+    dropped: Count = 0
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing happened."""
+        return self.status is None and not self.events
+
+
+class JournalAnswer(msgspec.Struct, frozen=True):
+    """Earlier reports in order of their numbers.
+
+    Args:
+        first: number of the oldest report that the robot still has; one more than the newest if it has none.
+        last: number of the newest one.
+        following: the run after this one, if this one has ended; empty otherwise.
+    """
+
+    boot: Boot
+    first: Count
+    last: Count
+    reports: Annotated[tuple[RobotReport, ...], Meta(max_length=MAX_REPORTS)] = ()
+    following: Annotated[str, Meta(pattern="^([0-9a-f]{16})?$")] = ""
+
+
+T = TypeVar("T", RobotReport, JournalAnswer)
+_encoder = msgspec.msgpack.Encoder()
+_reports = msgspec.msgpack.Decoder(RobotReport)
+_journals = msgspec.msgpack.Decoder(JournalAnswer)
+
+
+def encode(message: RobotReport | JournalAnswer) -> bytes:
+    """A report, or the answer of a journal, as bytes."""
+    return _encoder.encode(message)
+
+
+def decode_report(data: bytes) -> RobotReport:
+    """The report in these bytes.
+
+    Raises:
+        ReportError: it is invalid.
+    """
+    report = _decoded(data, _reports, MAX_REPORT)
+    return report if report.status is None else _with_further(report, _all_fields(data))
+
+
+def decode_journal(data: bytes) -> JournalAnswer:
+    """The answer of a journal in these bytes; its reports are in ascending order and of one run.
+
+    Raises:
+        ReportError: it is invalid.
+    """
+    answer = _decoded(data, _journals, MAX_JOURNAL)
+    numbers = [one.number for one in answer.reports]
+    if any(b <= a for a, b in pairwise(numbers)):
+        raise ReportError("The reports of the journal are not in order.")
+    if any(one.boot != answer.boot for one in answer.reports):
+        raise ReportError("The reports of the journal are of different runs.")
+    raw = _all_fields(data).get("reports", ())
+    reports = tuple(_with_further(*pair) for pair in zip(answer.reports, raw, strict=True)) if raw else answer.reports
+    return msgspec.structs.replace(answer, reports=reports)
+
+
+def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T], limit: int) -> T:
+    if len(data) > limit:
+        raise ReportError(f"The message has {len(data)} bytes; at most {limit} are allowed.")
+    try:
+        message = decoder.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ReportError(f"The message is not valid: {error!s:.200}.") from None
+    for report in (message,) if isinstance(message, RobotReport) else message.reports:
+        _check_finite(report)
+    return message
+
+
+def _all_fields(data: bytes) -> Any:
+    """A valid message with the fields that this version skips; an empty map if those cannot be read."""
+    try:
+        return msgspec.msgpack.decode(data)
+    except (msgspec.DecodeError, ValueError, TypeError, OverflowError, RecursionError):
+        return {}
+
+
+def _with_further(report: RobotReport, raw: Any) -> RobotReport:
+    """The report, whose status and devices have the fields of later versions as text."""
+    status, fields = report.status, raw.get("status")
+    if status is None or not fields:
+        return report
+    devices = tuple(
+        msgspec.structs.replace(one, more=with_further_fields(one.more, given, ReportedDevice.__struct_fields__))
+        for one, given in zip(status.devices, fields.get("devices") or (), strict=True)
+    )
+    more = with_further_fields(status.more, fields, RobotStatus.__struct_fields__)
+    return msgspec.structs.replace(report, status=msgspec.structs.replace(status, devices=devices, more=more))
+
+
+def _check_finite(report: RobotReport) -> None:
+    """Raise ReportError for a number that is not finite, which a comparison with limits lets through."""
+    numbers: list[Any] = [report.time, *(event.time for event in report.events)]
+    if report.status is not None:
+        numbers.append(report.status.latency_ms)
+        for one in report.status.devices:
+            figures: Sequence[Any] = (one.rate, one.expected_rate, one.loss, one.temperature, one.settings_read)
+            numbers += (*figures, one.clock_ppm, one.clock_uncertainty_ms)
+    if not all(math.isfinite(one) for one in numbers if one is not None):
+        raise ReportError("The message has a number that is not finite.")

@@ -1,0 +1,162 @@
+"""Plan of a rollout: which devices of a group differ from its profile, what would be written, and who is left out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from imuscope.protocols.transactions import DeviceDriver
+from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.fleet.device_settings import DeviceSettings
+from imuscope.server.extensions.fleet.group_profiles import GroupProfile, GroupProfiles, SettingsCheck
+from imuscope.server.extensions.fleet.rollout_models import (
+    DeviceLeftOut,
+    PlannedDevice,
+    ProfileOrigin,
+    RolloutChange,
+    RolloutChanges,
+)
+from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary
+from imuscope.server.wire_codec import to_json_safe
+
+MAX_DEVICES = 5000
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceChange:
+    """Change of a device.
+
+    Args:
+        changes: settings to write.
+        base: their values as the plan was made; if the device has others by then, it writes nothing.
+    """
+
+    shown: PlannedDevice
+    changes: Mapping[str, Any]
+    base: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class GroupPlan:
+    """A plan.
+
+    Args:
+        id: digest of all that it would do.
+        changes: the different ones, as they are shown.
+    """
+
+    id: str
+    profile: GroupProfile
+    wanted: DeviceSettings
+    devices: tuple[DeviceChange, ...]
+    changes: tuple[RolloutChanges, ...]
+    left_out: tuple[DeviceLeftOut, ...]
+    same: int
+
+    @property
+    def origin(self) -> ProfileOrigin:
+        """Origin of the profile."""
+        one = self.profile
+        return ProfileOrigin(robot=one.robot, device=one.device, by=one.by, time=one.time)
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """Change of all devices with the same settings.
+
+    Args:
+        place: of what is shown.
+    """
+
+    place: int
+    changes: Mapping[str, Any]
+    base: Mapping[str, Any]
+
+
+class _Changes:
+    """Changes by digest of the settings of a device: thousands of robots have a few."""
+
+    def __init__(self, profiles: GroupProfiles, driver: DeviceDriver) -> None:
+        self.shown: list[RolloutChanges] = []
+        self._profiles, self._driver = profiles, driver
+        self._made: dict[str, _Change | None] = {}
+
+    def of(self, device: RobotDevice, check: SettingsCheck) -> _Change | None:
+        """Change of a device; None if nothing that differs can be written."""
+        if device.settings not in self._made:
+            self._made[device.settings] = self._make(device, check)
+        return self._made[device.settings]
+
+    def _make(self, device: RobotDevice, check: SettingsCheck) -> _Change | None:
+        known, found = self._profiles.settings_of(device), check.difference
+        if known is None or found is None or not found.changes:
+            return None
+        rows = {row.name: row for row in self._driver.settings(known.context)}
+        risks: list[str] = []
+        for name, values in found.changes.items():
+            try:
+                dangers = dangers_of_write(self._driver, rows[name], known.values.get(name), values, known.context)
+            except Exception:  # values from the bus can have any shape below the names; the robot checks them again
+                return None
+            risks += [one.consequence for one in dangers]
+        shown = RolloutChanges(
+            rows=[RolloutChange(title=row.title, now=row.left, profile=row.right) for row in found.rows],
+            risks=list(dict.fromkeys(risks)),
+        )
+        if shown not in self.shown:
+            self.shown.append(shown)
+        base = {name: known.values[name] for name in found.changes if name in known.values}
+        return _Change(self.shown.index(shown), to_json_safe(found.changes), to_json_safe(base))
+
+
+def plan_of(
+    profiles: GroupProfiles, robots: Iterable[RobotSummary], profile: GroupProfile, driver: DeviceDriver
+) -> GroupPlan:
+    """The plan of a profile.
+
+    Raises:
+        DomainError: it concerns too many devices.
+    """
+    wanted = profile.settings
+    found: list[DeviceChange] = []
+    left_out: list[DeviceLeftOut] = []
+    changes = _Changes(profiles, driver)
+    parts: list[Any] = [profile.by, profile.time]
+    same = 0
+    for robot in sorted((one for one in robots if one.group == profile.group), key=lambda one: one.name):
+        for device in robot.devices:
+            if (device.protocol, device.product) != (wanted.protocol, wanted.product):
+                continue
+            check = profiles.check(robot.group, device)
+            if check.state == "as-profile":
+                same += 1
+                continue
+            why = _obstacle(robot, device, check)
+            change = None if why else changes.of(device, check)
+            named = {"robot": robot.name, "device": device.id, "name": device.name or device.product}
+            if change is None:
+                left_out.append(DeviceLeftOut(**named, why=why or "What differs cannot be written."))
+            else:
+                shown = PlannedDevice(**named, change=change.place)
+                found.append(DeviceChange(shown, change.changes, change.base))
+                parts.append([robot.name, device.id, device.settings])
+    if len(found) > MAX_DEVICES:
+        hint = "Split the group, or write to some of the robots on their own pages first."
+        raise DomainError("full", f"A rollout can have {MAX_DEVICES} devices; this one has {len(found)}.", hint)
+    digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+    settings = DeviceSettings(wanted.protocol, wanted.product, wanted.firmware, wanted.values)
+    return GroupPlan(digest, profile, settings, tuple(found), tuple(changes.shown), tuple(left_out), same)
+
+
+def _obstacle(robot: RobotSummary, device: RobotDevice, check: SettingsCheck) -> str:
+    if robot.state == "lost":
+        return "The robot is lost."
+    if robot.pages != "control":
+        return 'The robot does not allow it: set pages = "control" in the table [fleet] of its configuration file.'
+    if check.state == "unknown":
+        return check.why
+    return "" if device.status == "live" else f"The device is {device.status}."
