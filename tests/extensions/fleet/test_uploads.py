@@ -173,13 +173,12 @@ def test_a_backlog_that_fills_the_quota_is_told_once(tmp_path: Path) -> None:
     )
     with InProcessServer(config, FakeLinks().open) as server:
         block_until(lambda: sum("cannot be uploaded at present" in text for text in events(server)), "it was tried")
-        assert server.services.parts.get(uploads.UploadService).waiting_paths() == {
-            folder_of(data) / f"{name}.mcap" for name in "ab"
-        }
+        service = server.services.parts.get(uploads.UploadService)
+        assert service.waiting_paths() == {folder_of(data) / f"{name}.mcap" for name in "ab"}
         store.unlink()
         until(server, "a", "stored")
         until(server, "b", "stored")
-        assert server.services.parts.get(uploads.UploadService).waiting_paths() == set()
+        assert service.waiting_paths() == set()
         waits = [text for text in events(server) if "wait for their upload" in text]
         assert len(waits) == 1
         assert "kept beyond it until the disk is short" in waits[0]
