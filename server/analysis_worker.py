@@ -26,7 +26,6 @@ USED = (
     "scipy.fft",
     "scipy.ndimage",
     "scipy.signal",
-    "imuscope.server.alarms.preview",
 )  # imported late by others, or unpickled
 OWN_MB = 128  # of memory besides the limit, for stacks of threads, and for the text of the answer
 

@@ -9,7 +9,6 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from imuscope.server.api import (
-    alarms,
     analysis,
     capabilities,
     commands,
@@ -66,7 +65,6 @@ ROUTED = (
     recording_data,
     analysis,
     comparison,
-    alarms,
     workspaces,
     ports,
     status,

@@ -116,7 +116,7 @@ def _named(place: str) -> Callable[..., Any]:
 
 
 def extensions() -> tuple[Extension, ...]:
-    """All installed extensions, in the order of their names."""
+    """All installed extensions, each after those that it requires, otherwise in the order of their names."""
     return _installed()[0]
 
 
@@ -151,12 +151,15 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
                 raise
             wrong.append(plugin.problem("extension", error))
             log.debug("%s failed", plugin.value, exc_info=True)
-    for extension in [*found.values()]:
-        missing = [name for name in extension.requires if name not in found]
-        if missing:
-            del found[extension.name]
-            wrong.append(f"The extension {extension.name!r} cannot be used: it needs {', '.join(missing)}.")
-    return tuple(found[name] for name in sorted(found)), tuple(wrong)
+    ordered: dict[str, Extension] = {}
+    waiting = [found[name] for name in sorted(found)]
+    while ready := [one for one in waiting if all(name in ordered for name in one.requires)]:
+        ordered |= {one.name: one for one in ready}
+        waiting = [one for one in waiting if one.name not in ordered]
+    for one in waiting:
+        missing = ", ".join(name for name in one.requires if name not in ordered)
+        wrong.append(f"The extension {one.name!r} cannot be used without {missing}. Install that, too.")
+    return tuple(ordered.values()), tuple(wrong)
 
 
 def _loaded(plugin: ProtocolPlugin) -> Extension:

@@ -33,6 +33,7 @@ class ServicePart:
         service: the object, which routes of the extension find by its type.
         close: frees everything; the end of the server waits a second for it.
         start: called once the sources are open.
+        before_recorder: called before the recorder ends, by a part that starts and stops recordings.
         sends: it sends to devices, so that it is closed before them.
         metrics: adds its figures to the page for Prometheus.
         serves: called with the application, which it may ask, before the start.
@@ -42,6 +43,7 @@ class ServicePart:
     service: object
     close: Callable[[], Awaitable[None]] = _nothing_to_close
     start: Callable[[], Awaitable[None] | None] = _nothing
+    before_recorder: Callable[[], Awaitable[None]] | None = None
     sends: bool = False
     metrics: Callable[[PrometheusText], None] | None = None
     serves: Callable[[ASGIApp], None] | None = None
@@ -87,6 +89,10 @@ class Parts:
     def metrics(self) -> list[Callable[[PrometheusText], None]]:
         """Functions that add figures of parts to the page for Prometheus."""
         return [part.metrics for part in self._all if part.metrics is not None]
+
+    async def leave_recorder(self) -> None:
+        """Let no part start or stop recordings any more."""
+        await asyncio.gather(*(part.before_recorder() for part in self._all if part.before_recorder is not None))
 
     async def close_senders(self) -> None:
         """Close the parts that send to devices."""

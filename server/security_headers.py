@@ -19,7 +19,7 @@ DEFAULTS = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"referrer-policy", b"no-referrer"),
 )
-WEBHOOK_HEADER = "imuscope-webhook"  # of requests that webhooks of alarms make (server/alarms/webhooks.py)
+WEBHOOK_HEADER = "imuscope-webhook"  # of requests that webhooks of alarms make (server/extensions/alarms/webhooks.py)
 WITHOUT_HEAD = ("/api/", "/healthz", "/metrics")  # the other paths answer HEAD themselves
 STARTS = ("http.response.start", "websocket.http.response.start")
 

@@ -14,7 +14,6 @@ from pathlib import Path
 
 from imuscope.recordings.library import Library
 from imuscope.server import shutdown
-from imuscope.server.alarms.service import AlarmService
 from imuscope.server.analysis.derived_channels import DerivedChannels
 from imuscope.server.analysis.limits import AnalysisLimits
 from imuscope.server.analysis.service import AnalysisService
@@ -83,7 +82,6 @@ class Services:
     derived: DerivedChannels
     recorder: Recorder
     exports: ExportJobs
-    alarms: AlarmService
     tiles: TileSource
     page_files: Files
     reference: ReferencePages
@@ -124,7 +122,6 @@ class Services:
         if self.folder_lock.is_alone:  # otherwise another server may be carrying them out
             await self.controllers.resume()
         await self.recorder.resume()
-        await self.alarms.start()
         self.catalogue.start()
         await self.parts.start()
         if self.sessions.all or self.has_devices:  # 200 MB that a server without devices does not need
@@ -133,12 +130,11 @@ class Services:
             self.sessions.on_added(lambda _: decoders.start())
         yield
         await shutdown.close_all(
-            shutdown.close_sequentially(self.alarms.close_trigger(), self.recorder.close()),
+            shutdown.close_sequentially(self.parts.leave_recorder(), self.recorder.close()),
             {
                 "an export": self.exports.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
                 "an analysis": self.analyses.close(),
-                "the alarms": self.alarms.close(),
                 **{part.name: part.close() for part in self.parts if not part.sends},
                 "the compiler": asyncio.to_thread(decoders.close),
                 "a device": shutdown.close_sequentially(self.parts.close_senders(), self.sessions.close()),
@@ -193,7 +189,6 @@ def build_services(
     compactor = CompactionWorker(catalogue.finished)
     signals = SignalDefinitions(config.data)
     recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory, signals)
-    alarms = AlarmService(bus, telemetry.store, config.data, recorder, config.webhook_hosts)
     return Services(
         config=config,
         access=access,
@@ -213,7 +208,6 @@ def build_services(
         derived=DerivedChannels(bus, telemetry.store, signals),
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
-        alarms=alarms,
         tiles=TileSource(config.map),
         page_files=page_files,
         reference=ReferencePages(),

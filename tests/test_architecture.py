@@ -70,7 +70,6 @@ SERVER: dict[str, set[str]] = {
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"fair_queue", "fork_server", "library", "streaming"},
     "evidence": {"analysis", "library", "page_files"},
-    "alarms": {"analysis", "devices", "library", "security_headers", "streaming"},
     "decode_worker": {"analysis", "devices", "jit_cache", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth"},
     "reference": {"configuration", "library"},
@@ -79,7 +78,6 @@ SERVER: dict[str, set[str]] = {
     "services": {
         "parts",
         *(
-            "alarms",
             "analysis",
             "auth",
             "capability_list",
@@ -93,7 +91,7 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
     "api": {
-        *("alarms", "analysis", "auth", "configuration", "devices", "evidence", "http_server"),
+        *("analysis", "auth", "configuration", "devices", "evidence", "http_server"),
         *(
             "integrations",
             "library",
@@ -110,7 +108,7 @@ SERVER: dict[str, set[str]] = {
         ),
     },
     "extension": {"config", "parts", "services"},
-    "analysis_worker": {"alarms", "analysis", "fork_server", "extension"},
+    "analysis_worker": {"analysis", "fork_server", "extension"},
     "app": {
         *(
             "api",

@@ -79,9 +79,6 @@ async def get_metrics(services: TheServices) -> Response:
         services.recorder.state,
         services.exports.jobs,
         services.config.data,
-        [
-            services.alarms.add_metrics,
-            *services.parts.metrics,
-        ],
+        services.parts.metrics,
     )
     return Response(services.metrics.text(sources), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})

@@ -22,7 +22,7 @@ from imuscope.server.commands.common import (
 from imuscope.server.config import Config, load
 from imuscope.server.devices.decode_options import declared_options, option_text
 from imuscope.server.devices.protocol_set import problems
-from imuscope.server.extension import extensions
+from imuscope.server.extension import extension_problems, extensions
 from imuscope.server.links.simulated_device import simulators
 from imuscope.server.version import VERSION
 
@@ -149,7 +149,7 @@ def _print_addresses(config: Config, access: Access, url: str, fingerprint: str,
         print(f"SHA-256 of the certificate: {fingerprint}", flush=True)
     for name in short_tokens(config):
         logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
-    for problem in (*problems(), *load_analyses()):
+    for problem in (*problems(), *load_analyses(), *extension_problems()):
         logging_setup.print_or_log(problem)
     if is_robot and not config.sources:
         shown = [simulator.words for simulator in simulators().values() if simulator.usual]

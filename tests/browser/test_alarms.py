@@ -2,7 +2,7 @@
 
 What the form sends, marks and deletes, and what the list says, is tested without a browser, in
 web/src/pages/alarm-dialog.test.tsx and web/src/panels/alarms.test.tsx; that a condition raises an alarm, in
-tests/server/test_alarms.py.
+tests/extensions/alarms/test_alarms.py.
 """
 
 from __future__ import annotations

@@ -78,5 +78,6 @@ EXTENSION = Extension(
             "imuscope.server.extensions.fleet.cli:fleet",
         ),
     ),
+    requires=("alarms",),
     checks="imuscope.server.extensions.fleet.store:check_store",
 )

@@ -1,6 +1,6 @@
 """Alarms of a fleet server: what it sees of robots itself, also of those that can say nothing any more.
 
-    robots, once a second ──> code of each condition ──> AlarmMachine (server/alarms/machine.py) of robot and condition
+    robots, once a second ──> code of each condition ──> AlarmMachine (alarms/machine.py) of robot and condition
                                                               └──> event, webhook, an alarm in the robot's summary
 
 A condition has a limit and a lower one at which it ends, so that a figure at the limit does not raise an alarm each
@@ -24,9 +24,17 @@ import numpy as np
 
 from imuscope.recordings import atomic_write
 from imuscope.server import wire
-from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, AlarmMachine, AlarmTiming, AlarmTransition
-from imuscope.server.alarms.webhooks import Webhooks, checked_url
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.machine import (
+    BETWEEN,
+    BEYOND,
+    UNKNOWN,
+    WITHIN,
+    AlarmMachine,
+    AlarmTiming,
+    AlarmTransition,
+)
+from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url
 from imuscope.server.extensions.fleet.person import person
 from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
 from imuscope.server.fleet_settings import FleetServerSettings

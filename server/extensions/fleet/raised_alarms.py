@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imuscope.server.alarms.service import AlarmService
+from imuscope.server.extensions.alarms.service import AlarmService
 from imuscope.server.extensions.fleet.device_figures import clipped
 from imuscope.server.extensions.fleet.reports import ReportedAlarm
 from imuscope.server.extensions.fleet.summaries import AlarmRaisedState

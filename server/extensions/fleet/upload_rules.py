@@ -10,7 +10,7 @@ from datetime import datetime
 from imuscope.recordings.library import LibraryEntry
 from imuscope.server.store_settings import StoreSettings, hours_of
 
-ALARM_TITLE, ALARM_MARKER = "Alarm ", "Alarm “"  # as server/alarms/recording_trigger.py writes them
+ALARM_TITLE, ALARM_MARKER = "Alarm ", "Alarm “"  # as server/extensions/alarms/recording_trigger.py writes them
 
 
 def refusal(entry: LibraryEntry, settings: StoreSettings) -> str:

@@ -1758,45 +1758,6 @@ export interface Routes {
     readonly body: SettingsRequest;
     readonly answer: Difference;
   };
-  /** All alarms with their states. */
-  "GET /api/alarms": { readonly answer: readonly AlarmInfo[]; };
-  /** Add an alarm. It is checked against the present devices that it is for. */
-  "POST /api/alarms": {
-    readonly body: AlarmDefinition;
-    readonly answer: AlarmInfo;
-  };
-  /** Check a definition without adding it, with the place of a mistake. */
-  "POST /api/alarms/check": {
-    readonly body: AlarmDefinition;
-    readonly answer: AlarmCheck;
-  };
-  /** Preview how often an alarm would have been raised, live in the last minutes or in a whole recording. */
-  "POST /api/alarms/preview": {
-    readonly body: AlarmPreviewRequest;
-    readonly answer: AlarmPreview;
-  };
-  /** One alarm with its states. */
-  "GET /api/alarms/{alarm}": {
-    readonly path: { readonly alarm: string };
-    readonly answer: AlarmInfo;
-  };
-  /** Replace the definition of an alarm; its states begin anew. */
-  "PUT /api/alarms/{alarm}": {
-    readonly path: { readonly alarm: string };
-    readonly body: AlarmDefinition;
-    readonly answer: AlarmInfo;
-  };
-  /** Delete an alarm. */
-  "DELETE /api/alarms/{alarm}": {
-    readonly path: { readonly alarm: string };
-    readonly answer: undefined;
-  };
-  /** Acknowledge a raised alarm by name. A latched one that is within its limit again is cleared by it. */
-  "POST /api/alarms/{alarm}/acknowledge": {
-    readonly path: { readonly alarm: string };
-    readonly body: AcknowledgeRequest;
-    readonly answer: AlarmInfo;
-  };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };
   /** A workspace with its content. */
@@ -1861,6 +1822,45 @@ export interface Routes {
     readonly path: { readonly device: string; readonly name: string };
     readonly answer: undefined;
   };
+  /** All alarms with their states. */
+  "GET /api/alarms": { readonly answer: readonly AlarmInfo[]; };
+  /** Add an alarm. It is checked against the present devices that it is for. */
+  "POST /api/alarms": {
+    readonly body: AlarmDefinition;
+    readonly answer: AlarmInfo;
+  };
+  /** Check a definition without adding it, with the place of a mistake. */
+  "POST /api/alarms/check": {
+    readonly body: AlarmDefinition;
+    readonly answer: AlarmCheck;
+  };
+  /** Preview how often an alarm would have been raised, live in the last minutes or in a whole recording. */
+  "POST /api/alarms/preview": {
+    readonly body: AlarmPreviewRequest;
+    readonly answer: AlarmPreview;
+  };
+  /** One alarm with its states. */
+  "GET /api/alarms/{alarm}": {
+    readonly path: { readonly alarm: string };
+    readonly answer: AlarmInfo;
+  };
+  /** Replace the definition of an alarm; its states begin anew. */
+  "PUT /api/alarms/{alarm}": {
+    readonly path: { readonly alarm: string };
+    readonly body: AlarmDefinition;
+    readonly answer: AlarmInfo;
+  };
+  /** Delete an alarm. */
+  "DELETE /api/alarms/{alarm}": {
+    readonly path: { readonly alarm: string };
+    readonly answer: undefined;
+  };
+  /** Acknowledge a raised alarm by name. A latched one that is within its limit again is cleared by it. */
+  "POST /api/alarms/{alarm}/acknowledge": {
+    readonly path: { readonly alarm: string };
+    readonly body: AcknowledgeRequest;
+    readonly answer: AlarmInfo;
+  };
   /** Calibrations that a live device allows, and the one under way with its progress or result. */
   "GET /api/devices/{device}/calibration": {
     readonly path: { readonly device: string };
@@ -1909,6 +1909,30 @@ export interface Routes {
   "DELETE /api/devices/{device}/corrections": {
     readonly path: { readonly device: string };
     readonly answer: Corrections;
+  };
+  /** The recording for a Rerun viewer, sent while it is converted; static data first. */
+  "GET /api/recordings/{recording}/recording.rrd": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly most?: number | undefined };
+    readonly answer: Blob;
+  };
+  /** Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device. */
+  "GET /api/recordings/{recording}/amount": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
+    readonly answer: ViewerQuery;
+  };
+  /** The publisher, its topics and their subscribers; figures are renewed once a second. */
+  "GET /api/ros2": { readonly answer: RosState; };
+  /** Publish a topic, or no longer; the choice outlasts the server. */
+  "PATCH /api/ros2/topics": {
+    readonly body: SwitchTopicRequest;
+    readonly answer: RosState;
+  };
+  /** Begin a 3D scene; returns its address as soon as it can be opened. */
+  "GET /api/views/scene": {
+    readonly query?: { readonly device?: string | undefined };
+    readonly answer: SceneAddress;
   };
   /** The store of this server, its limits, and the questions of this client that wait or run. */
   "GET /api/query": { readonly answer: QueryState; };
@@ -1990,29 +2014,5 @@ export interface Routes {
     readonly path: { readonly rollout: number };
     readonly body: RolloutStopRequest;
     readonly answer: Rollout;
-  };
-  /** The recording for a Rerun viewer, sent while it is converted; static data first. */
-  "GET /api/recordings/{recording}/recording.rrd": {
-    readonly path: { readonly recording: string };
-    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly most?: number | undefined };
-    readonly answer: Blob;
-  };
-  /** Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device. */
-  "GET /api/recordings/{recording}/amount": {
-    readonly path: { readonly recording: string };
-    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
-    readonly answer: ViewerQuery;
-  };
-  /** The publisher, its topics and their subscribers; figures are renewed once a second. */
-  "GET /api/ros2": { readonly answer: RosState; };
-  /** Publish a topic, or no longer; the choice outlasts the server. */
-  "PATCH /api/ros2/topics": {
-    readonly body: SwitchTopicRequest;
-    readonly answer: RosState;
-  };
-  /** Begin a 3D scene; returns its address as soon as it can be opened. */
-  "GET /api/views/scene": {
-    readonly query?: { readonly device?: string | undefined };
-    readonly answer: SceneAddress;
   };
 }

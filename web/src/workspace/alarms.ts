@@ -12,7 +12,7 @@ import { isObject, type Workspace } from "./parts";
 /** As many as a server has. */
 const MOST = 1000;
 
-/** Whether an alarm is for a device, as the server decides it (server/alarms/definitions.py). */
+/** Whether an alarm is for a device, as the server decides it (server/extensions/alarms/definitions.py). */
 export function isFor({ device, product, family }: Partial<DeviceFilter>, of: DeviceInfo): boolean {
   const names: readonly string[] = ["", of.serial_number, of.source, of.name];
   return (

@@ -18,8 +18,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 
 from imuscope.server import wire
-from imuscope.server.alarms.definitions import HealthCondition
-from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
+from imuscope.server.extensions.alarms.definitions import HealthCondition
+from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
 
 LOSS_S = 10.0
 RATE_S = 2.0  # of a rate: server/rate_meter.py

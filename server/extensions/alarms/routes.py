@@ -8,25 +8,31 @@ from fastapi import APIRouter, Depends, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from imuscope.server.alarms.along_time import notes_on
-from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
-from imuscope.server.alarms.instance import AlarmState
-from imuscope.server.alarms.preview import AlarmPreview, LivePreviewJob, RecordedPreviewJob, judge_of, rows_in_memory
-from imuscope.server.alarms.service import AlarmService
-from imuscope.server.alarms.webhooks import shown_url
 from imuscope.server.analysis.channel_rates import ChannelRates
 from imuscope.server.analysis.expression_syntax import ExpressionError
 from imuscope.server.api.analysis import recording_of, response_of
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.along_time import notes_on
+from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
+from imuscope.server.extensions.alarms.instance import AlarmState
+from imuscope.server.extensions.alarms.preview import (
+    AlarmPreview,
+    LivePreviewJob,
+    RecordedPreviewJob,
+    judge_of,
+    rows_in_memory,
+)
+from imuscope.server.extensions.alarms.service import AlarmService
+from imuscope.server.extensions.alarms.webhooks import shown_url
 from imuscope.server.library.recording_detail import channels_of
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])
 
 
 async def alarms_of(services: TheServices) -> AlarmService:
-    return services.alarms
+    return services.parts.get(AlarmService)
 
 
 TheAlarms = Annotated[AlarmService, Depends(alarms_of)]

@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 
 from imuscope.server import wire
-from imuscope.server.alarms.definitions import AlarmDefinition, Figure, FlagCondition, HealthCondition, StoredAlarm
-from imuscope.server.alarms.figures import HealthJudge
-from imuscope.server.alarms.instance import AlarmInstance, compiled
-from imuscope.server.alarms.machine import BEYOND, UNKNOWN, WITHIN
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.definitions import (
+    AlarmDefinition,
+    Figure,
+    FlagCondition,
+    HealthCondition,
+    StoredAlarm,
+)
+from imuscope.server.extensions.alarms.figures import HealthJudge
+from imuscope.server.extensions.alarms.instance import AlarmInstance, compiled
+from imuscope.server.extensions.alarms.machine import BEYOND, UNKNOWN, WITHIN
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 

@@ -18,9 +18,9 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.alarms.definitions import RecordingAction
-from imuscope.server.alarms.instance import AlarmInstance
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.definitions import RecordingAction
+from imuscope.server.extensions.alarms.instance import AlarmInstance
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.recorder import Recorder
 from imuscope.server.library.recording_session import RecordingSession

@@ -12,11 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imuscope.server.alarms.conditions import ExpressionJudge
-from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition
-from imuscope.server.alarms.instance import AlarmState
-from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
-from imuscope.server.alarms.service import RATES_EVERY, AlarmService
 from imuscope.server.analysis.expression_functions import Context
 from imuscope.server.analysis.expression_syntax import parse
 from imuscope.server.analysis.expressions import evaluate
@@ -24,6 +19,11 @@ from imuscope.server.analysis.live_expression import RateUnknownError
 from imuscope.server.analysis.quantities import Quantity
 from imuscope.server.analysis.signals import Floats, columns_named
 from imuscope.server.analysis.units import Unit
+from imuscope.server.extensions.alarms.conditions import ExpressionJudge
+from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
+from imuscope.server.extensions.alarms.instance import AlarmState
+from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
+from imuscope.server.extensions.alarms.service import RATES_EVERY, AlarmService
 from imuscope.server.streaming.channels import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo

@@ -13,21 +13,23 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from imuscope.server import wire
-from imuscope.server.alarms.alarm_file import AlarmFile, lasting_name
-from imuscope.server.alarms.conditions import Rows, checked
-from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
-from imuscope.server.alarms.instance import AlarmInstance, AlarmState, compiled
-from imuscope.server.alarms.recording_trigger import RecordingTrigger
-from imuscope.server.alarms.webhooks import Webhooks, checked_url, shown_url
 from imuscope.server.analysis.channel_rates import ChannelRates, have_changed
 from imuscope.server.analysis.live_expression import RateUnknownError
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.alarm_file import AlarmFile, lasting_name
+from imuscope.server.extensions.alarms.conditions import Rows, checked
+from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
+from imuscope.server.extensions.alarms.instance import AlarmInstance, AlarmState, compiled
+from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
+from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url, shown_url
 from imuscope.server.library.recorder import Recorder
+from imuscope.server.parts import ServicePart
 from imuscope.server.prometheus_text import PrometheusText
+from imuscope.server.services import Services
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore
 
@@ -424,3 +426,17 @@ class AlarmService:
             instance.acknowledge(name, self._bus.now())
         self._is_dirty = True
         return stored
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    telemetry, config = services.telemetry, services.config
+    alarms = AlarmService(telemetry.bus, telemetry.store, config.data, services.recorder, config.webhook_hosts)
+    yield ServicePart(
+        "the alarms",
+        alarms,
+        alarms.close,
+        alarms.start,
+        before_recorder=alarms.close_trigger,
+        metrics=alarms.add_metrics,
+    )

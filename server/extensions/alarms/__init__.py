@@ -13,3 +13,13 @@ A code says for each sample whether the condition holds (BEYOND), it is within i
 (BETWEEN), or cannot be told (UNKNOWN). Durations run in the time of the samples, so that the result does not depend on
 how they were divided into batches.
 """
+
+from imuscope.server.extension import Extension
+
+EXTENSION = Extension(
+    "alarms",
+    "Alarms",
+    parts="imuscope.server.extensions.alarms.service",
+    routes=("imuscope.server.extensions.alarms.routes",),
+    jobs=("imuscope.server.extensions.alarms.preview",),
+)

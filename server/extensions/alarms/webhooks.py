@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from imuscope.server import wire
-from imuscope.server.alarms.webhook_targets import TargetError, check_host, connect
 from imuscope.server.backoff import Backoff
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.webhook_targets import TargetError, check_host, connect
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.security_headers import WEBHOOK_HEADER
 from imuscope.server.version import VERSION

@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from imuscope.recordings import atomic_write
-from imuscope.server.alarms.definitions import StoredAlarm
+from imuscope.server.extensions.alarms.definitions import StoredAlarm
 from imuscope.server.wire import DeviceInfo
 
 FORMAT = 1

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, AlarmMachine, AlarmTiming
+from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, AlarmMachine, AlarmTiming
 
 Samples = list[tuple[float, int]]
 STEPS = st.sampled_from([0.0, 0.25, 0.5, 1.0, 2.0, 5.0])  # exact in binary, so that sums are

@@ -21,9 +21,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.alarms.along_time import AlongTime, is_along_time
-from imuscope.server.alarms.definitions import ExpressionCondition, FlagCondition
-from imuscope.server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
 from imuscope.server.analysis.expression_functions import Context, euler_angles
 from imuscope.server.analysis.expression_syntax import Call, ExpressionError, Name, Node, parse
 from imuscope.server.analysis.expressions import evaluate, names_in
@@ -31,6 +28,9 @@ from imuscope.server.analysis.quantities import Quantity, at_times
 from imuscope.server.analysis.signals import ANGLES, EULER_ANGLES, SignalColumn, angles_named, columns_named
 from imuscope.server.analysis.units import NO_UNIT, Unit
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.along_time import AlongTime, is_along_time
+from imuscope.server.extensions.alarms.definitions import ExpressionCondition, FlagCondition
+from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
 from imuscope.server.wire import ChannelInfo, DeviceInfo
 
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}

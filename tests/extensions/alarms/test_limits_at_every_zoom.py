@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
-from imuscope.server.alarms.conditions import ExpressionJudge
-from imuscope.server.alarms.definitions import AlarmDefinition, ExpressionCondition
-from imuscope.server.alarms.machine import AlarmMachine, AlarmTiming
-from imuscope.server.alarms.preview import recorded_preview
+from imuscope.server.extensions.alarms.conditions import ExpressionJudge
+from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
+from imuscope.server.extensions.alarms.machine import AlarmMachine, AlarmTiming
+from imuscope.server.extensions.alarms.preview import recorded_preview
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 
 RATE, HOUR, BEGIN = 1000.0, 3_600_000, 1_760_000_000.0

@@ -14,9 +14,11 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.alarms.alarm_file import AlarmFile
-from imuscope.server.alarms.service import FILE
-from imuscope.server.alarms.webhooks import (
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.alarms.alarm_file import AlarmFile
+from imuscope.server.extensions.alarms.service import FILE
+from imuscope.server.extensions.alarms.webhooks import (
     MAX_QUEUE,
     UndeliveredError,
     Webhooks,
@@ -25,8 +27,6 @@ from imuscope.server.alarms.webhooks import (
     post,
     shown_url,
 )
-from imuscope.server.config import Config
-from imuscope.server.errors import DomainError
 from imuscope.server.security_headers import WEBHOOK_HEADER
 from tests.each_row import each_row
 from tests.free_ports import free_port
