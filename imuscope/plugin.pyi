@@ -87,6 +87,11 @@ from imuscope.server.analysis.registry import Result as Result
 from imuscope.server.analysis.registry import register_analysis as register_analysis
 from imuscope.server.analysis.signals import Signal as Signal
 
+# Extensions of the server.
+from imuscope.server.api.dependencies import TheServices as TheServices
+from imuscope.server.extension import Extension as Extension
+from imuscope.server.extension import ExtensionCommand as ExtensionCommand
+
 # Links.
 from imuscope.server.links.base import Chunk as Chunk
 from imuscope.server.links.base import Link as Link
@@ -98,3 +103,5 @@ from imuscope.server.links.registry import LinkDefinition as LinkDefinition
 from imuscope.server.links.registry import link_kinds as link_kinds
 from imuscope.server.links.registry import register_link as register_link
 from imuscope.server.links.source_url import SourceUrl as SourceUrl
+from imuscope.server.parts import ServicePart as ServicePart
+from imuscope.server.services import Services as Services

@@ -1,0 +1,89 @@
+"""An extension in a package of its own: the one of docs/add-an-extension.md, installed as written there."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from imuscope.protocols.plugins import ProtocolPlugin
+from imuscope.server.extension import GROUP, load_extensions
+from tests.server_process import tied
+from tests.source_files import PACKAGE, ROOT
+from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
+
+DOCUMENT = (ROOT / "docs" / "add-an-extension.md").read_text()
+FILES = ("__init__.py", "counter.py", "routes.py", "command.py")
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Environment of processes that find the package, as an installer writes it."""
+    folder = tmp_path_factory.mktemp("site")
+    [declared] = re.findall(r"^```toml\n(.*?)^```", DOCUMENT, re.M | re.S)
+    project = tomllib.loads(declared)["project"]
+    about = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
+    rows = "".join(f"{name} = {value}\n" for name, value in project["entry-points"][GROUP].items())
+    (about / "entry_points.txt").write_text(f"[{GROUP}]\n{rows}")
+    blocks = re.findall(r"^```python\n(.*?)^```", DOCUMENT, re.M | re.S)
+    (folder / "imuscope_total").mkdir()
+    for name, text in zip(FILES, blocks, strict=True):
+        (folder / "imuscope_total" / name).write_text(text)
+    return os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])}
+
+
+@pytest.fixture
+def url(environment: dict[str, str], tmp_path: Path) -> Iterator[str]:
+    words = ["serve", "sim:xbus?rate=50", "--host", "127.0.0.1", "--port", "0", "--data", str(tmp_path)]
+    command = tied([sys.executable, "-m", PACKAGE, *words])
+    with subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            yield next(line for line in process.stdout if line.startswith("http://")).strip()
+        finally:
+            process.terminate()
+
+
+def test_it_brings_a_part_a_route_and_a_command(url: str, environment: dict[str, str]) -> None:
+    def samples() -> int:
+        with urllib.request.urlopen(f"{url}api/total", timeout=PATIENCE_S) as answer:
+            return int(json.load(answer)["samples"])
+
+    block_until(samples, "samples are counted")
+    before = samples()
+    words = [sys.executable, "-m", PACKAGE, "total", url]
+    printed = subprocess.check_output(words, env=environment, cwd=ROOT, text=True, timeout=PATIENCE_S)
+    assert int(printed) >= before
+    with urllib.request.urlopen(f"{url}openapi.json", timeout=PATIENCE_S) as answer:
+        assert "/api/total" in json.load(answer)["paths"]
+
+
+def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
+    plugins = [
+        ProtocolPlugin("gone", "imuscope_of_nobody:EXTENSION", "imuscope-gone 1.0"),
+        ProtocolPlugin("other", "json:loads", "imuscope-other 1.0"),
+        ProtocolPlugin("later", "json:loads", "imuscope-later 1.0", 2),
+        ProtocolPlugin("viser", "imuscope.server.extensions.viser:EXTENSION"),
+        ProtocolPlugin("fleet", "imuscope.server.extensions.fleet:EXTENSION"),
+    ]
+    found, problems = load_extensions(plugins)
+    assert [one.name for one in found] == ["viser"]
+    assert list(problems) == [
+        "The extension 'gone' of imuscope-gone 1.0 cannot be used: ModuleNotFoundError: No module named "
+        "'imuscope_of_nobody'.",
+        "The extension 'other' of imuscope-other 1.0 cannot be used: json:loads is not an Extension.",
+        "The extension 'later' of imuscope-later 1.0 cannot be used: it is written for version 2 of the plug-in API, "
+        "and this imuscope has version 1. Install a newer imuscope.",
+        "The extension 'fleet' cannot be used without alarms. Install that, too.",
+    ]
