@@ -70,7 +70,7 @@ class JitterCause:
 
 
 BusyReason = Literal["", "others", "decoding"]
-"""Why decoding is behind, as far as it is known: the processor had to be shared with others, or it is fully used."""
+"""Why decoding is behind, as far as it is counted: it had to wait for a processor, or took all the time of one."""
 
 
 @dataclass(slots=True)

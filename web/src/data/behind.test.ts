@@ -41,11 +41,11 @@ it("measures nothing while the server's clock is unknown", () => {
 it("says a reason only if it is known, and what helps", () => {
   const late = (behind: Partial<Behind>) => new PageDelays().behind("1", health(behind), 100);
   expect(behindCause(late({ decoding: 12, reason: "others" }))).toBe(
-    "the server's computer is busy with other programs",
+    "the server's computer is busy",
   );
   expect(behindCause(late({ decoding: 12 }))).toBe("decoding on the server is late");
   expect(behindWords(late({ link: 3, reason: "others" }))).toBe("Behind by 3.0 s: bytes arrive late on the link.");
   expect(behindHint(late({ decoding: 12 }))).toMatch(
-    /^Link 0.* · decoding 12 s · .*Recordings and shared ports come first/,
+    /^Link 0.* · decoding 12 s · .*Recordings and shared ports are served first/,
   );
 });

@@ -191,7 +191,7 @@ test("a device that is behind is told beside it, at Live, in Health, and dimmed"
       text: { op: "health", devices: [{ ...health, behind: { link: 0, decoding, reason: "others" } }] },
     });
   await act(() => tell(12));
-  expect(texts(".device-list .why")).toEqual(["12 s behindthe server's computer is busy with other programs"]);
+  expect(texts(".device-list .why")).toEqual(["12 s behindthe server's computer is busy"]);
   const live = await screen.findByRole("button", { name: "Live, 12 s behind" });
   expect(live.querySelector(".dot.live")).toBeNull();
   await eventually(() => expect(text(".note.verdict")).toContain("Behind by 12 s: the server's computer is busy"));

@@ -90,18 +90,18 @@ export const TEXT = {
   behindIn: {
     link: "bytes arrive late on the link",
     decoding: "decoding on the server is late",
-    connection: "the connection to the server is slow",
-    page: "this browser is busy",
+    connection: "samples arrive late from the server",
+    page: "this page processes samples late",
   },
   behindReason: {
-    others: "the server's computer is busy with other programs",
-    decoding: "more arrives than the server's computer can decode",
+    others: "the server's computer is busy",
+    decoding: "decoding takes all the time of a processor core",
   },
   behindPart: { link: "Link", decoding: "decoding", connection: "connection", page: "page" },
   behindRemedy: {
     link: "Check the link: its network, or the load of the computer that reads it.",
     decoding:
-      "Recordings and shared ports come first and are not behind. Close other programs on the server's computer, or send at lower rates.",
+      "Recordings and shared ports are served first. Reduce the load of the server's computer, or send at lower rates.",
     connection: "Use a faster network, or open fewer panels.",
     page: "Close other tabs, or open fewer panels.",
   },
