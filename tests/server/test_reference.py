@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from html.parser import HTMLParser
@@ -17,6 +18,9 @@ from imuscope.server.reference.pages import PAGES, ReferencePages
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
+from tests.source_files import ROOT
+
+GENERATED = r"^(<!-- |/\*\* ).*Generated (from|by) .*do not edit"
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +60,16 @@ def test_files_are_not_stale(openapi: Mapping[str, Any]) -> None:
         if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
     assert stale == [], "run python -m imuscope.server.generate_docs"
+
+
+def test_generated_files_are_marked() -> None:
+    """A reviewer does not read them, and what counts lines does not count them."""
+    found = subprocess.check_output(
+        ["git", "grep", "-lE", GENERATED, "--", "*.md", "*.ts"], cwd=ROOT, text=True
+    ).split()
+    assert len(found) > 5
+    marked = {line.split()[0] for line in (ROOT / ".gitattributes").read_text().splitlines() if "generated" in line}
+    assert not [name for name in found if name not in marked]
 
 
 @each_row("name", PAGES)
