@@ -40,9 +40,7 @@ it("measures nothing while the server's clock is unknown", () => {
 
 it("says a reason only if it is known, and what helps", () => {
   const late = (behind: Partial<Behind>) => new PageDelays().behind("1", health(behind), 100);
-  expect(behindCause(late({ decoding: 12, reason: "others" }))).toBe(
-    "the server's computer is busy",
-  );
+  expect(behindCause(late({ decoding: 12, reason: "others" }))).toBe("the server's computer is busy");
   expect(behindCause(late({ decoding: 12 }))).toBe("decoding on the server is late");
   expect(behindWords(late({ link: 3, reason: "others" }))).toBe("Behind by 3.0 s: bytes arrive late on the link.");
   expect(behindHint(late({ decoding: 12 }))).toMatch(

@@ -195,6 +195,7 @@ test("a device that is behind is told beside it, at Live, in Health, and dimmed"
   const live = await screen.findByRole("button", { name: "Live, 12 s behind" });
   expect(live.querySelector(".dot.live")).toBeNull();
   await eventually(() => expect(text(".note.verdict")).toContain("Behind by 12 s: the server's computer is busy"));
+  await eventually(() => expect(text(".strip .tag.warn:not([hidden])")).toContain("Behind by 12 s")); // on a phone
   expect(app.held()).toBe(true);
   expect(store.edgeOf(id), "no empty future").toBe(newest);
   await act(() => tell(0.2));

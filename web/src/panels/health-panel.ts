@@ -266,6 +266,9 @@ const STRIP_UNITS: Partial<Record<Key, string>> = {
 /** Health in one line, for the phone. */
 function mountStrip(host: HTMLElement, deps: Deps): Panel {
   const why = new LiveMessage(el("span"));
+  const late = new LiveText();
+  const lateTag = el("span", { class: "tag warn", hidden: "" }, late.node);
+  host.append(lateTag);
   const items = STRIP.map((key) => {
     const [value, unit] = [new LiveText(), new LiveText()];
     const box = el("b", {}, value.node);
@@ -293,6 +296,9 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
         unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));
         box.className = figure.tone ? `tag ${figure.tone}` : "";
       }
+      const behind = deps.store.behind(id);
+      lateTag.hidden = behind.total === 0;
+      late.set(behind.total > 0 ? behindWords(behind) : "");
       why.set(timeWords(health));
     },
     dispose: () => host.replaceChildren(),
