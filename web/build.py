@@ -13,6 +13,11 @@ package of the page runs code at installation.
 not even asked for: a source distribution carries the finished page and installs without it. `web/node_modules/.lock`
 does the same for the downloaded packages.
 
+## Commit
+
+A wheel or a source distribution built in a checkout carries its commit (`server/version.py`), which
+`imuscope --version` prints. An editable installation asks git each time.
+
 ## Behind a proxy that inspects TLS
 
 npm does not read the certificates that pip and uv were told of, so NODE_EXTRA_CA_CERTS is taken from SSL_CERT_FILE or
@@ -27,8 +32,10 @@ import hashlib
 import json
 import os
 import re
+import runpy
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -247,6 +254,16 @@ class PageBuildHook(BuildHookInterface):  # type: ignore[misc]
             build()
         except BuildError as error:
             sys.exit(f"imuscope: {error}")
+        self._folder = tempfile.TemporaryDirectory()
+        if version != "editable" and (WEB.parent / ".git").exists():
+            about = runpy.run_path(str(PAGE.parent / "version.py"))
+            file = Path(self._folder.name) / about["COMMIT_FILE"]
+            file.write_text(about["commit"]() + "\n", encoding="utf-8")
+            build_data["force_include"][str(file)] = f"imuscope/server/{file.name}"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove what was made for this build only."""
+        self._folder.cleanup()
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ from imuscope.server.devices.decode_options import declared_options
 from imuscope.server.extension import extension_commands
 from imuscope.server.ros2_settings import DEFAULT_ROUTER
 from imuscope.server.store_settings import STORE_FORMS
-from imuscope.server.version import VERSION
+from imuscope.server.version import described
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
@@ -157,6 +157,14 @@ def parse(given: Sequence[str]) -> argparse.Namespace:
     return options
 
 
+class _PrintVersion(argparse.Action):
+    """--version: git is asked for the commit only when it is to be printed."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(described())
+        parser.exit()
+
+
 def _owners_of_shares(command: argparse.ArgumentParser, words: Sequence[str]) -> list[int]:
     """For each --share the position of the source before it, which argparse does not keep; −1 for none."""
     owners = []
@@ -181,7 +189,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
         epilog=about.environment,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    root.add_argument("--version", action="version", version=f"imuscope {VERSION}")
+    root.add_argument("--version", action=_PrintVersion, nargs=0, help="show version and commit, and exit")
     commands = root.add_subparsers(dest="command", metavar="COMMAND")
     _add_serve(commands.add_parser, about)
     _add_ports(commands.add_parser)
