@@ -17,6 +17,7 @@ NOT_CHECKED = ("testing/", "plots/bench.ts", "plots/synthetic.ts")  # not part o
 LISTED: dict[str, tuple[set[str], str]] = {
     "attitude/path.ts": ({"origins"}, "a cache by channel"),
     "data/render-loop.ts": ({"painters", "isRunning", "drawn"}, "a document draws all of its canvases in one frame"),
+    "extension.tsx": ({"extensions"}, "filled while modules are loaded"),
     "main.tsx": ({"store", "app"}, "the page starts here"),
     "pages/route.ts": ({"route"}, "a document has one address"),
     "panels/registry.ts": ({"panels"}, "filled while modules are loaded"),

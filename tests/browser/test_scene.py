@@ -147,7 +147,7 @@ def test_the_body_on_screen_turns_with_the_device(
 
 
 def test_the_viewer_is_shown_on_request(serve: Callable[..., ServerProcess], open_scene: Callable[[str], Page]) -> None:
-    """As a panel of a workspace: web/src/views/viser.test.tsx. Viser's page takes ten seconds of a processor."""
+    """A workspace panel: web/src/extensions/viser/scene.test.tsx. Viser's page takes ten seconds of a processor."""
     server = serve("sim:xbus?product=MTi-630&rate=20&seed=1")
     page = open_scene(server.url)
     until(page, READY)

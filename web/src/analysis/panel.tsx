@@ -43,6 +43,7 @@ export const analysisPanel = (id: string, only: AnalysisPanel, order: number): P
   id,
   title: TEXT[only],
   where: "main",
+  height: "higher",
   order,
   class: "analysis-panel",
   optional: true,

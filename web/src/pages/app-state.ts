@@ -75,15 +75,18 @@ export interface App extends Deps {
   readonly stop: () => void;
 }
 
-/** State of a part of the page: one for each page, made when it is first used. It outlives a change to another part. */
-export function perApp<T>(make: (app: App) => T): (app: App) => T {
-  const made = new WeakMap<App, { readonly state: T }>();
-  return (app) => {
-    const found = made.get(app) ?? { state: make(app) };
-    made.set(app, found);
+/** State that belongs to an object: one for each, made when it is first used. */
+export function madeFor<Owner extends object, T>(make: (owner: Owner) => T): (owner: Owner) => T {
+  const made = new WeakMap<Owner, { readonly state: T }>();
+  return (owner) => {
+    const found = made.get(owner) ?? { state: make(owner) };
+    made.set(owner, found);
     return found.state;
   };
 }
+
+/** State of a part of the page: one for each page. It outlives a change to another part. */
+export const perApp = <T>(make: (app: App) => T): ((app: App) => T) => madeFor(make);
 
 /** Derives the page's state from the store, keeps a device selected, and feeds the minute behind the sparklines. */
 export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {

@@ -12,7 +12,7 @@ import { MainColumn } from "../workspace/main-column";
 import { ArrangeTools } from "../workspace/arrange";
 import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
-import { LiveScene, LiveViews } from "../views/viser";
+import { LiveViewer, LiveViews } from "../views/viewers";
 import { type App, select } from "./app-state";
 import {
   AddDevice,
@@ -124,7 +124,7 @@ function Centre({ app }: { readonly app: App }) {
     >
       {state !== "live" && <HeldBand app={app} device={device} />}
       <LiveViews app={app} />
-      <LiveScene app={app} device={device} />
+      <LiveViewer app={app} device={device} />
     </MainColumn>
   );
 }

@@ -1,4 +1,5 @@
 /** The frame of all pages: the current page, the tabs of a phone, and notices shown on every page. */
+import "../extensions/all";
 import { isComparison } from "../compare/sides";
 import { Icon } from "../ui/icons";
 import { late } from "../ui/late";

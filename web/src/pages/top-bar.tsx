@@ -10,7 +10,7 @@ import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/page-state";
 import { theme, toggleTheme } from "../ui/theme";
 import { useFit } from "../ui/use-fit";
-import { SceneButton } from "../views/viser";
+import { ViewerButton } from "../views/viewers";
 import { ArrangeButton } from "../workspace/arrange";
 import type { App } from "./app-state";
 import { Record } from "./record-button";
@@ -62,7 +62,9 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
       {isLive && showsPlots(app.state.value) && <TimeControls app={app} />}
       {page === "configure" && <StateTags app={app} />}
       <span class="grow desk" />
-      {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton app={app} />}
+      {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
+        <ViewerButton app={app} isLive={isLive} />
+      )}
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
         <IconButton
           icon="wave"

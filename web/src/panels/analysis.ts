@@ -10,6 +10,7 @@ registerPanel({
   id: "analysis",
   title: TEXT.analysis,
   where: "main",
+  height: "higher",
   order: 20,
   class: "analysis-panel",
   optional: true,

@@ -7,6 +7,7 @@ registerPanel({
   id: "histogram",
   title: TEXT.title,
   where: "main",
+  height: "high",
   order: 24,
   class: "histogram",
   optional: true,

@@ -23,6 +23,8 @@ export interface PanelDefinition {
   readonly optional?: boolean;
   /** It needs the width of the middle and cannot be moved to the side column. */
   readonly isWide?: boolean;
+  /** How high it is in the middle until a person changes that. */
+  readonly height?: "high" | "higher";
   /** Class of the element that the panel is mounted into. */
   readonly class?: string;
   /** False if there is nothing to show; called again when a signal that it reads has changed. Default: always. */

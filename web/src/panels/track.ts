@@ -9,6 +9,7 @@ registerPanel({
   id: "track",
   title: TEXT.track,
   where: "main",
+  height: "high",
   order: 26,
   class: "large-track",
   optional: true,

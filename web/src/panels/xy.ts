@@ -7,6 +7,7 @@ registerPanel({
   id: "xy",
   title: TEXT.title,
   where: "main",
+  height: "high",
   order: 22,
   class: "xy",
   optional: true,

@@ -5,10 +5,21 @@ import { parseSync } from "vite";
 type Node = { readonly type: string; readonly [key: string]: unknown };
 
 const SOURCES = import.meta.glob<string>(
-  ["../**/*.{ts,tsx}", "!../**/*.test.*", "!../**/*.d.ts", "!../testing/**", "!./*", "!../wire/{types,routes}.ts"],
+  [
+    "../**/*.{ts,tsx}",
+    "!../**/*.test.*",
+    "!../**/*.d.ts",
+    "!../testing/**",
+    "!./*",
+    "!../extensions/*/texts.ts",
+    "!../wire/{types,routes}.ts",
+  ],
   { query: "?raw", import: "default", eager: true },
 );
-const CATALOG = import.meta.glob<Record<string, unknown>>(["./*.ts", "!./plural.ts", "!./*.test.ts"], { eager: true });
+const CATALOG = import.meta.glob<Record<string, unknown>>(
+  ["./*.ts", "../extensions/*/texts.ts", "!./plural.ts", "!./*.test.ts"],
+  { eager: true },
+);
 
 /** Files with literals that resemble texts: benchmark, drawings, names used by devices and search. */
 const EXEMPT =
@@ -90,9 +101,15 @@ const AVOIDED =
   /\b(anew|aside|beside each other|by itself|heard|hears|kept|likewise|meanwhile|nobody|somebody|thereby|told|tells|wherever|whoever|what (came|is read|was)|(is|has) none|any more|try number)\b/i;
 const ALL = Object.entries(CATALOG).flatMap(([file, module]) => texts(module, file));
 
-/** Sources that import a file of the catalogue. */
-const sourcesOf = (name: string): readonly string[] =>
-  Object.values(SOURCES).filter((source) => source.includes(`/texts/${name}"`));
+/** Sources that import a file of the catalogue: for an extension, those of its folder. */
+function sourcesOf(file: string): readonly string[] {
+  const folder = /^\.\.\/extensions\/\w+\//.exec(file)?.[0];
+  if (folder === undefined)
+    return Object.values(SOURCES).filter((source) => source.includes(`/texts/${file.replace(/^.*\/|\.ts$/g, "")}"`));
+  return Object.entries(SOURCES).flatMap(([path, source]) =>
+    path.startsWith(folder) && /"(\.|\.\.)\/texts"/.test(source) ? [source] : [],
+  );
+}
 
 const listed = (wrong: readonly (readonly [string, string])[]): readonly string[] =>
   wrong.map(([key, text]) => `${key}: ${text}`);
@@ -127,7 +144,7 @@ describe("the catalogue", () => {
 
   it("has no entry that nothing shows", () => {
     const unused = Object.entries(CATALOG).flatMap(([file, { COMMON, TEXT }]) => {
-      const users = sourcesOf(file.replace(/^.*\/|\.ts$/g, "")).join("\n");
+      const users = sourcesOf(file).join("\n");
       return Object.keys((COMMON ?? TEXT) as object)
         .filter((key) => !new RegExp(`\\.${key}\\b`).test(users))
         .map((key) => `${file}: ${key}`);

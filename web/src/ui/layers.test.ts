@@ -14,9 +14,12 @@ const ORDER = "./layers.css";
 const FILES = Object.keys(import.meta.glob("../**/*.css")).filter((file) => file !== ORDER);
 const declared = bare(ORDER).slice("@layer ".length, -1).split(/,\s*/);
 
+/** Name of the extension that a file belongs to. */
+const extensionOf = (file: string): string | undefined => /\/extensions\/(\w+)\//.exec(file)?.[1];
+
 /** The layer with all rules of a file; undefined if a rule is outside a layer or in a second one. */
 function layerOf(file: string): string | undefined {
-  const [, name, rules = ""] = /^@layer ([\w-]+) \{(.*)\}$/s.exec(bare(file)) ?? [];
+  const [, name, rules = ""] = /^@layer ([\w.-]+) \{(.*)\}$/s.exec(bare(file)) ?? [];
   let depth = 0;
   for (const [brace] of rules.matchAll(/[{}]/g)) if ((depth += brace === "{" ? 1 : -1) < 0) return undefined;
   return name;
@@ -30,7 +33,20 @@ describe("layers of style", () => {
 
   it("hold every rule of the page: one layer for each file", () => {
     expect(FILES.filter((file) => layerOf(file) === undefined)).toEqual([]);
-    expect(FILES.map(layerOf).sort()).toEqual(declared.toSorted());
+    expect(
+      FILES.filter((file) => !extensionOf(file))
+        .map(layerOf)
+        .sort(),
+    ).toEqual(declared.filter((name) => name !== "extensions").toSorted());
+  });
+
+  it("of an extension are within its own", () => {
+    const foreign = FILES.filter((file) => {
+      const name = extensionOf(file);
+      return name !== undefined && !`${layerOf(file)}.`.startsWith(`extensions.${name}.`);
+    });
+    expect(foreign).toEqual([]);
+    expect(declared).toContain("extensions");
   });
 
   it.each(["index.html", "bench.html"])("are known before any style sheet of %s", (page) => {
@@ -46,7 +62,9 @@ describe("layers of style", () => {
 });
 
 describe("classes", () => {
-  const code = Object.keys(import.meta.glob(["../**/*.{ts,tsx}", "!../**/*.test.*", "!../texts/*"]));
+  const code = Object.keys(
+    import.meta.glob(["../**/*.{ts,tsx}", "!../**/*.test.*", "!../texts/*", "!../extensions/*/texts.ts"]),
+  );
   const words = new Set(
     code.flatMap((file) => read(file).match(/"[^"\n]*"|`[^`]*`/g) ?? []).flatMap((text) => text.match(/[\w-]+/g) ?? []),
   );

@@ -95,7 +95,7 @@ function MainPanel({ session, deps, panel, isAbove }: PanelProps) {
       ) : (
         <section
           key="panel"
-          class={`main-panel ${isMaximised ? "maximised" : ""}`}
+          class={`main-panel ${panel.height ?? ""} ${isMaximised ? "maximised" : ""}`}
           aria-label={panel.title}
           data-panel={panel.id}
           style={style}

@@ -18,8 +18,6 @@ export interface OpenRecording {
   readonly said: Signal<string>;
   /** Whether the settings as recorded are shown. */
   readonly showsSettings: Signal<boolean>;
-  /** The address shown in Rerun's frame; undefined while closed. */
-  readonly rerun: Signal<string | undefined>;
 }
 
 /** @param before the same recording while less of it was decoded: its settings stay open, and what was said is finished */
@@ -44,7 +42,6 @@ export function openRecording(replay: ReplayController, app: App, before?: OpenR
     placing: signal(undefined),
     said: before?.said ?? signal(""),
     showsSettings: before?.showsSettings ?? signal(false),
-    rerun: signal(undefined),
   };
 }
 

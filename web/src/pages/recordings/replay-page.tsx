@@ -2,6 +2,7 @@
 import { useEffect } from "preact/hooks";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
+import { Slot } from "../../extension";
 import { GoTo, type GoToDeps } from "../../measure/go-to";
 import { MeasurePanel } from "../../measure/measure-panel";
 import { placesOf } from "../../plots/markers";
@@ -16,13 +17,12 @@ import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
-import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ArrangeTools } from "../../workspace/arrange";
 import { AlarmDialog, AnalysisDialog, RecordingEvidence, SignalsPanel, YAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
-import { ReplayScene, SceneLine } from "../../views/viser";
+import { RecordingViewer, RecordingViews } from "../../views/viewers";
 import { Bar } from "../top-bar";
 import { Side } from "../side-panels";
 import { keepAddress } from "../keep-address";
@@ -74,10 +74,10 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
         <h1 class="visually-hidden">{titleOf(info)}</h1>
         <ProblemBand app={app} />
         <Trouble replay={replay} />
-        <SceneLine app={app}>
-          <RerunButton replay={replay} shown={recording.rerun} />
-        </SceneLine>
-        <ReplayScene app={app} replay={replay} />
+        <RecordingViews app={app}>
+          <Slot name="recordingViews" with={{ recording }} />
+        </RecordingViews>
+        <RecordingViewer app={app} replay={replay} />
         <Panels key={replay.viewState.device.value} recording={recording} />
         <Transport recording={recording} />
         <PanelHost class="overview" label={TEXT.wholeRecording} mount={(host) => mountOverview(host, replay)} />
@@ -127,7 +127,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
       )}
       <ArrangeTools app={app} deps={recording.deps} />
       <RowsDialog app={app} deps={recording.deps} />
-      <RerunPanel shown={recording.rerun} />
+      <Slot name="recordingOverlays" with={{ recording }} />
       <SettingsDialog recording={recording} />
       <PageOverlays app={app} />
     </div>

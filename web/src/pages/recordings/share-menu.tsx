@@ -1,12 +1,12 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
 import type { ReplayController } from "../../recordings/replay-controller";
 import { compareView } from "../../compare/sides";
+import { Slot } from "../../extension";
 import { server } from "../../recordings/api";
 import { copyText } from "../../ui/copy";
 import { Icon } from "../../ui/icons";
 import { run, select } from "../app-state";
 import { go } from "../route";
-import { RerunButton } from "../../views/rerun";
 import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type Range } from "./exporting";
 import { COMMON } from "../../texts/common";
@@ -85,7 +85,7 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
         <Icon name="paper" />
         {EVIDENCE.evidence}
       </button>
-      <RerunButton replay={replay} shown={recording.rerun} />
+      <Slot name="recordingActions" with={{ recording }} />
       <button
         type="button"
         class="btn edge"

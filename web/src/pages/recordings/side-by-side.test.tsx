@@ -138,10 +138,10 @@ test("a dialog over one is not opened over the other", async () => {
     left.app.folded.value = true;
   });
   fireEvent.click(left.in.getAllByRole("button", { name: "3D scene" })[0] as HTMLElement);
-  await eventually(() => expect(left.element.querySelector("section.scene")).not.toBeNull());
+  await eventually(() => expect(left.element.querySelector("section.viewer")).not.toBeNull());
   expect(left.element.querySelector("dialog")).not.toBeNull();
   expect(left.element.className).toContain("folded");
-  expect(right.element.querySelector("section.scene, dialog, .rail.open")).toBeNull();
+  expect(right.element.querySelector("section.viewer, dialog, .rail.open")).toBeNull();
   expect(right.element.className).not.toContain("folded");
 });
 

@@ -2,9 +2,9 @@
 /** The 3D scene: a frame that is there on request only, beside the plots or as a panel of a workspace. */
 import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test } from "vitest";
-import { openPage } from "../testing/live-page";
-import { type Answers, recorded } from "../testing/recorded";
-import { TEXT as WORKSPACE } from "../texts/workspace";
+import { openPage } from "../../testing/live-page";
+import { type Answers, recorded } from "../../testing/recorded";
+import { TEXT as WORKSPACE } from "../../texts/workspace";
 
 const frames = (): readonly (string | null)[] =>
   [...document.querySelectorAll("iframe")].map((frame) => frame.getAttribute("src"));

@@ -1,16 +1,12 @@
 /** The 3D scene in a frame, by viser: of live devices, or of a recording, where it follows the player. What prevents it is said in words. */
 import { useEffect, useState } from "preact/hooks";
-import { onFrame } from "../data/render-loop";
-import { type Problem, request } from "../ui/http";
-import { Message } from "../ui/message";
-import { theme } from "../ui/theme";
+import { onFrame } from "../../data/render-loop";
+import { type Problem, request } from "../../ui/http";
+import { Message } from "../../ui/message";
+import { theme } from "../../ui/theme";
+import { Frame } from "../../views/frame";
 import { headNews, type SentHead } from "./viewer-sync";
-import { TEXT } from "../texts/viewers";
-import "./viser.css";
-
-export function Frame({ address, title }: { readonly address: string; readonly title: string }) {
-  return <iframe src={address} title={title} allow="fullscreen" />;
-}
+import { TEXT } from "./texts";
 
 function Scene({ address }: { readonly address: string }) {
   const dark = theme.value === "dark" ? "?darkMode" : "";

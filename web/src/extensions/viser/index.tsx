@@ -1,0 +1,53 @@
+/** The 3D scene, by viser: in the frame of viewers, and as a panel. */
+import { registerExtension } from "../../extension";
+import type { ReplayController } from "../../recordings/replay-controller";
+import { mountScene } from "./panel";
+import { Begun, Following } from "./scene-frame";
+import { shownRobot } from "../../ui/server-place";
+import { TEXT } from "./texts";
+import "./viser.css";
+
+const Live = ({ device }: { readonly device: string | undefined }) => <Begun device={device ?? ""} />;
+
+function Recording({ replay }: { readonly replay: ReplayController }) {
+  const player = {
+    recording: replay.detail.info.id,
+    head: () => replay.head,
+    rate: () => (replay.playing.peek() ? replay.speed.peek() : 0),
+  };
+  return <Following player={player} />;
+}
+
+registerExtension({
+  name: "viser",
+  viewers: [
+    {
+      id: "viser",
+      order: 10,
+      icon: "cube",
+      title: TEXT.scene3d,
+      choice: TEXT.scene,
+      choiceHint: TEXT.sceneHint,
+      object: TEXT.aScene,
+      close: TEXT.closeScene,
+      allHint: TEXT.allDevicesSideBySide,
+      recordingTitle: TEXT.sceneOfRecording,
+      address: (device) => (device === undefined ? "/viser/" : `/viser/${device}/`),
+      Live,
+      Recording,
+    },
+  ],
+  panels: [
+    {
+      id: "scene",
+      title: TEXT.scene3d,
+      where: "main",
+      height: "high",
+      order: 28,
+      class: "scene-frame",
+      optional: true,
+      applies: () => shownRobot() === undefined, // a fleet server does not pass viewers on
+      mount: mountScene,
+    },
+  ],
+});

@@ -1,0 +1,195 @@
+/**
+ * Viewers of others beside our own panels: the page of one in a frame, started on request and removed when closed.
+ *
+ * Live it shows one device or all side by side. Over a recording it follows the player.
+ */
+import { type Signal, signal } from "@preact/signals";
+import { fromExtensions } from "../extension";
+import type { ReplayController } from "../recordings/replay-controller";
+import { type App, perApp } from "../pages/app-state";
+import { IconButton } from "../ui/icon-button";
+import { Icon } from "../ui/icons";
+import { shownRobot } from "../ui/server-place";
+import { shortName } from "../wire/device-name";
+import type { DeviceInfo } from "../wire/types";
+import type { Viewer } from "./viewer";
+import { ViewerPanel } from "./viewer-panel";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/viewers";
+import "./viewers.css";
+
+/** The panel, on Live and on recordings. */
+const framesOf = perApp(() => ({
+  isOpen: signal(false),
+  /** All devices side by side instead of the selected one. */
+  together: signal(false),
+  /** Viewer.id of the viewer in the panel on Live; undefined: the first. */
+  chosen: signal<string | undefined>(undefined),
+}));
+
+interface Props {
+  readonly app: App;
+}
+
+/** Viewers in their order. Those are pages of the robot, which the fleet server does not pass on. */
+function viewers(): readonly Viewer[] {
+  return shownRobot() === undefined ? fromExtensions("viewers").toSorted((a, b) => a.order - b.order) : [];
+}
+
+const forRecordings = (): readonly Viewer[] => viewers().filter(({ Recording }) => Recording !== undefined);
+
+/** Opens and closes the panel. */
+export function ViewerButton({ app, isLive }: Props & { readonly isLive: boolean }) {
+  const { isOpen } = framesOf(app);
+  const all = isLive ? viewers() : forRecordings();
+  const [first] = all;
+  if (!first) return null;
+  const open = isOpen.value;
+  return (
+    <IconButton
+      icon={first.icon}
+      label={first.title}
+      class="desk"
+      title={
+        open
+          ? first.close
+          : TEXT.showIn(
+              viewers()
+                .map(({ object }) => object)
+                .join(TEXT.orIn),
+            )
+      }
+      aria-pressed={open}
+      onClick={() => (isOpen.value = !open)}
+    />
+  );
+}
+
+interface LineProps extends Props {
+  readonly viewers: readonly Viewer[];
+  readonly children?: preact.ComponentChildren;
+}
+
+/** The same on a phone, whose bar has no room for it: a line of its own, with a button for each viewer while the panel is closed. */
+function ViewerLine({ app, viewers: all, children }: LineProps) {
+  const { isOpen, chosen } = framesOf(app);
+  const open = (id: string): void => {
+    chosen.value = id;
+    isOpen.value = true;
+  };
+  return (
+    <div class="viewer-actions" role="group" aria-label={TEXT.otherViews}>
+      {!isOpen.value &&
+        all.map(({ id, icon, title }) => (
+          <button type="button" class="btn edge" key={id} onClick={() => open(id)}>
+            <Icon name={icon} />
+            {title}
+          </button>
+        ))}
+      {children}
+    </div>
+  );
+}
+
+export function RecordingViews({ app, children }: Props & { readonly children: preact.ComponentChildren }) {
+  return (
+    <ViewerLine app={app} viewers={forRecordings()}>
+      {children}
+    </ViewerLine>
+  );
+}
+
+/** On Live: the viewers and help; hidden while the panel is open. */
+export function LiveViews({ app }: Props) {
+  if (framesOf(app).isOpen.value) return null;
+  return (
+    <ViewerLine app={app} viewers={viewers()}>
+      <button type="button" class="btn edge" title={TEXT.gesturesAndKeys} onClick={() => (app.overlay.value = "help")}>
+        <Icon name="help" />
+        {TEXT.help}
+      </button>
+    </ViewerLine>
+  );
+}
+
+/** The panel on Live. */
+export function LiveViewer({ app, device }: Props & { readonly device: DeviceInfo }) {
+  const { isOpen, together, chosen } = framesOf(app);
+  const all = viewers();
+  const shown = all.find(({ id }) => id === chosen.value) ?? all[0];
+  if (!isOpen.value || !shown) return null;
+  const several = app.store.devices.value.length > 1;
+  const isAll = several && together.value;
+  const id = isAll ? undefined : device.id;
+  const choices = (
+    <>
+      {all.length > 1 && (
+        <span class="segmented small" role="group" aria-label={TEXT.viewer}>
+          {all.map((one) => (
+            <button
+              type="button"
+              key={one.id}
+              aria-pressed={one === shown}
+              title={one.choiceHint}
+              onClick={() => (chosen.value = one.id)}
+            >
+              {one.choice}
+            </button>
+          ))}
+        </span>
+      )}
+      {several && (
+        <button
+          type="button"
+          class="btn small"
+          aria-pressed={isAll}
+          title={shown.allHint}
+          onClick={() => (together.value = !isAll)}
+        >
+          {COMMON.all}
+        </button>
+      )}
+    </>
+  );
+  return (
+    <Panel
+      isOpen={isOpen}
+      title={TEXT.viewOf(shown.title, isAll ? TEXT.allDevicesInTitle : shortName(device))}
+      close={shown.close}
+      extra={choices}
+      address={shown.address(id)}
+    >
+      <shown.Live key={`${shown.id} ${id ?? ""}`} device={id} />
+    </Panel>
+  );
+}
+
+/** The panel of a recording that is open. */
+export function RecordingViewer({ app, replay }: Props & { readonly replay: ReplayController }) {
+  const { isOpen } = framesOf(app);
+  const [shown] = forRecordings();
+  if (!isOpen.value || !shown?.Recording) return null;
+  return (
+    <Panel isOpen={isOpen} title={shown.recordingTitle ?? shown.title} close={shown.close}>
+      <shown.Recording replay={replay} />
+    </Panel>
+  );
+}
+
+interface PanelProps {
+  readonly isOpen: Signal<boolean>;
+  readonly title: string;
+  readonly close: string;
+  readonly extra?: preact.ComponentChildren;
+  /** Address of the same in a tab of its own. */
+  readonly address?: string;
+  readonly children: preact.ComponentChildren;
+}
+
+function Panel({ isOpen, title, close, ...props }: PanelProps) {
+  const linkClass = document.fullscreenEnabled ? "btn small desk" : "btn small";
+  const onClose = (): void => void (isOpen.value = false);
+  return (
+    <ViewerPanel class="viewer" label={title} closeHint={close} onClose={onClose} linkClass={linkClass} {...props} />
+  );
+}
