@@ -14,10 +14,15 @@ import { type PanelDefinition, registerPanel } from "./panels/registry";
 import type { Viewer } from "./views/viewer";
 import type { DeviceInfo } from "./wire/types";
 
+export interface DeviceActionProps {
+  readonly app: App;
+  readonly device: DeviceInfo;
+}
+
 /** Places for views of extensions, with the properties that a view gets there. */
 export interface Slots {
   /** Actions of the selected device in the list of devices. */
-  readonly deviceActions: { readonly app: App; readonly device: DeviceInfo };
+  readonly deviceActions: DeviceActionProps;
   /** Actions of an open recording, beside its name. */
   readonly recordingActions: { readonly recording: OpenRecording };
   /** On a phone, the line over an open recording that opens other views of it. */
@@ -37,7 +42,7 @@ type SlotView = {
 /** A dialog over Live, opened by `app.overlay.value = "NAME/…"`. */
 export interface ExtensionDialog {
   readonly overlay: ExtensionOverlay;
-  readonly View: FunctionComponent<{ readonly app: App; readonly device: DeviceInfo; readonly onClose: () => void }>;
+  readonly View: FunctionComponent<DeviceActionProps & { readonly onClose: () => void }>;
 }
 
 /** Name of a dialog: that of its extension comes first. */

@@ -3,6 +3,7 @@
  * gets it as a property, so that a document can hold several pages that know nothing of each other.
  */
 import { computed, effect, type Signal, signal } from "@preact/signals";
+import type { ExtensionOverlay } from "../extension";
 import type { Begin } from "../forms/add-device";
 import type { Deps, PacketAt } from "../panels/panel-context";
 import type { AlarmDraft } from "../panels/alarm-states";
@@ -23,12 +24,12 @@ export type Overlay =
   | "describe"
   | "share-port"
   | "analysis"
-  | "ros"
   | "calibration"
   | "memory"
   | "evidence"
   | "alarm"
   | "packet"
+  | ExtensionOverlay
   | undefined;
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;

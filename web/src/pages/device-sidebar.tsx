@@ -1,6 +1,7 @@
 /** The devices with their state, and other ports of this host with data. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { Slot } from "../extension";
 import { recently } from "../panels/panel-context";
 import { rateBars } from "../panels/health-history";
 import { drawBars } from "../panels/sparkline";
@@ -23,7 +24,6 @@ import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app
 import { TEXT as CALIBRATION } from "../texts/calibration";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
-import { TEXT as ROS } from "../texts/ros";
 
 export function Rail({ app }: { readonly app: App }) {
   const { overlay, ports, scanning, sheet } = app;
@@ -332,11 +332,7 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
           {CALIBRATION.calibrate}
         </button>
       )}
-      {device.status === "live" && (
-        <button type="button" class="btn small" onClick={() => (app.overlay.value = "ros")}>
-          {ROS.ros}
-        </button>
-      )}
+      <Slot name="deviceActions" with={{ app, device }} />
       <span class="grow" />
       <button type="button" class="btn small" onClick={() => (removing.value = device.id)}>
         {shared > 1 ? TEXT.removeLink : TEXT.remove}

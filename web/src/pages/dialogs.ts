@@ -11,7 +11,6 @@ export const RecordingEvidence = late(async () => (await import("./recordings/re
 export const ExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
 export const MemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
 export const Packet = late(async () => (await import("./packet-dialog")).Packet);
-export const RosTopics = late(async () => (await import("./ros-topics")).RosTopics);
 export const SharePort = late(async () => (await import("./port-shares")).SharePort);
 export const SignalsPanel = late(async () => (await import("../signals/panel")).SignalsPanel);
 export const YAxisDialog = late(async () => (await import("../plots/y-axis-dialog")).YAxisDialog);

@@ -1,5 +1,6 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
 import { mountLargeTrack } from "../attitude/track-dialog";
+import { fromExtensions } from "../extension";
 import { GoTo, type GoToDeps } from "../measure/go-to";
 import { MeasurePanel } from "../measure/measure-panel";
 import { placesOf } from "../plots/markers";
@@ -24,7 +25,6 @@ import {
   LiveEvidence,
   MemoryDialog,
   Packet,
-  RosTopics,
   SharePort,
   SignalsPanel,
   YAxisDialog,
@@ -178,7 +178,6 @@ function Overlays({ app }: { readonly app: App }) {
         onClose={close}
       />
     );
-  if (overlay.value === "ros" && app.device.value) return <RosTopics device={app.device.value} onClose={close} />;
   if (overlay.value === "analysis" && app.device.value) {
     const { id, name } = app.device.value;
     return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;
@@ -189,6 +188,9 @@ function Overlays({ app }: { readonly app: App }) {
   if (overlay.value === "alarm") return <AlarmDialog app={app} onClose={close} />;
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;
+  const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);
+  if (dialog && app.device.value)
+    return <dialog.View key={app.device.value.id} app={app} device={app.device.value} onClose={close} />;
   const exporting = exportingOf(app).value;
   return exporting ? <ExportDialog app={app} of={exporting} /> : null;
 }

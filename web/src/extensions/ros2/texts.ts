@@ -1,5 +1,5 @@
 /** Texts of the dialog of ROS 2 topics. */
-import { count, type Value } from "./plural";
+import { count, type Value } from "../../texts/plural";
 
 export const TEXT = {
   ros: "ROS 2",

@@ -1,17 +1,17 @@
 /** The ROS 2 topics of a device: types, subscribers and rates, each with a switch. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { bytes } from "../recordings/library-filter";
-import { Dialog } from "../ui/dialog";
-import { rate } from "../ui/format";
-import { type Outcome, type Problem, request } from "../ui/http";
-import { Message } from "../ui/message";
-import { ProblemNote } from "../ui/problem-note";
-import { fullName } from "../wire/device-name";
-import type { MissingTopic, RosState, RosTopic } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import { TEXT } from "../texts/ros";
-import "./ros-topics.css";
+import { bytes } from "../../recordings/library-filter";
+import { Dialog } from "../../ui/dialog";
+import { rate } from "../../ui/format";
+import { type Outcome, type Problem, request } from "../../ui/http";
+import { Message } from "../../ui/message";
+import { ProblemNote } from "../../ui/problem-note";
+import { fullName } from "../../wire/device-name";
+import type { MissingTopic, RosState, RosTopic } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import { TEXT } from "./texts";
+import "./topics.css";
 
 const ASK_EVERY_MS = 1000;
 

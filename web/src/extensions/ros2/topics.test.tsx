@@ -2,10 +2,11 @@
 /** The dialog of ROS 2 topics: who subscribes, what a device lacks, and one switch for each topic. */
 import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { answering, type Asked } from "../testing/recorded";
-import type { RosState, RosTopic } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import { RosTopics } from "./ros-topics";
+import { openPage } from "../../testing/live-page";
+import { answering, type Asked, recorded } from "../../testing/recorded";
+import type { RosState, RosTopic } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import { RosTopics } from "./topics";
 
 const TOPIC: RosTopic = {
   key: "1 imu/data",
@@ -72,4 +73,10 @@ test("a router that is away and a server without ROS 2 are told", async () => {
   cleanup();
   open({ "GET /api/ros2": { ...STATE, enabled: false } });
   expect(await screen.findByText(/Devices are not published/)).toBeTruthy();
+});
+
+test("a live device has a button that opens it", async () => {
+  await openPage(recorded("xbus"), { answers: { "GET /api/ros2": STATE } });
+  fireEvent.click(await screen.findByRole("button", { name: "ROS 2" }));
+  expect((await screen.findByRole("dialog")).textContent).toContain("ROS 2 topics of");
 });

@@ -1,0 +1,19 @@
+/** ROS 2: the topics of a device. */
+import { type DeviceActionProps, registerExtension } from "../../extension";
+import { late } from "../../ui/late";
+import { TEXT } from "./texts";
+
+function TopicsButton({ app, device }: DeviceActionProps) {
+  if (device.status !== "live") return null;
+  return (
+    <button type="button" class="btn small" onClick={() => (app.overlay.value = "ros2/topics")}>
+      {TEXT.ros}
+    </button>
+  );
+}
+
+registerExtension({
+  name: "ros2",
+  views: [{ slot: "deviceActions", order: 20, View: TopicsButton }],
+  dialogs: [{ overlay: "ros2/topics", View: late(async () => (await import("./topics")).RosTopics) }],
+});
