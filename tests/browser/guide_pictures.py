@@ -3,12 +3,14 @@
     python -m tests.browser.guide_pictures              all of them, into docs/guide/images
     python -m tests.browser.guide_pictures live-dark    only those named
 
-A picture is reduced to a palette of 128 colours, which keeps it below `MAX_BYTES`.
+A picture is reduced to a palette of 128 colours, which keeps it below `MAX_BYTES`. The moving one, of the README, has
+its frames at the times at which they were taken.
 """
 
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import sys
 import tempfile
@@ -37,6 +39,7 @@ FOLDER = ROOT / "docs" / "guide" / "images"
 WIDE, PHONE = (1440, 900), (390, 844)
 COLOURS = 128
 MAX_BYTES = 150_000
+MOVING_SIZE, MOVING_S, MOVING_MAX_BYTES = (1120, 700), 5.0, 1_500_000
 FILLED_S = 40  # the simulators have turned by then, and the window is full
 RECORDED_S = 25
 WAIT_MS = 120_000
@@ -147,6 +150,39 @@ def keep(page: Page, name: str, of: str = "", method: Image.Quantize = Image.Qua
         sys.exit(f"{path.name} has more than {MAX_BYTES} bytes: show less of the page, or use fewer colours")
 
 
+class Film:
+    """Frames of a page while it is used, written as an animated WebP."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._frames: list[Image.Image] = []
+        self._times: list[float] = []
+
+    def roll(self, until_s: float, step: Callable[[float], None] = lambda share: None) -> None:
+        """Take frames until the film is so long; `step` is called before each, with the share that has passed."""
+        began = self._length()
+        while (now := self._length()) < until_s:
+            step((now - began) / (until_s - began))
+            data = self._page.screenshot(timeout=WAIT_MS)
+            self._times.append(time.monotonic())
+            self._frames.append(Image.open(io.BytesIO(data)).convert("RGB"))
+
+    def _length(self) -> float:
+        return time.monotonic() - self._times[0] if self._times else 0.0
+
+    def keep(self, name: str) -> None:
+        """Write it, in the best quality that fits; the last frame stays for a second."""
+        lasts_ms = [round(1000 * (after - at)) for at, after in itertools.pairwise(self._times)] + [1000]
+        path = FOLDER / f"{name}.webp"
+        for quality in (80, 65, 50, 35, 20):
+            still, *others = self._frames
+            still.save(path, save_all=True, append_images=others, duration=lasts_ms, loop=0, quality=quality, method=4)
+            if (size := path.stat().st_size) <= MOVING_MAX_BYTES:
+                print(f"{path.relative_to(ROOT)}: {size} bytes, {len(lasts_ms)} frames, quality {quality}", flush=True)
+                return
+        sys.exit(f"{path.name} has more than {MOVING_MAX_BYTES} bytes: show less of the page, or for a shorter time")
+
+
 def configured(page: Page, shows: str) -> None:
     """Have the settings read, where they were not yet."""
     until(page, "document.querySelector('.settings-form h1') !== null")
@@ -167,6 +203,22 @@ def live_dark(studio: Studio) -> None:
         if box:
             page.mouse.move(box["x"] + 0.62 * box["width"], box["y"] + 0.5 * box["height"])
         keep(page, "live-dark")
+
+
+@picture("tour")
+def tour(studio: Studio) -> None:
+    """What streams, and from a point to its bytes."""
+    with studio.page(size=MOVING_SIZE, filled_s=FILLED_S) as page:
+        until(page, READY)
+        time.sleep(3)
+        box = page.locator("#plots canvas").first.bounding_box()
+        assert box
+        film, y = Film(page), box["y"] + 0.5 * box["height"]
+        film.roll(1.5)
+        film.roll(3.0, lambda share: page.mouse.move(box["x"] + (0.9 - 0.4 * share) * box["width"], y))
+        page.mouse.click(box["x"] + 0.5 * box["width"], y, button="right")
+        film.roll(MOVING_S - 1)
+        film.keep("tour")
 
 
 @picture("live-light")
