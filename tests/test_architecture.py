@@ -24,6 +24,7 @@ from imuscope.protocols.plugins import protocol_plugins
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.reference.blocks import anchor
+from tests import architecture_pictures
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, MOVING_MAX_BYTES, PAINTERS
 from tests.each_row import each_row
 from tests.source_files import ROOT, facts_of, python_files, text_of, tree_of
@@ -445,6 +446,11 @@ def test_a_document_names_files_that_exist(name: str) -> None:
     named = re.findall(r"\b((?:protocols|recordings|server|web|tests)/[\w/.-]*[\w/])", (ROOT / name).read_text())
     assert len(named) > 3
     assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_the_pictures_of_the_architecture_are_not_stale() -> None:
+    document = architecture_pictures.DOCUMENT.read_text()
+    assert architecture_pictures.with_pictures(document) == document, "run python -m tests.architecture_pictures"
 
 
 def test_every_link_of_a_document_leads_to_a_file_and_a_heading() -> None:
