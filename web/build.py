@@ -64,9 +64,9 @@ SOURCES = (
     "src",
     "tsconfig.json",
     "vite.config.ts",
-    "vite.evidence.config.ts",
 )
-CONFIGS = ("vite.config.ts", "vite.evidence.config.ts")  # the page; then the viewer of evidence files, into its folder
+CONFIG = "vite.config.ts"
+BUNDLES = "src/extensions/*/bundle.config.ts"  # what extensions have besides their part of the page
 
 # Run by Node, whose zlib has brotli: files that do not shrink, or are too small to matter, are left alone.
 COMPRESS = """
@@ -155,7 +155,7 @@ def build(*, force: bool = False) -> bool:
     install(engine)
     STAMP.unlink(missing_ok=True)
     print("imuscope: vite build", file=sys.stderr, flush=True)
-    for config in CONFIGS:
+    for config in (CONFIG, *sorted(str(path.relative_to(WEB)) for path in WEB.glob(BUNDLES))):
         how = ["build", "--config", config, "--logLevel", "warn"]
         vite = _run([engine, MODULES / "vite" / "bin" / "vite.js", *how])
         if vite.returncode:

@@ -21,12 +21,16 @@ export interface DeviceActionProps {
 
 /** Places for views of extensions, with the properties that a view gets there. */
 export interface Slots {
+  /** Buttons of the top bar over the plots of Live, before "Share". */
+  readonly barShare: { readonly app: App };
   /** Actions of the selected device in the list of devices. */
   readonly deviceActions: DeviceActionProps;
   /** Actions of an open recording, beside its name. */
   readonly recordingActions: { readonly recording: OpenRecording };
   /** On a phone, the line over an open recording that opens other views of it. */
   readonly recordingViews: { readonly recording: OpenRecording };
+  /** What can be made of the bytes in memory besides a recording. */
+  readonly memoryActions: { readonly app: App; readonly disabled: boolean };
   /** Over everything else of an open recording. */
   readonly recordingOverlays: { readonly recording: OpenRecording };
 }
@@ -39,10 +43,32 @@ type SlotView = {
   };
 }[keyof Slots];
 
-/** A dialog over Live, opened by `app.overlay.value = "NAME/…"`. */
+export interface LiveDialogProps extends DeviceActionProps {
+  readonly onClose: () => void;
+}
+
+export interface RecordingDialogProps {
+  readonly recording: OpenRecording;
+  readonly onClose: () => void;
+}
+
+/** A dialog over Live, over a recording or both, opened by `app.overlay.value = "NAME/…"`. */
 export interface ExtensionDialog {
   readonly overlay: ExtensionOverlay;
-  readonly View: FunctionComponent<DeviceActionProps & { readonly onClose: () => void }>;
+  readonly Live?: FunctionComponent<LiveDialogProps>;
+  readonly Recording?: FunctionComponent<RecordingDialogProps>;
+}
+
+/** A key of Live and of open recordings. */
+export interface ExtensionKey {
+  /** A letter, in lower case. */
+  readonly key: string;
+  /** Its line in the list of keys: under this title, before the line of a key or at the end. */
+  readonly group: string;
+  readonly before?: string;
+  readonly what: string;
+  /** @param at `recording` is the one it was pressed over; undefined on Live */
+  readonly press: (at: { readonly app: App; readonly recording?: OpenRecording }) => void;
 }
 
 /** Name of a dialog: that of its extension comes first. */
@@ -54,6 +80,7 @@ export interface Extension {
   readonly panels?: readonly PanelDefinition[];
   readonly views?: readonly SlotView[];
   readonly dialogs?: readonly ExtensionDialog[];
+  readonly keys?: readonly ExtensionKey[];
   /** Viewers that show devices or recordings in a frame. */
   readonly viewers?: readonly Viewer[];
 }
@@ -75,7 +102,7 @@ export function registerExtension(extension: Extension): void {
 }
 
 /** What all extensions bring of one kind. */
-export function fromExtensions<Kind extends "dialogs" | "viewers" | "views">(
+export function fromExtensions<Kind extends "dialogs" | "keys" | "viewers" | "views">(
   kind: Kind,
 ): readonly NonNullable<Extension[Kind]>[number][] {
   return [...extensions.values()].flatMap((extension) => [...(extension[kind] ?? [])]);

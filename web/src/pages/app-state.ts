@@ -26,7 +26,6 @@ export type Overlay =
   | "analysis"
   | "calibration"
   | "memory"
-  | "evidence"
   | "alarm"
   | "packet"
   | ExtensionOverlay

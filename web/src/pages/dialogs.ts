@@ -6,8 +6,6 @@ export const AlarmDialog = late(async () => (await import("./alarm-dialog")).Ala
 export const AnalysisDialog = late(async () => (await import("../analysis/dialog")).AnalysisDialog);
 export const CalibrationDialog = late(async () => (await import("../calibration/dialog")).CalibrationDialog);
 export const Describe = late(async () => (await import("./payload-dialog")).Describe);
-export const LiveEvidence = late(async () => (await import("./live-evidence")).LiveEvidence);
-export const RecordingEvidence = late(async () => (await import("./recordings/recording-evidence")).RecordingEvidence);
 export const ExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
 export const MemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
 export const Packet = late(async () => (await import("./packet-dialog")).Packet);

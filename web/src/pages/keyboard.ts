@@ -71,9 +71,8 @@ function act(action: KeyAction, app: App): void {
     case "analysis":
       app.overlay.value = "analysis";
       return;
-    case "evidence":
-      app.overlay.value = "evidence";
-      return;
+    case "extension":
+      return action.press({ app });
     case "compare":
       if (view.peek().device !== undefined) compareView(app.viewState, view.peek().device ?? "");
       return;

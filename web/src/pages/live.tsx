@@ -22,7 +22,6 @@ import {
   CalibrationDialog,
   Describe,
   ExportDialog,
-  LiveEvidence,
   MemoryDialog,
   Packet,
   SharePort,
@@ -184,13 +183,12 @@ function Overlays({ app }: { readonly app: App }) {
   }
   if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
-  if (overlay.value === "evidence") return <LiveEvidence app={app} onClose={close} />;
   if (overlay.value === "alarm") return <AlarmDialog app={app} onClose={close} />;
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;
   const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);
-  if (dialog && app.device.value)
-    return <dialog.View key={app.device.value.id} app={app} device={app.device.value} onClose={close} />;
+  if (dialog?.Live && app.device.value)
+    return <dialog.Live key={app.device.value.id} app={app} device={app.device.value} onClose={close} />;
   const exporting = exportingOf(app).value;
   return exporting ? <ExportDialog app={app} of={exporting} /> : null;
 }

@@ -1,6 +1,7 @@
 /** Saves or exports what has just happened: the bytes of live devices that the server has in memory. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Slot } from "../extension";
 import { server } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
 import type { HeldBytes, SavedMemory } from "../recordings/types";
@@ -12,7 +13,6 @@ import { ProblemNote } from "../ui/problem-note";
 import type { App } from "./app-state";
 import { showSaved } from "./record-button";
 import { exportingOf } from "./recordings/exporting";
-import { TEXT as EVIDENCE } from "../texts/evidence-dialog";
 import { TEXT } from "../texts/live";
 
 /** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
@@ -107,15 +107,7 @@ export function MemoryDialog({ app, onClose }: Props) {
         <p class="dim">{TEXT.memoryHint}</p>
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="ends">
-          <button
-            type="button"
-            class="btn edge"
-            disabled={busy.value || links.length === 0}
-            onClick={() => (app.overlay.value = "evidence")}
-          >
-            <Icon name="paper" />
-            {EVIDENCE.evidence}
-          </button>
+          <Slot name="memoryActions" with={{ app, disabled: busy.value || links.length === 0 }} />
           <button
             type="button"
             class="btn edge"

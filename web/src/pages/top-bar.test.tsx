@@ -4,7 +4,7 @@ import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { type Opened, openPage } from "../testing/live-page";
 import { recorded } from "../testing/recorded";
-import { KEY_GROUPS } from "../ui/keys";
+import { keyGroups } from "../ui/keys";
 
 const eventually = (check: () => void): Promise<void> => waitFor(check);
 
@@ -116,7 +116,7 @@ test.each(["the key", "the button"])("%s opens every key there is, and they rest
   const shown = [...help.querySelectorAll("dt")].map((one) =>
     [...one.querySelectorAll("kbd")].map(({ textContent }) => textContent),
   );
-  expect(shown).toEqual(KEY_GROUPS.flatMap(({ lines }) => lines.map(({ keys }) => keys)));
+  expect(shown).toEqual(keyGroups().flatMap(({ lines }) => lines.map(({ keys }) => keys)));
   expect(within(help).getAllByRole("link").length).toBe(2);
   press(" ", { code: "Space" });
   expect(app.viewState.isLive.value).toBe(true);

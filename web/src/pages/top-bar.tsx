@@ -1,6 +1,7 @@
 /** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
 import { useRef } from "preact/hooks";
 import { compareView } from "../compare/sides";
+import { Slot } from "../extension";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
 import { age, number, rate, span } from "../ui/format";
@@ -19,7 +20,6 @@ import { Share } from "./share";
 import { distinctName } from "../wire/device-name";
 import { COMMON } from "../texts/common";
 import { TEXT as ANALYSIS } from "../texts/analysis";
-import { TEXT as EVIDENCE } from "../texts/evidence-dialog";
 import { TEXT as COMPARE } from "../texts/compare";
 import { TEXT } from "../texts/live";
 
@@ -89,15 +89,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
         deps && <ArrangeButton app={app} deps={deps} />
       )}
       {page !== "fleet" && <Record app={app} />}
-      {isLive && showsPlots(app.state.value) && (
-        <IconButton
-          icon="paper"
-          label={EVIDENCE.evidence}
-          class="desk evidence-button"
-          title={EVIDENCE.hintOfButton}
-          onClick={() => (app.overlay.value = "evidence")}
-        />
-      )}
+      {isLive && showsPlots(app.state.value) && <Slot name="barShare" with={{ app }} />}
       {isLive && showsPlots(app.state.value) && <Share app={app} />}
       <IconButton
         icon="help"

@@ -11,13 +11,13 @@ const SOURCES = import.meta.glob<string>(
     "!../**/*.d.ts",
     "!../testing/**",
     "!./*",
-    "!../extensions/*/texts.ts",
+    "!../extensions/**/texts.ts",
     "!../wire/{types,routes}.ts",
   ],
   { query: "?raw", import: "default", eager: true },
 );
 const CATALOG = import.meta.glob<Record<string, unknown>>(
-  ["./*.ts", "../extensions/*/texts.ts", "!./plural.ts", "!./*.test.ts"],
+  ["./*.ts", "../extensions/**/texts.ts", "!./plural.ts", "!./*.test.ts"],
   { eager: true },
 );
 
@@ -103,8 +103,8 @@ const ALL = Object.entries(CATALOG).flatMap(([file, module]) => texts(module, fi
 
 /** Sources that import a file of the catalogue: for an extension, those of its folder. */
 function sourcesOf(file: string): readonly string[] {
-  const folder = /^\.\.\/extensions\/\w+\//.exec(file)?.[0];
-  if (folder === undefined)
+  const folder = file.slice(0, file.lastIndexOf("/") + 1);
+  if (!folder.includes("/extensions/"))
     return Object.values(SOURCES).filter((source) => source.includes(`/texts/${file.replace(/^.*\/|\.ts$/g, "")}"`));
   return Object.entries(SOURCES).flatMap(([path, source]) =>
     path.startsWith(folder) && /"(\.|\.\.)\/texts"/.test(source) ? [source] : [],

@@ -91,7 +91,6 @@ export const COMMON = {
   keyLoop: "Loop the visible range (recordings)",
   keySignals: "All signals: search, and put any of them on a plot",
   keyAnalysis: "Analysis: spectrum, Allan deviation, statistics",
-  keyEvidence: "Evidence: plots, cursors, figures and notes as one file",
   keyCompare: "Compare with another recording, device or range",
   keyArrange: "Workspace: arrange panels, open and save layouts",
   keyMaximise: "Maximize the panel with the focus or under the pointer",

@@ -1,7 +1,7 @@
 /** The `?` overlay: every key, printed from the table that handles them. */
 import { Fragment } from "preact";
 import { Dialog } from "./dialog";
-import { KEY_GROUPS, type KeyGroup } from "./keys";
+import { keyGroups, type KeyGroup } from "./keys";
 import { COMMON } from "../texts/common";
 
 interface Props {
@@ -14,7 +14,7 @@ export function Help({ onClose, groups }: Props) {
   return (
     <Dialog title={COMMON.keyboard} onClose={onClose}>
       <div class="key-groups">
-        {(groups ?? KEY_GROUPS).map(({ title, lines }) => (
+        {(groups ?? keyGroups()).map(({ title, lines }) => (
           <section key={title}>
             <h3>{title}</h3>
             <dl class="keys">

@@ -5,6 +5,7 @@
  * place (`event.code`), because with Shift they type something else on every layout. A key with Ctrl, Alt or Meta belongs to
  * the browser and is left alone.
  */
+import { type ExtensionKey, fromExtensions } from "../extension";
 import { COMMON } from "../texts/common";
 
 export type KeyAction =
@@ -22,7 +23,6 @@ export type KeyAction =
         | "timeBase"
         | "help"
         | "analysis"
-        | "evidence"
         | "compare"
         | "packet"
         | "signals"
@@ -30,6 +30,7 @@ export type KeyAction =
         | "goTo"
         | "close";
     }
+  | { readonly do: "extension"; readonly press: ExtensionKey["press"] }
   | { readonly do: "pan"; readonly windows: number }
   | { readonly do: "step"; readonly samples: number }
   | { readonly do: "stepMeasure"; readonly samples: number }
@@ -63,7 +64,7 @@ export interface KeyGroup {
   readonly lines: readonly KeyLine[];
 }
 
-export const KEY_GROUPS: readonly KeyGroup[] = [
+const GROUPS: readonly KeyGroup[] = [
   {
     title: COMMON.keysOfTime,
     lines: [
@@ -107,7 +108,6 @@ export const KEY_GROUPS: readonly KeyGroup[] = [
     lines: [
       { keys: ["Shift R"], what: COMMON.keyRecord },
       { keys: ["M", "Shift M"], what: COMMON.keyMarker },
-      { keys: ["E"], what: COMMON.keyEvidence },
       { keys: ["C"], what: COMMON.keyLink },
     ],
   },
@@ -121,6 +121,17 @@ export const KEY_GROUPS: readonly KeyGroup[] = [
     ],
   },
 ];
+
+/** What the list of keys prints: the keys of the page, and those of its extensions among them. */
+export function keyGroups(): readonly KeyGroup[] {
+  const groups = GROUPS.map(({ title, lines }) => ({ title, lines: [...lines] }));
+  for (const { key, group, before, what } of fromExtensions("keys")) {
+    const lines = groups.find(({ title }) => title === group)?.lines ?? [];
+    const place = lines.findIndex(({ keys }) => before !== undefined && keys.includes(before));
+    lines.splice(place < 0 ? lines.length : place, 0, { keys: [key.toUpperCase()], what });
+  }
+  return groups;
+}
 
 const SIMPLE: Readonly<Record<string, KeyAction>> = {
   " ": { do: "playPause" },
@@ -138,7 +149,6 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   t: { do: "timeBase" },
   c: { do: "link" },
   a: { do: "analysis" },
-  e: { do: "evidence" },
   d: { do: "compare" },
   s: { do: "signals" },
   b: { do: "measure" },
@@ -163,7 +173,8 @@ export function actionFor(press: KeyPress): KeyAction | undefined {
   if (press.shiftKey && side !== 0) return { do: "stepMeasure", samples: side };
   const digit = /^(?:Digit|Numpad)([1-9])$/.exec(press.code);
   if (digit) return { do: "series", index: Number(digit[1]) - 1, alone: press.shiftKey };
-  return SIMPLE[key];
+  const added = fromExtensions("keys").find((one) => one.key === key);
+  return SIMPLE[key] ?? (added && { do: "extension", press: added.press });
 }
 
 /** The window lengths of the menu, in seconds; `[` and `]` step through them. */

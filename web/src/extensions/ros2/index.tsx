@@ -15,5 +15,5 @@ function TopicsButton({ app, device }: DeviceActionProps) {
 registerExtension({
   name: "ros2",
   views: [{ slot: "deviceActions", order: 20, View: TopicsButton }],
-  dialogs: [{ overlay: "ros2/topics", View: late(async () => (await import("./topics")).RosTopics) }],
+  dialogs: [{ overlay: "ros2/topics", Live: late(async () => (await import("./topics")).RosTopics) }],
 });

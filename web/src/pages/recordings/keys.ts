@@ -43,8 +43,8 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
     case "analysis":
       recording.app.overlay.value = "analysis";
       return true;
-    case "evidence":
-      recording.app.overlay.value = "evidence";
+    case "extension":
+      action.press({ app: recording.app, recording });
       return true;
     case "compare":
       compareView(replay.viewState, view.peek().device ?? "", replay.detail.info.id);

@@ -2,7 +2,7 @@
 import { useEffect } from "preact/hooks";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
-import { Slot } from "../../extension";
+import { fromExtensions, Slot } from "../../extension";
 import { GoTo, type GoToDeps } from "../../measure/go-to";
 import { MeasurePanel } from "../../measure/measure-panel";
 import { placesOf } from "../../plots/markers";
@@ -18,7 +18,7 @@ import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { ArrangeTools } from "../../workspace/arrange";
-import { AlarmDialog, AnalysisDialog, RecordingEvidence, SignalsPanel, YAxisDialog } from "../dialogs";
+import { AlarmDialog, AnalysisDialog, SignalsPanel, YAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
@@ -57,6 +57,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
     ];
     return () => stops.forEach((stop) => stop());
   }, []);
+  const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
   return (
     <div
@@ -108,15 +109,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
           }}
         />
       )}
-      {overlay.value === "evidence" && (
-        <RecordingEvidence
-          app={app}
-          info={info}
-          viewState={replay.viewState}
-          source={replay.samples.source}
-          onClose={() => (overlay.value = undefined)}
-        />
-      )}
+      {dialog?.Recording && <dialog.Recording recording={recording} onClose={() => (overlay.value = undefined)} />}
       {app.showsSignals.value && (
         <SignalsPanel
           deps={recording.deps}

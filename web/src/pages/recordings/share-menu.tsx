@@ -10,7 +10,6 @@ import { go } from "../route";
 import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type Range } from "./exporting";
 import { COMMON } from "../../texts/common";
-import { TEXT as EVIDENCE } from "../../texts/evidence-dialog";
 import { TEXT as COMPARE } from "../../texts/compare";
 import { TEXT } from "../../texts/recordings";
 
@@ -75,15 +74,6 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
       >
         <Icon name="upload" />
         {TEXT.export}
-      </button>
-      <button
-        type="button"
-        class="btn edge"
-        title={EVIDENCE.hintOfButton}
-        onClick={() => (app.overlay.value = "evidence")}
-      >
-        <Icon name="paper" />
-        {EVIDENCE.evidence}
       </button>
       <Slot name="recordingActions" with={{ recording }} />
       <button

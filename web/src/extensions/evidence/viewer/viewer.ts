@@ -1,8 +1,8 @@
 /** The viewer in the file: plots with one time axis, two cursors, and what is measured between them. */
-import { duration } from "../plots/axis";
-import { el } from "../ui/dom";
-import { clock, number } from "../ui/format";
-import { TEXT } from "../texts/evidence";
+import { duration } from "../../../plots/axis";
+import { el } from "../../../ui/dom";
+import { clock, number } from "../../../ui/format";
+import { TEXT } from "./texts";
 import type { Content, Plot } from "./content";
 import { draw, type Marks, type Shown } from "./drawing";
 import { listenTo } from "./gestures";

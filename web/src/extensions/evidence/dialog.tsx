@@ -8,11 +8,11 @@ import { Dialog } from "../../ui/dialog";
 import type { Problem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
-import { type App, run } from "../app-state";
-import { evidencePlots } from "./evidence-plots";
-import { Jobs } from "./export-jobs";
-import { TEXT } from "../../texts/evidence-dialog";
-import "./export.css";
+import { type App, run } from "../../pages/app-state";
+import { evidencePlots } from "./plots";
+import { Jobs } from "../../pages/recordings/export-jobs";
+import { TEXT } from "./texts";
+import "../../pages/recordings/export.css";
 
 export type Part = "view" | "cursors" | "whole";
 

@@ -1,5 +1,5 @@
 /** Entry of the viewer in an evidence file: a bundle of its own, put into the file (server/evidence/document.py). */
-import "../ui/tokens.css";
+import "../../../ui/tokens.css";
 import "./evidence.css";
 import { type Content, plotsOf } from "./content";
 import { Viewer } from "./viewer";

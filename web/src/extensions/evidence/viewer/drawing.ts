@@ -1,8 +1,8 @@
 /** Drawing of a plot: grid, losses, curves, notes and cursors. */
-import { tickLabel, timeStep } from "../plots/axis";
-import { isLogarithmic, logTicks } from "../plots/y-axis";
-import { Scale, ticks } from "../plots/scale";
-import { number } from "../ui/format";
+import { tickLabel, timeStep } from "../../../plots/axis";
+import { isLogarithmic, logTicks } from "../../../plots/y-axis";
+import { Scale, ticks } from "../../../plots/scale";
+import { number } from "../../../ui/format";
 import type { Curve, Plot } from "./content";
 import { rowAt } from "./reading";
 

@@ -1,5 +1,5 @@
-/** Texts of the dialog that makes evidence. Those of the file itself are in evidence.ts. */
-import type { Value } from "./plural";
+/** Texts of the dialog that makes evidence. Those of the file itself are in viewer/texts.ts. */
+import type { Value } from "../../texts/plural";
 
 export const TEXT = {
   evidence: "Evidence…",
@@ -18,5 +18,6 @@ export const TEXT = {
     "Without latitude, longitude, altitude, coordinates, GNSS data and reference locations. Numbers near the place are removed from the title, notes and events; names of places are not.",
   without: (count: Value) => `${count} not computed by the server; the file is without.`,
   make: "Make the file",
+  key: "Evidence: plots, cursors, figures and notes as one file",
   making: "Saving from memory…",
 };

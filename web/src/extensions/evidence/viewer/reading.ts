@@ -1,6 +1,6 @@
 /** Values of curves: at a time, and between two. Pure. */
-import { number } from "../ui/format";
-import { TEXT } from "../texts/evidence";
+import { number } from "../../../ui/format";
+import { TEXT } from "./texts";
 import type { Curve } from "./content";
 
 /** First row at or after a time. */

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { ViewState } from "../../data/view-state";
 import type { FigureSource } from "../../measure/server-figures";
 import type { PlotSpec } from "../../plots/plot-selection";
-import { evidencePlots } from "./evidence-plots";
+import { evidencePlots } from "./plots";
 
 const column = (name: string) => ({ name, period: 0, unit: "", label: "", bits: [], choices: {} });
 const info = (id: number, name: string, columns: readonly string[]) =>

@@ -1,5 +1,5 @@
 /** Content of the file: read from its JSON and binary blocks (server/evidence/series.py writes them). */
-import { decimalsOf } from "../ui/format";
+import { decimalsOf } from "../../../ui/format";
 
 interface BlockRef {
   readonly block: number;

@@ -1,17 +1,17 @@
 /** Evidence of Live: what is in memory becomes a recording, of which the file is made. */
 import { useSignal } from "@preact/signals";
-import type { FigureSource } from "../measure/server-figures";
-import { server } from "../recordings/api";
-import type { Problem } from "../ui/http";
-import type { App } from "./app-state";
-import { EvidenceDialog, type Range } from "./recordings/evidence-dialog";
-import { TEXT } from "../texts/evidence-dialog";
-import { TEXT as LIVE } from "../texts/live";
+import type { FigureSource } from "../../measure/server-figures";
+import { server } from "../../recordings/api";
+import type { Problem } from "../../ui/http";
+import type { LiveDialogProps } from "../../extension";
+import { EvidenceDialog, type Range } from "./dialog";
+import { TEXT } from "./texts";
+import { TEXT as LIVE } from "../../texts/live";
 
 /** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
 const MARGIN_S = 1;
 
-export function LiveEvidence({ app, onClose }: { readonly app: App; readonly onClose: () => void }) {
+export function LiveEvidence({ app, onClose }: LiveDialogProps) {
   const problem = useSignal<Problem | undefined>(undefined);
   const source: FigureSource = {
     id: "",

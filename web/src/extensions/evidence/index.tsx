@@ -1,0 +1,57 @@
+/** Evidence: what is on screen as one file that opens without a network. */
+import { registerExtension, type Slots } from "../../extension";
+import type { App } from "../../pages/app-state";
+import { IconButton } from "../../ui/icon-button";
+import { Icon } from "../../ui/icons";
+import { late } from "../../ui/late";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "./texts";
+
+const open = (app: App): void => void (app.overlay.value = "evidence/dialog");
+
+function BarButton({ app }: Slots["barShare"]) {
+  return (
+    <IconButton
+      icon="paper"
+      label={TEXT.evidence}
+      class="desk spare"
+      title={TEXT.hintOfButton}
+      onClick={() => open(app)}
+    />
+  );
+}
+
+function RecordingButton({ recording }: Slots["recordingActions"]) {
+  return (
+    <button type="button" class="btn edge" title={TEXT.hintOfButton} onClick={() => open(recording.app)}>
+      <Icon name="paper" />
+      {TEXT.evidence}
+    </button>
+  );
+}
+
+function MemoryButton({ app, disabled }: Slots["memoryActions"]) {
+  return (
+    <button type="button" class="btn edge" disabled={disabled} onClick={() => open(app)}>
+      <Icon name="paper" />
+      {TEXT.evidence}
+    </button>
+  );
+}
+
+registerExtension({
+  name: "evidence",
+  views: [
+    { slot: "barShare", order: 10, View: BarButton },
+    { slot: "recordingActions", order: 10, View: RecordingButton },
+    { slot: "memoryActions", order: 10, View: MemoryButton },
+  ],
+  dialogs: [
+    {
+      overlay: "evidence/dialog",
+      Live: late(async () => (await import("./live")).LiveEvidence),
+      Recording: late(async () => (await import("./recording")).RecordingEvidence),
+    },
+  ],
+  keys: [{ key: "e", group: COMMON.keysOfRecording, before: "C", what: TEXT.key, press: ({ app }) => open(app) }],
+});
