@@ -1,6 +1,6 @@
 """The page of questions in a real browser: an answer of a store as table, file and picture, its recording, and a phone.
 
-Completion, mistakes and cancelling are tested without a browser, in web/src/questions/page.test.tsx.
+Completion, mistakes and cancelling are tested without a browser, in web/src/extensions/fleet/questions/page.test.tsx.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@
  */
 import type { FunctionComponent } from "preact";
 import type { App } from "./pages/app-state";
+import type { PageEntry } from "./pages/route";
 import type { OpenRecording } from "./pages/recordings/open-recording";
 import { type PanelDefinition, registerPanel } from "./panels/registry";
 import type { Viewer } from "./views/viewer";
@@ -21,6 +22,8 @@ export interface DeviceActionProps {
 
 /** Places for views of extensions, with the properties that a view gets there. */
 export interface Slots {
+  /** Bands over every page. */
+  readonly bands: { readonly app: App };
   /** Buttons of the top bar over the plots of Live, before "Share". */
   readonly barShare: { readonly app: App };
   /** Actions of the selected device in the list of devices. */
@@ -59,6 +62,18 @@ export interface ExtensionDialog {
   readonly Recording?: FunctionComponent<RecordingDialogProps>;
 }
 
+/** A page, "#/NAME?…" in the address. */
+export interface ExtensionPage extends PageEntry {
+  /**
+   * It shows other hosts, and a server that offers it has no device of its own: it then takes the place of Live and Configure. Nothing is
+   * recorded from it.
+   */
+  readonly isRemote?: boolean;
+  /** Whether the navigation leads to it. Reads signals. */
+  readonly isOffered: (app: App) => boolean;
+  readonly View: FunctionComponent<{ readonly app: App }>;
+}
+
 /** A key of Live and of open recordings. */
 export interface ExtensionKey {
   /** A letter, in lower case. */
@@ -77,6 +92,9 @@ export type ExtensionOverlay = `${string}/${string}`;
 export interface Extension {
   /** Unique: the name of its folder. */
   readonly name: string;
+  /** Called once for each page of a document. */
+  readonly start?: (app: App) => void;
+  readonly pages?: readonly ExtensionPage[];
   readonly panels?: readonly PanelDefinition[];
   readonly views?: readonly SlotView[];
   readonly dialogs?: readonly ExtensionDialog[];
@@ -102,10 +120,14 @@ export function registerExtension(extension: Extension): void {
 }
 
 /** What all extensions bring of one kind. */
-export function fromExtensions<Kind extends "dialogs" | "keys" | "viewers" | "views">(
+export function fromExtensions<Kind extends "dialogs" | "keys" | "pages" | "viewers" | "views">(
   kind: Kind,
 ): readonly NonNullable<Extension[Kind]>[number][] {
   return [...extensions.values()].flatMap((extension) => [...(extension[kind] ?? [])]);
+}
+
+export function startExtensions(app: App): void {
+  for (const { start } of extensions.values()) start?.(app);
 }
 
 interface SlotProps<Name extends keyof Slots> {

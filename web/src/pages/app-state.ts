@@ -8,7 +8,7 @@ import type { Begin } from "../forms/add-device";
 import type { Deps, PacketAt } from "../panels/panel-context";
 import type { AlarmDraft } from "../panels/alarm-states";
 import type { Sort } from "../panels/event-groups";
-import { api, type Outcome, type Port, type Problem, request } from "../ui/http";
+import { api, type Outcome, type Port, type Problem } from "../ui/http";
 import { isHeld, type PageState, pageState } from "../ui/page-state";
 import { deviceInLink, shortName } from "../wire/device-name";
 import type { AlarmInfo } from "../wire/routes";
@@ -61,10 +61,6 @@ export interface App extends Deps {
   readonly refusal: Signal<Problem | undefined>;
   readonly ports: Signal<readonly Port[]>;
   readonly scanning: Signal<boolean>;
-  /** Whether this is the server of a fleet. */
-  readonly isFleet: Signal<boolean>;
-  /** Whether the server answers questions about a store of recordings. */
-  readonly hasStore: Signal<boolean>;
   /** Counts half seconds, for components that show an age or a countdown. */
   readonly tick: Signal<number>;
   /** The device that a link named: its key or its id. */
@@ -192,8 +188,6 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     refusal: signal(undefined),
     ports: signal([]),
     scanning: signal(false),
-    isFleet: signal(false),
-    hasStore: signal(false),
   };
 }
 
@@ -213,11 +207,6 @@ export async function run<T>(app: App, request: Promise<Outcome<T>>): Promise<T 
 export async function loadPorts(app: App): Promise<void> {
   const outcome = await api.ports();
   if (outcome.ok) app.ports.value = outcome.value;
-}
-
-export async function loadStore(app: App): Promise<void> {
-  const outcome = await request("GET /api/query");
-  if (outcome.ok) app.hasStore.value = outcome.value.store !== "";
 }
 
 /** Listens on every free port; takes some seconds. */

@@ -1,5 +1,6 @@
 /** Placeholder for the plots while there is nothing to plot: the cause, the facts, and one main action. */
 import type { ComponentChildren } from "preact";
+import { Slot } from "../extension";
 import { api } from "../ui/http";
 import { age } from "../ui/format";
 import { Message } from "../ui/message";
@@ -10,7 +11,6 @@ import type { DeviceInfo, Attempt } from "../wire/types";
 import { type App, connect, linkOf, run, scanPorts } from "./app-state";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
-import { ThroughFleetBand } from "./through-fleet";
 import { serverRoot } from "../ui/server-place";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
@@ -310,11 +310,11 @@ export function socketUrl(): string {
   return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${serverRoot()}/ws`;
 }
 
-/** Bands of every page: the robot at its fleet server, a failed request, until it is read, and a recording that has ended. */
+/** Bands of every page: those of extensions, a failed request, until it is read, and a recording that has ended. */
 export function ProblemBand({ app }: Props) {
   return (
     <>
-      <ThroughFleetBand app={app} />
+      <Slot name="bands" with={{ app }} />
       <FailedBand app={app} />
       <SavedBand app={app} />
     </>

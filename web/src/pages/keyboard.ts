@@ -5,7 +5,7 @@ import { showsPlots } from "../ui/page-state";
 import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
 import { compareView } from "../compare/sides";
-import { go, type PageName, pagesOf, route } from "./route";
+import { go, isRemote, type PageName, pagesOf, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
   const pageAfter = chords(app);
@@ -25,8 +25,8 @@ export function startKeyboard(app: App): () => void {
     const action = actionFor(event);
     if (!action) return;
     if (action.do === "help") app.overlay.value = "help";
-    else if (route.value.page === "fleet")
-      return; // robots are not recorded from here
+    else if (isRemote(route.value.page))
+      return; // other hosts are not recorded from here
     else if (action.do === "record") void toggleRecord(app);
     else if (action.do === "askRecord") askForRecord(app);
     else if (route.value.recording !== undefined)

@@ -3,20 +3,21 @@
  *
  *     #/?device=…&span=…                    Live (pages/live-address.ts)
  *     #/configure/<device>/<place>/<more>   Configure; the place is a group, a setting, a command, or "compare", "corrections" …
- *     #/fleet?sort=…&show=…                 the robots of a fleet server (fleet/address.ts)
  *     #/recordings                          the library
  *     #/recordings/<id>?t0=…&cursor=…       a recording at the place of the link (recordings/permalink.ts)
- *     #/questions?sql=…                     questions about the store of the server, if it has one
+ *     #/<name>?…                            a page of an extension, which reads the query itself (extension.tsx)
  */
-import { type Signal, signal } from "@preact/signals";
+import { signal } from "@preact/signals";
+import { fromExtensions } from "../extension";
 import type { IconName } from "../ui/icons";
+import type { App } from "./app-state";
 import { COMMON } from "../texts/common";
-import { TEXT as FLEET_TEXT } from "../texts/fleet-tab";
 import { TEXT } from "../texts/live";
 
-export type PageName = "fleet" | "live" | "configure" | "recordings" | "questions";
+/** "live", "configure", "recordings", or the name of an extension's page. */
+export type PageName = string;
 
-interface PageEntry {
+export interface PageEntry {
   readonly name: PageName;
   readonly title: string;
   readonly icon: IconName;
@@ -28,24 +29,18 @@ const PAGES: readonly PageEntry[] = [
   { name: "configure", title: TEXT.configure, icon: "sliders" },
   { name: "recordings", title: COMMON.recordings, icon: "library" },
 ];
-/** A fleet server has no device of its own. */
-const FLEET: readonly PageEntry[] = [
-  { name: "fleet", title: FLEET_TEXT.fleet, icon: "grid" },
-  ...PAGES.filter(({ name }) => name === "recordings"),
-];
 
-const QUESTIONS: PageEntry = { name: "questions", title: COMMON.questions, icon: "search" };
-
-interface ServerKind {
-  readonly isFleet: Signal<boolean>;
-  readonly hasStore: Signal<boolean>;
+/** The pages that the navigation leads to. Reads signals. */
+export function pagesOf(app: App): readonly PageEntry[] {
+  const offered = fromExtensions("pages").filter(({ isOffered }) => isOffered(app));
+  const remote = offered.filter(({ isRemote }) => isRemote === true);
+  const local = offered.filter(({ isRemote }) => isRemote !== true);
+  return [...remote, ...PAGES.filter(({ name }) => remote.length === 0 || name === "recordings"), ...local];
 }
 
-/** The pages of this server; one with a store of recordings answers questions about it. */
-export const pagesOf = ({ isFleet, hasStore }: ServerKind): readonly PageEntry[] => [
-  ...(isFleet.value ? FLEET : PAGES),
-  ...(hasStore.value ? [QUESTIONS] : []),
-];
+/** Whether a page shows other hosts than this server's. */
+export const isRemote = (page: PageName): boolean =>
+  fromExtensions("pages").some((one) => one.name === page && one.isRemote === true);
 
 export interface Route {
   readonly page: PageName;
@@ -67,10 +62,10 @@ export function parse(hash: string): Route | undefined {
   const cut = hash.indexOf("?");
   const path = cut < 0 ? hash : hash.slice(0, cut);
   const [page, device, place, more] = path.slice(2).split("/").map(decoded);
-  if (page === "fleet") return { ...LIVE, page, query: cut < 0 ? "" : hash.slice(cut + 1) };
   if (page === "recordings")
     return { ...LIVE, page, recording: device || undefined, query: cut < 0 ? "" : hash.slice(cut + 1) };
-  if (page === "questions") return { ...LIVE, page, query: cut < 0 ? "" : hash.slice(cut + 1) };
+  if (page !== undefined && fromExtensions("pages").some(({ name }) => name === page))
+    return { ...LIVE, page, query: cut < 0 ? "" : hash.slice(cut + 1) };
   if (page !== "configure") return cut < 0 ? LIVE : { ...LIVE, query: hash.slice(cut + 1) };
   return { page, device: device || undefined, place: place || undefined, more: more || undefined };
 }
@@ -94,6 +89,7 @@ export const route = signal<Route>(parse(typeof location === "undefined" ? "" : 
 
 /** Starts following the address. */
 export function startRoute(): void {
+  route.value = parse(location.hash) ?? LIVE; // pages of extensions are known by now
   addEventListener("hashchange", () => {
     const next = parse(location.hash);
     if (next) route.value = next;

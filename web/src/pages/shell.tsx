@@ -1,36 +1,26 @@
 /** The frame of all pages: the current page, the tabs of a phone, and notices shown on every page. */
 import "../extensions/all";
+import type { FunctionComponent } from "preact";
 import { isComparison } from "../compare/sides";
+import { fromExtensions } from "../extension";
 import { Icon } from "../ui/icons";
 import { late } from "../ui/late";
 import type { App } from "./app-state";
 import { DropVeil } from "./drop";
 import { LivePage } from "./live";
-import { href, pagesOf, route } from "./route";
+import { href, type PageName, pagesOf, route } from "./route";
 import { TEXT } from "../texts/live";
 
 const loading = <div class="app" aria-busy="true" />;
 const ConfigurePage = late(async () => (await import("./configure/page")).ConfigurePage, loading);
 const RecordingsPage = late(async () => (await import("./recordings/page")).RecordingsPage, loading);
 const ComparePage = late(async () => (await import("../compare/page")).ComparePage, loading);
-const FleetPage = late(async () => (await import("../fleet/page")).FleetPage, loading);
-const QuestionsPage = late(async () => (await import("../questions/page")).QuestionsPage, loading);
 const Decks = late(async () => (await import("./configure/rollback-banner")).Decks);
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;
   const temporary = [...app.store.jobs.value.values()].some((jobs) => jobs.pending_rollback !== null);
-  const Library = isComparison(route.value) ? ComparePage : RecordingsPage;
-  const isFleet = page === "fleet" && app.isFleet.value;
-  const Fleet = isFleet ? FleetPage : LivePage;
-  const pages = {
-    fleet: Fleet,
-    live: LivePage,
-    configure: ConfigurePage,
-    recordings: Library,
-    questions: QuestionsPage,
-  };
-  const Page = pages[page];
+  const Page = fromExtensions("pages").find(({ name }) => name === page)?.View ?? viewOf(page);
   return (
     <>
       <Page app={app} />
@@ -39,6 +29,12 @@ export function Shell({ app }: { readonly app: App }) {
       <DropVeil app={app} />
     </>
   );
+}
+
+function viewOf(page: PageName): FunctionComponent<{ readonly app: App }> {
+  if (page === "configure") return ConfigurePage;
+  if (page !== "recordings") return LivePage;
+  return isComparison(route.value) ? ComparePage : RecordingsPage;
 }
 
 /** Navigation; the device stays the same. */

@@ -15,7 +15,7 @@ import { ViewerButton } from "../views/viewers";
 import { ArrangeButton } from "../workspace/arrange";
 import type { App } from "./app-state";
 import { Record } from "./record-button";
-import { href, pagesOf, route } from "./route";
+import { href, isRemote, type PageName, pagesOf, route } from "./route";
 import { Share } from "./share";
 import { distinctName } from "../wire/device-name";
 import { COMMON } from "../texts/common";
@@ -24,11 +24,11 @@ import { TEXT as COMPARE } from "../texts/compare";
 import { TEXT } from "../texts/live";
 
 /** Names of each page's folded panels. */
-const PANELS = {
+const PANELS: Readonly<Record<PageName, { readonly rail: string; readonly side: string }>> = {
   live: { rail: COMMON.devices, side: TEXT.valuesAndHealth },
   configure: { rail: COMMON.settings, side: COMMON.trafficLog },
   recordings: { rail: TEXT.filtersAndMarkers, side: TEXT.details },
-} as const;
+};
 
 interface Props {
   readonly app: App;
@@ -40,7 +40,7 @@ const STEPS_OF_FULL_BAR = 10; // ui/layout.css
 export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
   const { page } = route.value;
   const isLive = page === "live";
-  const panels = page === "fleet" || page === "questions" ? undefined : PANELS[page];
+  const panels = PANELS[page];
   const bar = useRef<HTMLElement>(null);
   useFit(bar, STEPS_OF_FULL_BAR);
   return (
@@ -88,7 +88,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
       ) : (
         deps && <ArrangeButton app={app} deps={deps} />
       )}
-      {page !== "fleet" && <Record app={app} />}
+      {!isRemote(page) && <Record app={app} />}
       {isLive && showsPlots(app.state.value) && <Slot name="barShare" with={{ app }} />}
       {isLive && showsPlots(app.state.value) && <Share app={app} />}
       <IconButton
@@ -108,7 +108,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
           onClick={() => (app.folded.value = false)}
         />
       )}
-      {page !== "recordings" && page !== "fleet" && page !== "questions" && <DeviceName app={app} />}
+      {(isLive || page === "configure") && <DeviceName app={app} />}
     </header>
   );
 }

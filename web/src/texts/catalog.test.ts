@@ -11,19 +11,19 @@ const SOURCES = import.meta.glob<string>(
     "!../**/*.d.ts",
     "!../testing/**",
     "!./*",
-    "!../extensions/**/texts.ts",
+    "!../extensions/**/{texts,*-texts}.ts",
     "!../wire/{types,routes}.ts",
   ],
   { query: "?raw", import: "default", eager: true },
 );
 const CATALOG = import.meta.glob<Record<string, unknown>>(
-  ["./*.ts", "../extensions/**/texts.ts", "!./plural.ts", "!./*.test.ts"],
+  ["./*.ts", "../extensions/**/{texts,*-texts}.ts", "!./plural.ts", "!./*.test.ts"],
   { eager: true },
 );
 
 /** Files with literals that resemble texts: benchmark, drawings, names used by devices and search. */
 const EXEMPT =
-  /plots\/(bench|synthetic)\.ts|ui\/(icons|labels)\.tsx?|forms\/(search|fixtures)\.ts|panels\/value-groups\.ts/;
+  /plots\/(bench|synthetic)\.ts|ui\/(icons|labels)\.tsx?|forms\/search\.ts|fixtures\.ts|panels\/value-groups\.ts/;
 /** Units and names that are the same in every language. */
 const UNIT =
   /^[\s·().,:%/×▲●○△+−\d-]*(Hz|Bd|B|B\/s|s|ms|S\/N|0x|dB-Hz|σ|imuscope|CSV|Parquet|MCAP|RRD|MTB|RAW)?[\s·().,:%/×-]*$/;
@@ -101,13 +101,14 @@ const AVOIDED =
   /\b(anew|aside|beside each other|by itself|heard|hears|kept|likewise|meanwhile|nobody|somebody|thereby|told|tells|wherever|whoever|what (came|is read|was)|(is|has) none|any more|try number)\b/i;
 const ALL = Object.entries(CATALOG).flatMap(([file, module]) => texts(module, file));
 
-/** Sources that import a file of the catalogue: for an extension, those of its folder. */
+/** Sources that import a file of the catalogue. */
 function sourcesOf(file: string): readonly string[] {
-  const folder = file.slice(0, file.lastIndexOf("/") + 1);
-  if (!folder.includes("/extensions/"))
-    return Object.values(SOURCES).filter((source) => source.includes(`/texts/${file.replace(/^.*\/|\.ts$/g, "")}"`));
+  const place = (name: string, from: string): string => new URL(name, new URL(from, "file:///src/texts/")).pathname;
+  const wanted = place(file, "").replace(/\.ts$/, "");
   return Object.entries(SOURCES).flatMap(([path, source]) =>
-    path.startsWith(folder) && /"(\.|\.\.)\/texts"/.test(source) ? [source] : [],
+    [...source.matchAll(/from\s"(\.[^"]*texts[^"]*)"/g)].some(([, name = ""]) => place(name, path) === wanted)
+      ? [source]
+      : [],
   );
 }
 

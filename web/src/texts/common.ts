@@ -35,7 +35,6 @@ export const COMMON = {
   open: "Open",
   rejects: "Rejects",
   markers: "Markers",
-  questions: "Questions",
   recordings: "Recordings",
   loss: "Loss",
   copied: "Copied",

@@ -11,7 +11,7 @@ const bare = (file: string): string =>
     .trim();
 
 const ORDER = "./layers.css";
-const FILES = Object.keys(import.meta.glob("../**/*.css")).filter((file) => file !== ORDER);
+const FILES = Object.keys(import.meta.glob("../**/*.css")).filter((file) => !file.endsWith("/layers.css"));
 const declared = bare(ORDER).slice("@layer ".length, -1).split(/,\s*/);
 
 /** Name of the extension that a file belongs to. */
@@ -49,6 +49,15 @@ describe("layers of style", () => {
     expect(declared).toContain("extensions");
   });
 
+  it("of an extension with several are in the order of its layers.css", () => {
+    for (const name of new Set(FILES.flatMap((file) => extensionOf(file) ?? []))) {
+      const sheets = FILES.filter((file) => extensionOf(file) === name);
+      if (sheets.length === 1) continue;
+      const order = bare(`../extensions/${name}/layers.css`).slice("@layer ".length, -1).split(/,\s*/);
+      expect(sheets.map(layerOf).sort()).toEqual(order.toSorted());
+    }
+  });
+
   it.each(["index.html", "bench.html"])("are known before any style sheet of %s", (page) => {
     const html = read(`../../${page}`);
     const first = html.indexOf('<link rel="stylesheet"');
@@ -63,7 +72,7 @@ describe("layers of style", () => {
 
 describe("classes", () => {
   const code = Object.keys(
-    import.meta.glob(["../**/*.{ts,tsx}", "!../**/*.test.*", "!../texts/*", "!../extensions/**/texts.ts"]),
+    import.meta.glob(["../**/*.{ts,tsx}", "!../**/*.test.*", "!../texts/*", "!../extensions/**/{texts,*-texts}.ts"]),
   );
   const words = new Set(
     code.flatMap((file) => read(file).match(/"[^"\n]*"|`[^`]*`/g) ?? []).flatMap((text) => text.match(/[\w-]+/g) ?? []),

@@ -1,0 +1,73 @@
+/** An answer as a table shows it: order of rows, text of cells, CSV, and the moment that a row speaks of. */
+import type { QueryAnswer } from "../../../wire/routes";
+
+export type Cell = unknown;
+export type Row = readonly Cell[];
+
+export interface Order {
+  readonly column: number;
+  readonly isDescending: boolean;
+}
+
+/** Rows in an order; those without a value are last. */
+export function sorted(rows: readonly Row[], order: Order | undefined): readonly Row[] {
+  if (!order) return rows;
+  const { column, isDescending } = order;
+  const sign = isDescending ? -1 : 1;
+  return [...rows].sort((a, b) => {
+    const [left, right] = [a[column] ?? null, b[column] ?? null];
+    if (left === null || right === null) return Number(left === null) - Number(right === null);
+    if (typeof left === "number" && typeof right === "number") return sign * (left - right);
+    return sign * textOf(left).localeCompare(textOf(right), undefined, { numeric: true });
+  });
+}
+
+/** The full text of a value. */
+export function textOf(value: Cell): string {
+  if (value === null || value === undefined) return "";
+  return typeof value === "object" ? JSON.stringify(value) : String(value);
+}
+
+const DIGITS = 6;
+
+/** A value as a cell shows it. */
+export function shownCell(value: Cell): string {
+  if (typeof value !== "number" || Number.isInteger(value)) return textOf(value).replace("-", "-");
+  return String(Number(value.toPrecision(DIGITS)));
+}
+
+/** Rows as CSV, RFC 4180. */
+export function csvOf({ columns }: Pick<QueryAnswer, "columns">, rows: readonly Row[]): string {
+  const field = (text: string): string => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const lines = [columns.map(({ name }) => name), ...rows.map((row) => row.map(textOf))];
+  return `${lines.map((line) => line.map(field).join(",")).join("\n")}\n`;
+}
+
+/** Names of times by how well they name a moment: a sample before the start of a recording. */
+const MOMENTS = ["time", "hardest_minute", "minute", "began", "ended"];
+
+export interface Opening {
+  readonly recording: string;
+  /** Unix seconds. */
+  readonly at: number | undefined;
+  /** Whether the moment stands for the minute that begins there. */
+  readonly isMinute: boolean;
+}
+
+/** The recording and the moment that a row names. */
+export function openingOf({ columns }: Pick<QueryAnswer, "columns">, row: Row): Opening | undefined {
+  const recording = row[columns.findIndex(({ name }) => name === "recording")];
+  if (typeof recording !== "string" || recording === "") return undefined;
+  const times = columns.flatMap(({ name, kind }, at) => (kind === "time" && name !== "uploaded" ? [{ name, at }] : []));
+  const rank = (name: string): number => (MOMENTS.includes(name) ? MOMENTS.indexOf(name) : MOMENTS.length);
+  const [best] = times.sort((a, b) => rank(a.name) - rank(b.name));
+  const time = best ? secondsOf(row[best.at]) : undefined;
+  const isStart = best?.name === "started";
+  return { recording, at: isStart ? undefined : time, isMinute: !isStart && /minute/.test(best?.name ?? "") };
+}
+
+/** Unix seconds of a time or a date of an answer. */
+export function secondsOf(value: Cell): number | undefined {
+  const ms = typeof value === "string" ? Date.parse(value) : NaN;
+  return Number.isFinite(ms) ? ms / 1000 : undefined;
+}

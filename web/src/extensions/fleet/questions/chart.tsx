@@ -1,0 +1,220 @@
+/** Pictures of an answer: points of one column over another, and the histogram of a column. */
+import { useSignal } from "@preact/signals";
+import { useRef } from "preact/hooks";
+import { type Axis, axisOf, figure, share } from "../../../charts/axes";
+import { Grid } from "../../../charts/grid";
+import { useHeight, useWidth } from "../../../charts/use-size";
+import { Icon } from "../../../ui/icons";
+import type { QueryAnswer } from "../../../wire/routes";
+import { binsOf, groupsOf, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
+import type { Questions } from "./state";
+import { TEXT } from "./texts";
+
+/** Least room of a figure along each axis, px. */
+const ROOM = [80, 40] as const;
+const [LEFT, RIGHT, TOP, BOTTOM] = [72, 16, 16, 40];
+const DRAWN = 20_000;
+const NEAR_PX = 24;
+
+interface Props {
+  readonly state: Questions;
+  readonly answer: QueryAnswer;
+}
+
+export function AnswerPlot({ state, answer }: Props) {
+  const host = useRef<HTMLDivElement>(null);
+  const [width, height] = [useWidth(host), useHeight(host)];
+  const pointed = useSignal(-1);
+  const choice = state.choice.value;
+  if (!choice) return <p class="answer-none dim">{TEXT.noNumbers}</p>;
+  const { columns } = answer;
+  const rows = answer.rows.slice(0, DRAWN);
+  const picture = pictureOf(columns, rows, choice);
+  const inner = { width: width.value - LEFT - RIGHT, height: height.value - TOP - BOTTOM };
+  const nameOf = (at: number): string => columns[at]?.name ?? "";
+  const all = picture?.groups.flatMap(({ points }) => points) ?? [];
+  const place = ([x, y]: readonly [number, number, number]): readonly [number, number] =>
+    picture ? [share(picture.x, x) * inner.width, (1 - share(picture.y, y)) * inner.height] : [0, 0];
+  const move = (event: PointerEvent): void => {
+    const box = host.current?.getBoundingClientRect();
+    if (!box) return;
+    const [px, py] = [event.clientX - box.left - LEFT, event.clientY - box.top - TOP];
+    let [best, least] = [-1, NEAR_PX];
+    for (const point of all) {
+      const [x, y] = place(point);
+      const off = Math.hypot(x - px, y - py);
+      if (off < least) [best, least] = [point[2], off];
+    }
+    pointed.value = best;
+  };
+  const row = rows[pointed.value];
+  const set = (part: "x" | "y" | "group") => (event: { readonly currentTarget: HTMLSelectElement }) => {
+    state.choice.value = { ...choice, [part]: Number(event.currentTarget.value) };
+    pointed.value = -1;
+  };
+  const groups = groupsOf(columns, rows);
+  const reading =
+    row && picture
+      ? [choice.x, choice.y, ...(choice.group >= 0 ? [choice.group] : [])]
+          .map((at) => `${nameOf(at)} ${positionText(columns[at], row, at)}`)
+          .join(" · ")
+      : TEXT.pointAtChart;
+  return (
+    <>
+      <div class="answer-choices">
+        <Select label={TEXT.x} value={choice.x} all={positionsOf(columns)} nameOf={nameOf} onChange={set("x")} />
+        <Select label={TEXT.y} value={choice.y} all={numbersOf(columns)} nameOf={nameOf} onChange={set("y")} />
+        {groups.length > 0 && (
+          <Select
+            label={TEXT.group}
+            value={choice.group}
+            all={[-1, ...groups]}
+            nameOf={(at) => (at < 0 ? TEXT.noGroup : nameOf(at))}
+            onChange={set("group")}
+          />
+        )}
+      </div>
+      <div class="chart answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
+        {picture && (
+          <svg
+            role="img"
+            aria-label={TEXT.chart(nameOf(choice.y), nameOf(choice.x))}
+            width={width.value}
+            height={height.value}
+          >
+            <g transform={`translate(${LEFT} ${TOP})`}>
+              <Grid
+                x={picture.xTicks(Math.max(2, Math.floor(inner.width / 96)))}
+                y={picture.y}
+                room={ROOM}
+                {...inner}
+              />
+              {picture.groups.map(({ name, points, colour }) => (
+                <path
+                  key={name}
+                  class={`points ${colour}`}
+                  d={points
+                    .map((one) => place(one))
+                    .map(([x, y]) => ["M", x.toFixed(1), ",", y.toFixed(1), "h0"].join(""))
+                    .join("")}
+                />
+              ))}
+            </g>
+            <text class="title" x={LEFT + inner.width / 2} y={height.value - 4} text-anchor="middle">
+              {columns[choice.x]?.kind === "time" ? TEXT.inUtc(nameOf(choice.x)) : nameOf(choice.x)}
+            </text>
+            <text class="title" x={4} y={11}>
+              {nameOf(choice.y)}
+            </text>
+          </svg>
+        )}
+      </div>
+      <p class="answer-reading">
+        <span>{reading}</span>
+        {picture &&
+          picture.groups.length > 1 &&
+          picture.groups.map(({ name, colour }) => (
+            <span key={name} class={`answer-legend ${colour}`}>
+              {name || "—"}
+            </span>
+          ))}
+        {picture && picture.left > 0 && <span class="dim">{TEXT.leftOut(picture.left)}</span>}
+      </p>
+    </>
+  );
+}
+
+export function AnswerHistogram({ state, answer }: Props) {
+  const host = useRef<HTMLDivElement>(null);
+  const [width, height] = [useWidth(host), useHeight(host)];
+  const pointed = useSignal(-1);
+  const { columns, rows } = answer;
+  const column = state.column.value;
+  const bins = column >= 0 ? binsOf(rows, column) : [];
+  const nameOf = (at: number): string => columns[at]?.name ?? "";
+  const x = axisOf(
+    "linear",
+    bins.flatMap(({ low, high }) => [low, high]),
+  );
+  if (!x) return <p class="answer-none dim">{TEXT.noNumbers}</p>;
+  const y: Axis = { kind: "linear", low: 0, high: Math.max(...bins.map(({ count }) => count)) * 1.05 };
+  const inner = { width: width.value - LEFT - RIGHT, height: height.value - TOP - BOTTOM };
+  const move = (event: PointerEvent): void => {
+    const box = host.current?.getBoundingClientRect();
+    const at = box ? (event.clientX - box.left - LEFT) / inner.width : -1;
+    pointed.value = at >= 0 && at < 1 ? Math.floor(at * bins.length) : -1;
+  };
+  const bin = bins[pointed.value];
+  return (
+    <>
+      <div class="answer-choices">
+        <Select
+          label={TEXT.column}
+          value={column}
+          all={numbersOf(columns)}
+          nameOf={nameOf}
+          onChange={(event) => (state.column.value = Number(event.currentTarget.value))}
+        />
+      </div>
+      <div class="chart answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
+        <svg role="img" aria-label={TEXT.histogramOf(nameOf(column))} width={width.value} height={height.value}>
+          <g transform={`translate(${LEFT} ${TOP})`}>
+            <Grid x={x} y={y} room={ROOM} {...inner} />
+            {bins.map(({ low, high, count }, k) => {
+              const [from, to, top] = [
+                share(x, low) * inner.width,
+                share(x, high) * inner.width,
+                share(y, count) * inner.height,
+              ];
+              return (
+                <rect
+                  key={low}
+                  class={k === pointed.value ? "bin pointed" : "bin"}
+                  x={from}
+                  y={inner.height - top}
+                  width={Math.max(0.5, to - from - 1)}
+                  height={top}
+                />
+              );
+            })}
+          </g>
+          <text class="title" x={LEFT + inner.width / 2} y={height.value - 4} text-anchor="middle">
+            {nameOf(column)}
+          </text>
+          <text class="title" x={4} y={11}>
+            {TEXT.rowCount}
+          </text>
+        </svg>
+      </div>
+      <p class="answer-reading">
+        {bin ? TEXT.binReading(figure(bin.low), figure(bin.high), bin.count) : TEXT.pointAtChart}
+      </p>
+    </>
+  );
+}
+
+interface SelectProps {
+  readonly label: string;
+  readonly value: number;
+  readonly all: readonly number[];
+  readonly nameOf: (at: number) => string;
+  readonly onChange: (event: { readonly currentTarget: HTMLSelectElement }) => void;
+}
+
+function Select({ label, value, all, nameOf, onChange }: SelectProps) {
+  return (
+    <label class="answer-choice">
+      {label}
+      <span class="select">
+        <select value={String(value)} onChange={onChange}>
+          {all.map((at) => (
+            <option key={at} value={String(at)}>
+              {nameOf(at)}
+            </option>
+          ))}
+        </select>
+        <Icon name="down" />
+      </span>
+    </label>
+  );
+}

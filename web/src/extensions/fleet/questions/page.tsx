@@ -1,0 +1,298 @@
+/** The Questions page: SQL about the recordings of a store, and its answer as a table or a picture. Loaded on first use. */
+import { useEffect } from "preact/hooks";
+import type { App } from "../../../pages/app-state";
+import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
+import { go, route } from "../../../pages/route";
+import { Bar } from "../../../pages/top-bar";
+import { placeHref } from "../../../recordings/permalink";
+import { copyText } from "../../../ui/copy";
+import { Help } from "../../../ui/help";
+import { Icon } from "../../../ui/icons";
+import { Message } from "../../../ui/message";
+import { request } from "../../../ui/http";
+import type { QueryAnswer } from "../../../wire/routes";
+import { csvOf, type Opening, sorted } from "./answer";
+import { AnswerHistogram, AnswerPlot } from "./chart";
+import { Editor } from "./editor";
+import { type FileFormat, linkOf, type Questions, questionsOf, type View } from "./state";
+import { AnswerTable } from "./table";
+import { COMMON } from "../../../texts/common";
+import { TEXT as PAGES } from "../texts";
+import { TEXT } from "./texts";
+import "./questions.css";
+
+const [AROUND_S, MINUTE_S] = [10, 60];
+const FORMATS: readonly FileFormat[] = ["csv", "parquet", "arrow"];
+const VIEWS: readonly View[] = ["table", "plot", "histogram"];
+
+export function QuestionsPage({ app }: { readonly app: App }) {
+  const state = questionsOf(app);
+  const query = route.value.query ?? "";
+  useEffect(() => {
+    document.title = TEXT.questionsImuscope;
+    void state.load();
+  }, [state]);
+  useEffect(() => {
+    const text = new URLSearchParams(query).get("sql");
+    if (text) state.sql.value = text;
+  }, [state, query]);
+  const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
+  const found = state.answer.value;
+  return (
+    <div class={`app plain questions ${offline ? "offline" : ""}`}>
+      <a class="btn edge skip" href="#question">
+        {TEXT.skipToTheEditor}
+      </a>
+      <Bar app={app} />
+      {offline && <OfflineBand app={app} />}
+      <main class="questions-page">
+        <h1 class="visually-hidden">{PAGES.questions}</h1>
+        <ProblemBand app={app} />
+        <Sources state={state} />
+        <Editor state={state} />
+        <Actions app={app} state={state} />
+        {found ? <Answer app={app} state={state} answer={found} /> : <Start state={state} />}
+      </main>
+      {app.overlay.value === "help" && <Help onClose={() => (app.overlay.value = undefined)} />}
+    </div>
+  );
+}
+
+/** Texts to start from: prepared questions, and those asked before. */
+function Sources({ state }: { readonly state: Questions }) {
+  const { prepared, history, sql } = state;
+  return (
+    <div class="question-sources">
+      <label class="select">
+        <span class="visually-hidden">{TEXT.prepared}</span>
+        <select
+          value=""
+          onChange={(event) => {
+            const one = prepared.peek().find(({ name }) => name === event.currentTarget.value);
+            if (one) sql.value = one.sql;
+            event.currentTarget.value = "";
+          }}
+        >
+          <option value="">{TEXT.prepared}</option>
+          {prepared.value.map(({ name, title }) => (
+            <option key={name} value={name}>
+              {title}
+            </option>
+          ))}
+        </select>
+        <Icon name="down" />
+      </label>
+      {history.value.length > 0 && (
+        <label class="select">
+          <span class="visually-hidden">{TEXT.history}</span>
+          <select
+            value=""
+            onChange={(event) => {
+              const { value } = event.currentTarget;
+              if (value === "clear") state.forget();
+              else if (value !== "") sql.value = history.peek()[Number(value)] ?? sql.peek();
+              event.currentTarget.value = "";
+            }}
+          >
+            <option value="">{TEXT.history}</option>
+            {history.value.map((text, at) => (
+              <option key={text} value={String(at)}>
+                {text.replace(/\s+/g, " ").slice(0, 90)}
+              </option>
+            ))}
+            <option value="clear">{TEXT.clearHistory}</option>
+          </select>
+          <Icon name="down" />
+        </label>
+      )}
+      <span class="grow" />
+      {state.store.value && <span class="dim ellipsis question-store">{TEXT.aboutStore(state.store.value)}</span>}
+    </div>
+  );
+}
+
+function Actions({ app, state }: { readonly app: App; readonly state: Questions }) {
+  const { running, problem, answer, notice, sql } = state;
+  void app.tick.value; // the time that a question has run
+  const now = running.value;
+  const seconds = now ? ((performance.now() - now.since) / 1000).toFixed(0) : "";
+  const given = answer.value;
+  const status = now
+    ? now.before === undefined
+      ? TEXT.running(seconds)
+      : TEXT.waiting(now.before, seconds)
+    : notice.value || (given && !problem.value ? summary(given) : "");
+  return (
+    <div class="query-actions">
+      {now ? (
+        <button
+          type="button"
+          class="btn edge"
+          title={TEXT.cancelHint}
+          onClick={() => {
+            state.cancel();
+            notice.value = TEXT.cancelled;
+          }}
+        >
+          <Icon name="close" />
+          {TEXT.cancel}
+        </button>
+      ) : (
+        <button
+          type="button"
+          class="btn main"
+          title={TEXT.askHint}
+          disabled={sql.value.trim() === ""}
+          onClick={() => void state.run()}
+        >
+          <Icon name="play" />
+          {TEXT.ask}
+        </button>
+      )}
+      <button
+        type="button"
+        class="btn edge"
+        title={TEXT.copyLinkHint}
+        disabled={sql.value.trim() === ""}
+        onClick={() => {
+          const link = new URL(linkOf(sql.peek().trim()), location.href).href;
+          void copyText(link).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
+        }}
+      >
+        <Icon name="share" />
+        {TEXT.copyLink}
+      </button>
+      <p class="question-status" role="status">
+        {status}
+      </p>
+      <p id="question-problem" class="question-problem" role="alert">
+        {problem.value && (
+          <>
+            <Message text={problem.value.message} />{" "}
+            {problem.value.hint && <span class="dim">{problem.value.hint}</span>}
+          </>
+        )}
+      </p>
+    </div>
+  );
+}
+
+function summary({ rows, more, seconds }: QueryAnswer): string {
+  return more ? TEXT.firstRows(rows.length, seconds.toFixed(1)) : TEXT.answered(rows.length, seconds.toFixed(1));
+}
+
+function Start({ state }: { readonly state: Questions }) {
+  return (
+    <section class="question-start">
+      <p>{TEXT.start}</p>
+      <p class="dim">{TEXT.startHint}</p>
+      <ul>
+        {state.prepared.value.map(({ name, title, sql }) => (
+          <li key={name}>
+            <button
+              type="button"
+              class="btn edge"
+              onClick={() => {
+                state.sql.value = sql;
+                void state.run();
+              }}
+            >
+              {title.charAt(0).toUpperCase() + title.slice(1)}
+            </button>
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}
+
+interface AnswerProps {
+  readonly app: App;
+  readonly state: Questions;
+  readonly answer: QueryAnswer;
+}
+
+function Answer({ app, state, answer }: AnswerProps) {
+  const { view, notice } = state;
+  const open = (one: Opening): void => void openRecording(app, state, one);
+  const copy = (): void => {
+    const text = csvOf(answer, sorted(answer.rows, state.order.peek()));
+    void copyText(text).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
+  };
+  return (
+    <section class="query-answer" aria-label={TEXT.answer}>
+      <div class="answer-tools">
+        <div class="segmented" role="group" aria-label={TEXT.view}>
+          {VIEWS.map((one) => (
+            <button type="button" key={one} aria-pressed={view.value === one} onClick={() => (view.value = one)}>
+              {TEXT.views[one]}
+            </button>
+          ))}
+        </div>
+        <span class="grow" />
+        <button type="button" class="btn edge" onClick={copy}>
+          {TEXT.copy}
+        </button>
+        <label class="select">
+          <span class="visually-hidden">{TEXT.download}</span>
+          <select
+            value=""
+            onChange={(event) => {
+              const format = FORMATS.find((one) => one === event.currentTarget.value);
+              event.currentTarget.value = "";
+              if (format) void download(state, format);
+            }}
+          >
+            <option value="">{TEXT.download}</option>
+            {FORMATS.map((one) => (
+              <option key={one} value={one}>
+                {TEXT.formats[one]}
+              </option>
+            ))}
+          </select>
+          <Icon name="down" />
+        </label>
+      </div>
+      {answer.rows.length === 0 ? (
+        <p class="answer-none dim">{TEXT.noRows}</p>
+      ) : view.value === "table" ? (
+        <AnswerTable state={state} answer={answer} open={open} />
+      ) : view.value === "plot" ? (
+        <AnswerPlot state={state} answer={answer} />
+      ) : (
+        <AnswerHistogram state={state} answer={answer} />
+      )}
+    </section>
+  );
+}
+
+async function download(state: Questions, format: FileFormat): Promise<void> {
+  state.notice.value = TEXT.downloading(TEXT.formats[format]);
+  const blob = await state.file(format);
+  state.notice.value = "";
+  if (!blob) return;
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = `answer.${format}`;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+/** Opens a recording of the store at a moment; it is fetched into the library of this server first, if it is not there. */
+async function openRecording(app: App, state: Questions, { recording, at, isMinute }: Opening): Promise<void> {
+  state.notice.value = TEXT.fetching(recording);
+  const outcome = await request("POST /api/query/recordings/{recording}/fetch", { path: { recording } });
+  state.notice.value = "";
+  if (!outcome.ok) {
+    state.problem.value = outcome.problem;
+    return;
+  }
+  app.problem.value = undefined;
+  const { id } = outcome.value;
+  if (at === undefined) {
+    go("recordings", id);
+    return;
+  }
+  const range = isMinute ? { t0: at, t1: at + MINUTE_S } : { t0: at - AROUND_S, t1: at + AROUND_S, cursor: at };
+  location.hash = placeHref(id, { ...range, hide: [], show: [], panels: [] });
+}

@@ -1,0 +1,232 @@
+/** Everything known of one robot: beside the list, or over it on a phone. */
+import type { ComponentChildren } from "preact";
+import { useEffect, useRef } from "preact/hooks";
+import { number } from "../../../ui/format";
+import { robotHref } from "../../../ui/server-place";
+import { IconButton } from "../../../ui/icon-button";
+import { Alarms } from "./alarms";
+import {
+  type Cell,
+  clockCell,
+  diskCell,
+  fixCell,
+  latencyCell,
+  lossCell,
+  rateCell,
+  settingsCell,
+  temperatureCell,
+} from "./columns";
+import { Events, RemoveRobot } from "./events";
+import type { Fleet } from "./fleet-state";
+import type { Robot } from "./robots";
+import { ageText } from "./row";
+import { SettingsCheck } from "./settings";
+import type { RobotDevice, RobotSummary } from "../../../wire/routes";
+import { TEXT } from "./texts";
+import "./details.css";
+
+export function Details({ fleet }: { readonly fleet: Fleet }) {
+  const { robot: name } = fleet.place.value;
+  const heading = useRef<HTMLHeadingElement>(null);
+  void fleet.version.value;
+  const robot = fleet.robots.get(name);
+  useEffect(() => {
+    // on a phone the details cover the list
+    if (matchMedia("(max-width: 1119px)").matches) heading.current?.focus();
+  }, [name]);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent): void => {
+      if (event.key !== "Escape" || event.defaultPrevented || document.querySelector("dialog[open]")) return;
+      event.preventDefault();
+      fleet.open("");
+    };
+    addEventListener("keydown", onKey);
+    return () => {
+      removeEventListener("keydown", onKey);
+      document.querySelector<HTMLElement>(".fleet-list, .fleet-map")?.focus({ preventScroll: true });
+    };
+  }, [fleet]);
+  return (
+    <aside class="fleet-details" aria-label={TEXT.details}>
+      <div class="head">
+        <h2 ref={heading} tabIndex={-1} class="ellipsis">
+          {name}
+        </h2>
+        <span class="grow" />
+        <IconButton icon="close" label={TEXT.closeDetails} onClick={() => fleet.open("")} />
+      </div>
+      {robot ? <Known robot={robot} fleet={fleet} /> : <p class="dim padded">{TEXT.noDetails}</p>}
+    </aside>
+  );
+}
+
+function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet }) {
+  const { summary, health } = robot;
+  const isLost = summary.state === "lost";
+  const recording: Cell = { text: summary.recording ? TEXT.recordingOn : TEXT.recordingOff };
+  return (
+    <div class={`detail ${isLost ? "held" : ""}`}>
+      <p class="fleet-needs" role="group" aria-label={TEXT.needs}>
+        {health.conditions.length === 0 && (
+          <span class="tag">
+            <span class="dot live" /> {TEXT.healthy}
+          </span>
+        )}
+        {health.conditions.map((name, i) => (
+          <span key={name} class={`tag ${i === 0 ? (health.tone ?? "") : ""}`}>
+            {TEXT.conditions[name]}
+          </span>
+        ))}
+      </p>
+      {summary.same_name > 0 && <p>{TEXT.sameName(summary.same_name)}</p>}
+      {isLost && <p class="dim">{TEXT.figuresFrom}</p>}
+      <dl class="facts">
+        <Fact title={isLost ? TEXT.whenLost : TEXT.whenLive} cell={{ text: ageText(fleet.now(), summary.since) }} />
+        {summary.group !== "" && <Fact title={TEXT.group} cell={{ text: summary.group }} />}
+        <Fact
+          title={TEXT.settings}
+          cell={summary.settings === "unknown" ? { text: TEXT.unknownSettings } : settingsCell(robot)}
+        />
+        <Fact title={TEXT.recording} cell={recording} />
+        <Fact title={TEXT.disk} cell={diskCell(robot)} />
+        <Fact title={TEXT.latency} cell={latencyCell(robot)} />
+        <Fact title={TEXT.version} cell={{ text: summary.version || "—" }} />
+      </dl>
+      {Object.keys(summary.more).length > 0 && (
+        <>
+          <h3>{TEXT.alsoReported}</h3>
+          <dl class="facts">
+            <Further more={summary.more} />
+          </dl>
+        </>
+      )}
+      <h3>{TEXT.ownPages}</h3>
+      <OwnPages summary={summary} />
+      <h3>{TEXT.alarms}</h3>
+      <Alarms key={`alarms ${summary.name}`} robot={summary} fleet={fleet} />
+      <SettingsCheck key={`settings ${summary.name}`} robot={summary} fleet={fleet} />
+      <Events key={summary.name} name={summary.name} />
+      <h3>{TEXT.devices}</h3>
+      {summary.devices.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
+      {summary.devices.map((device) => (
+        <Device key={device.id} device={device} isLost={isLost} />
+      ))}
+      {isLost && <RemoveRobot key={`remove ${summary.name}`} name={summary.name} fleet={fleet} />}
+    </div>
+  );
+}
+
+/** Only pages of the web: an address comes from a robot. */
+function webAddress(address: string): string | undefined {
+  try {
+    const url = new URL(address);
+    return url.protocol === "http:" || url.protocol === "https:"
+      ? url.href.replace(/[#?].*$/, "").replace(/\/$/, "")
+      : undefined;
+  } catch {
+    return undefined;
+  }
+}
+
+/** Through the fleet server if the robot allows it, and at its own address if it published one. */
+function OwnPages({ summary: { name, address, pages, state } }: { readonly summary: RobotSummary }) {
+  const at = webAddress(address);
+  const isOff = pages === "off";
+  const links = [
+    ["", TEXT.openLive],
+    ["configure", TEXT.openConfigure],
+    ["recordings", TEXT.openRecordings],
+  ] as const;
+  return (
+    <>
+      {!isOff && (
+        <div class="fleet-links">
+          {links.map(([page, title]) => (
+            <a key={page} class="btn edge" href={robotHref(name, page)}>
+              {title}
+            </a>
+          ))}
+        </div>
+      )}
+      {isOff && <p class="dim">{TEXT.pagesOff}</p>}
+      {pages === "view" && <p class="dim">{TEXT.pagesView}</p>}
+      {at !== undefined && (
+        <a class="btn own-address" href={`${at}/`} target="_blank" rel="noopener noreferrer">
+          {TEXT.atOwnAddress}
+        </a>
+      )}
+      {state === "lost" && <p class="dim">{TEXT.unreachableHint}</p>}
+    </>
+  );
+}
+
+function dotOf({ status }: RobotDevice): string {
+  return status === "live" ? "live" : status === "lost" || status === "denied" ? "bad" : "off";
+}
+
+/** @param isLost the robot is: what its device was does not count */
+function Device({ device, isLost }: { readonly device: RobotDevice; readonly isLost: boolean }) {
+  const { clock_uncertainty_ms: uncertainty } = device;
+  const expected = device.expected_rate;
+  const text = (value: string): Cell => ({ text: value || "—" });
+  return (
+    <section class="fleet-device">
+      <h4>
+        <span class={`dot ${isLost ? "off" : dotOf(device)}`} />
+        <span class="ellipsis">{device.name || device.product}</span>
+        {!isLost && <span class="dim">{device.status}</span>}
+      </h4>
+      <dl class="facts">
+        {device.product !== "" && device.product !== device.name && (
+          <Fact title={TEXT.product} cell={text(device.product)} />
+        )}
+        <Fact title={TEXT.serialNumber} cell={text(device.serial_number)} />
+        <Fact title={TEXT.firmware} cell={text(device.firmware)} />
+        <Fact title={TEXT.protocol} cell={text(device.protocol)} />
+        <Fact
+          title={TEXT.rate}
+          cell={{ ...rateCell(device), more: expected === null ? "" : TEXT.ofRate(`${number(expected, 0)} Hz`) }}
+        />
+        <Fact title={TEXT.lossLastMinute} cell={lossCell(device.loss)} />
+        <Fact title={TEXT.lostSinceStart} cell={{ text: number(device.lost, 0), unit: TEXT.samples(device.lost) }} />
+        {device.fix !== "" && <Fact title={TEXT.fix} cell={fixCell(device)} />}
+        <Fact title={TEXT.temperature} cell={temperatureCell(device)} />
+        <Fact title={TEXT.clockRate} cell={clockCell({ ...device, clock_uncertainty_ms: null })} />
+        {uncertainty !== null && (
+          <Fact title={TEXT.clockUncertainty} cell={clockCell({ ...device, clock_ppm: null })} />
+        )}
+        <Further more={device.more} />
+      </dl>
+    </section>
+  );
+}
+
+/** What a robot of a later version reports, as it is. */
+function Further({ more }: { readonly more: Readonly<Record<string, string>> }) {
+  return (
+    <>
+      {Object.entries(more).map(([name, text]) => (
+        <Fact key={name} title={name} cell={{ text }} />
+      ))}
+    </>
+  );
+}
+
+function Fact({
+  title,
+  cell: { text, unit, more, tone },
+}: {
+  readonly title: string;
+  readonly cell: Cell;
+}): ComponentChildren {
+  return (
+    <div>
+      <dt>{title}</dt>
+      <dd class={tone ?? ""}>
+        {text}
+        {unit !== undefined && unit !== "" && <span class="unit">{unit}</span>}
+        {more !== undefined && more !== "" && <small class="dim"> {more}</small>}
+      </dd>
+    </div>
+  );
+}

@@ -1,0 +1,58 @@
+/** What happened on one robot, asked for when it is opened, and removing a robot that is lost. */
+import { useSignal } from "@preact/signals";
+import { dateWords } from "../../../recordings/library-filter";
+import { clock } from "../../../ui/format";
+import type { Problem } from "../../../ui/http";
+import { ProblemNote } from "../../../ui/problem-note";
+import type { FleetEvent } from "../../../wire/routes";
+import { askEvents, removeRobot } from "./api";
+import type { Fleet } from "./fleet-state";
+import { TEXT } from "./texts";
+
+export function Events({ name }: { readonly name: string }) {
+  const events = useSignal<readonly FleetEvent[] | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const load = async (): Promise<void> => {
+    const outcome = await askEvents(name);
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) events.value = outcome.value;
+  };
+  return (
+    <details class="fleet-events" onToggle={(event) => event.currentTarget.open && void load()}>
+      <summary>{TEXT.events}</summary>
+      {problem.value && <ProblemNote problem={problem.value} />}
+      {events.value?.length === 0 && <p class="dim">{TEXT.noEvent}</p>}
+      <ul>
+        {events.value?.map(({ id, time, level, text }) => (
+          <li key={id}>
+            <span class={`dot ${level === "error" ? "bad" : level === "info" ? "off" : "warn"}`} />
+            <span>{text}</span>
+            <time class="dim" dateTime={new Date(time * 1000).toISOString()}>
+              {dateWords(time).split(",")[0]} {clock(time)}
+            </time>
+          </li>
+        ))}
+      </ul>
+    </details>
+  );
+}
+
+export function RemoveRobot({ name, fleet }: { readonly name: string; readonly fleet: Fleet }) {
+  const problem = useSignal<Problem | undefined>(undefined);
+  const remove = async (): Promise<void> => {
+    const outcome = await removeRobot(name);
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (!outcome.ok) return;
+    fleet.open("");
+    fleet.retry();
+  };
+  return (
+    <>
+      <p class="dim">{TEXT.removeHint}</p>
+      <button type="button" class="btn edge" onClick={() => void remove()}>
+        {TEXT.remove}
+      </button>
+      {problem.value && <ProblemNote problem={problem.value} />}
+    </>
+  );
+}

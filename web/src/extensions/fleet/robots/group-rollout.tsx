@@ -1,0 +1,55 @@
+/** In the settings of a robot: applying the profile to its group, and the newest rollout of that profile. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { RobotSummary, RolloutHead } from "../../../wire/routes";
+import { askRollouts } from "./rollout-api";
+import { TEXT } from "./rollout-texts";
+
+/** Pause between two requests while a rollout is under way, ms. */
+const ASK_MS = 3000;
+
+interface Props {
+  readonly robot: RobotSummary;
+  readonly device: string;
+  /** Opens a rollout, or a plan. */
+  readonly open: (rollout: number | undefined) => void;
+  /** Whether one is open: it may be another one afterwards. */
+  readonly isShown: boolean;
+}
+
+export function GroupRollout({ robot, device, open, isShown }: Props) {
+  const last = useSignal<RolloutHead | undefined>(undefined);
+  const of = robot.devices.find(({ id }) => id === device);
+  const { product = "", protocol = "" } = of ?? {};
+  useEffect(() => {
+    let timer: ReturnType<typeof setTimeout> | undefined;
+    let isOver = isShown;
+    const ask = async (): Promise<void> => {
+      const outcome = await askRollouts();
+      if (isOver || !outcome.ok) return;
+      last.value = outcome.value.find(
+        (one) => one.group === robot.group && one.product === product && one.protocol === protocol,
+      );
+      if (last.value?.state === "running") timer = setTimeout(() => void ask(), ASK_MS);
+    };
+    if (!isShown) void ask();
+    return () => {
+      isOver = true;
+      clearTimeout(timer);
+    };
+  }, [robot.group, product, protocol, isShown, last]);
+  const found = last.value;
+  return (
+    <div class="fleet-profile">
+      <button type="button" class="btn edge" onClick={() => open(undefined)}>
+        {TEXT.open}
+      </button>
+      {found && (
+        <button type="button" class="btn" title={TEXT.show} onClick={() => open(found.id)}>
+          <span class={`dot ${found.state === "failed" || found.state === "interrupted" ? "bad" : "off"}`} />{" "}
+          {TEXT.last(found.id, found.by, TEXT.states[found.state].toLowerCase())}
+        </button>
+      )}
+    </div>
+  );
+}

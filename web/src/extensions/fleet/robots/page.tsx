@@ -1,0 +1,170 @@
+/** The page of a fleet: all robots at a glance, those that need somebody first. Loaded on a fleet server only. */
+import { useSignal } from "@preact/signals";
+import { useEffect, useLayoutEffect } from "preact/hooks";
+import type { App } from "../../../pages/app-state";
+import { ProblemBand } from "../../../pages/empty-states";
+import { Bar } from "../../../pages/top-bar";
+import { copyText } from "../../../ui/copy";
+import { age } from "../../../ui/format";
+import { Help } from "../../../ui/help";
+import { Icon } from "../../../ui/icons";
+import { Message } from "../../../ui/message";
+import { Details } from "./details";
+import { type Fleet, fleetOf } from "./fleet-state";
+import { FLEET_KEYS } from "./keys";
+import { List } from "./list";
+import { FleetMap } from "./map";
+import { START } from "./address";
+import { Summary, Tools } from "./tools";
+import { usePhone } from "../../../ui/use-phone";
+import { COMMON } from "../../../texts/common";
+import { TEXT } from "./texts";
+import "./fleet.css";
+import "./phone.css";
+
+export function FleetPage({ app }: { readonly app: App }) {
+  const fleet = fleetOf(app);
+  useEffect(() => {
+    document.title = TEXT.title;
+    return fleet.follow();
+  }, [fleet]);
+  useLayoutEffect(() => fleet.followAddress(), [fleet]); // ended at once, before another page writes the address
+  const { place, isKnown } = fleet;
+  const isCut = isKnown.value && fleet.isCut.value;
+  const isOpen = place.value.robot !== "";
+  return (
+    <div class={`app fleet ${isOpen ? "detailed" : ""} ${isCut ? "cut" : ""}`}>
+      <a class="btn edge skip" href="#list">
+        {TEXT.skipToTheList}
+      </a>
+      <Bar app={app} />
+      <main class="fleet-centre" id="list" tabIndex={-1}>
+        <h1 class="visually-hidden">{TEXT.robots}</h1>
+        <ProblemBand app={app} />
+        {isCut && <CutBand app={app} fleet={fleet} />}
+        <Content fleet={fleet} />
+      </main>
+      {isOpen && <Details fleet={fleet} />}
+      {app.overlay.value === "help" && <Help groups={FLEET_KEYS} onClose={() => (app.overlay.value = undefined)} />}
+    </div>
+  );
+}
+
+function Content({ fleet }: { readonly fleet: Fleet }) {
+  const isPhone = usePhone(); // cells of the map are too small for a finger
+  void fleet.version.value;
+  if (!fleet.isKnown.value) return <Waiting fleet={fleet} />;
+  if (fleet.robots.all.size === 0) return <NoRobot />;
+  const isMap = fleet.place.value.view === "map" && !isPhone;
+  const isEmpty = fleet.lines.value.length === 0;
+  return (
+    <>
+      <Summary fleet={fleet} />
+      <Tools fleet={fleet} />
+      {isMap ? <FleetMap fleet={fleet} /> : isEmpty ? <NoMatch fleet={fleet} /> : <List fleet={fleet} />}
+    </>
+  );
+}
+
+/** Figures stay while the server is away, grey and with their age. */
+function CutBand({ app, fleet }: { readonly app: App; readonly fleet: Fleet }) {
+  void app.tick.value;
+  const old = age(performance.now() / 1000 - fleet.answered.value.here);
+  const problem = fleet.problem.value;
+  return (
+    <div class="band" role="alert">
+      <span class="dot bad" />
+      <b>{fleet.isRefused ? TEXT.refused : TEXT.cut}</b>
+      <span class="mid">
+        {TEXT.cutHint(old.value, old.unit)} {problem && <Message text={`${problem.message} ${problem.hint}`} />}
+      </span>
+      <span class="grow" />
+      <button type="button" class="btn edge" onClick={() => fleet.retry()}>
+        {TEXT.retry}
+      </button>
+    </div>
+  );
+}
+
+function Waiting({ fleet }: { readonly fleet: Fleet }) {
+  const problem = fleet.problem.value;
+  return (
+    <div class="veil" aria-busy={problem === undefined}>
+      <section class="card">
+        <h2>
+          <span class={`dot ${problem ? "bad" : "off"}`} />
+          {problem ? (fleet.isRefused ? TEXT.refused : TEXT.failed) : TEXT.connecting}
+        </h2>
+        {problem && (
+          <>
+            <p>
+              <Message text={problem.message} />
+            </p>
+            <p class="hint">
+              <Message text={problem.hint || TEXT.refusedHint} />
+            </p>
+            <div class="row">
+              <button type="button" class="btn main" onClick={() => fleet.retry()}>
+                {TEXT.retry}
+              </button>
+            </div>
+          </>
+        )}
+      </section>
+    </div>
+  );
+}
+
+/** The port of a fleet server, unless it was started with another one. */
+const PORT = 7447;
+
+function NoRobot() {
+  const said = useSignal("");
+  const isHere = /^(localhost|127\..*|\[::1\])$/.test(location.hostname);
+  // beyond this machine the bus has TLS, or the server would not have started without being told so
+  const command = `imuscope serve --fleet ${isHere ? "tcp" : "tls"}/${location.hostname}:${PORT}`;
+  const copy = async (): Promise<void> => {
+    said.value = (await copyText(command)) ? COMMON.copied : TEXT.copyFailed;
+  };
+  return (
+    <div class="veil">
+      <section class="card">
+        <h2>{TEXT.noRobot}</h2>
+        <p>{TEXT.noRobotHint}</p>
+        <p class="hint">
+          <code>{command}</code>
+        </p>
+        <p>{isHere ? TEXT.addressHint : TEXT.accessHint}</p>
+        <div class="row">
+          <button type="button" class="btn main" onClick={() => void copy()}>
+            <Icon name="share" />
+            {TEXT.copyCommand}
+          </button>
+          <span class="mid" role="status">
+            {said.value}
+          </span>
+        </div>
+      </section>
+    </div>
+  );
+}
+
+function NoMatch({ fleet }: { readonly fleet: Fleet }) {
+  return (
+    <div class="veil">
+      <section class="card">
+        <h2>{TEXT.noMatch}</h2>
+        <p>{TEXT.noMatchHint}</p>
+        <div class="row">
+          <button
+            type="button"
+            class="btn main"
+            onClick={() => fleet.choose({ query: START.query, shown: START.shown })}
+          >
+            {TEXT.showAll}
+          </button>
+        </div>
+      </section>
+    </div>
+  );
+}

@@ -1,0 +1,207 @@
+/** Plan of a rollout: which robots, which of their settings, in which waves; starting it needs a name. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { dateWords } from "../../../recordings/library-filter";
+import type { Problem } from "../../../ui/http";
+import { Message } from "../../../ui/message";
+import { storedName, storeName } from "../../../ui/person-name";
+import { ProblemNote } from "../../../ui/problem-note";
+import type { DeviceLeftOut, PlannedDevice, RolloutChanges, RolloutPlan } from "../../../wire/routes";
+import { askPlan, startRollout } from "./rollout-api";
+import { TEXT as FLEET } from "./texts";
+import { TEXT } from "./rollout-texts";
+
+const WAVES = "1, 5, 25 %";
+const WATCH_S = 10;
+/** Robots that are named of those with the same changes. */
+const NAMED = 6;
+/** Waves whose sizes are listed. */
+const LISTED = 12;
+
+interface Props {
+  readonly robot: string;
+  readonly device: string;
+  /** Shows a rollout that was started, or is under way. */
+  readonly follow: (id: number) => void;
+}
+
+export function RolloutPlanForm({ robot, device, follow }: Props) {
+  const plan = useSignal<RolloutPlan | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const waves = useSignal(WAVES);
+  const isBusy = useSignal(false);
+  const ask = async (): Promise<boolean> => {
+    const outcome = await askPlan(robot, device, waves.peek());
+    if (!outcome.ok) problem.value = outcome.problem;
+    else if (outcome.value.running !== null) follow(outcome.value.running);
+    else plan.value = outcome.value;
+    return outcome.ok;
+  };
+  // biome-ignore lint/correctness/useExhaustiveDependencies: asked once; other waves ask themselves
+  useEffect(() => {
+    void ask();
+  }, [robot, device]);
+  const change = async (text: string): Promise<void> => {
+    waves.value = text;
+    if (await ask()) problem.value = undefined;
+  };
+  const submit = async (event: SubmitEvent): Promise<void> => {
+    event.preventDefault();
+    const given = new FormData(event.currentTarget as HTMLFormElement);
+    const by = String(given.get("by") ?? "").trim();
+    if (by === "" || plan.value === undefined || isBusy.value) return;
+    storeName(by);
+    isBusy.value = true;
+    const outcome = await startRollout(robot, {
+      device,
+      plan: plan.value.id,
+      by,
+      waves: String(given.get("waves") ?? WAVES),
+      watch_s: Number(given.get("watch_s") ?? WATCH_S),
+    });
+    isBusy.value = false;
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) follow(outcome.value.id);
+    else await ask();
+  };
+  const found = plan.value;
+  if (found === undefined) {
+    return problem.value ? <ProblemNote problem={problem.value} /> : <p class="dim">{TEXT.comparing}</p>;
+  }
+  const n = found.devices.length;
+  return (
+    <form onSubmit={(event) => void submit(event)}>
+      <p>
+        {n > 0 ? TEXT.differs(n, found.product, found.group) : TEXT.nothing(found.product, found.group)}{" "}
+        <span class="dim">
+          {TEXT.same(found.same)} {TEXT.origin(found.profile.robot, found.profile.by, dateWords(found.profile.time))}
+        </span>
+      </p>
+      {found.changes.map((one, place) => (
+        <Changes
+          key={JSON.stringify(one)}
+          changes={one}
+          devices={found.devices.filter(({ change }) => change === place)}
+        />
+      ))}
+      {found.left_out.length > 0 && <LeftOut devices={found.left_out} isOpen={n === 0} />}
+      {n > 0 && (
+        <>
+          <div class="rollout-how">
+            <label>
+              <span>{TEXT.waves}</span>
+              <input
+                name="waves"
+                type="text"
+                maxLength={100}
+                required
+                title={TEXT.wavesHint}
+                defaultValue={WAVES}
+                onChange={(event) => void change(event.currentTarget.value)}
+              />
+            </label>
+            <label>
+              <span>{TEXT.watch}</span>
+              <span class="with-unit">
+                <input
+                  name="watch_s"
+                  type="number"
+                  min={1}
+                  max={300}
+                  step="any"
+                  required
+                  title={TEXT.watchHint}
+                  defaultValue={WATCH_S}
+                />
+                <span class="unit">{TEXT.watchUnit}</span>
+              </span>
+            </label>
+            <label>
+              <span>{FLEET.yourName}</span>
+              <input
+                name="by"
+                type="text"
+                maxLength={60}
+                required
+                autocomplete="name"
+                title={FLEET.yourNameHint}
+                defaultValue={storedName()}
+              />
+            </label>
+          </div>
+          <p class="dim">{sizesOf(found.waves)}</p>
+          <p class="dim">{TEXT.promise}</p>
+        </>
+      )}
+      {problem.value && <ProblemNote problem={problem.value} />}
+      {n > 0 && (
+        <div class="ends">
+          <button type="submit" class="btn main" disabled={isBusy.value}>
+            {TEXT.start(n)}
+          </button>
+        </div>
+      )}
+    </form>
+  );
+}
+
+function sizesOf(waves: readonly number[]): string {
+  const first = waves.slice(0, LISTED).join(", ");
+  return waves.length > LISTED ? TEXT.manySizes(first, waves.length) : TEXT.sizes(first);
+}
+
+interface ChangesProps {
+  readonly changes: RolloutChanges;
+  readonly devices: readonly PlannedDevice[];
+}
+
+function Changes({ changes, devices }: ChangesProps) {
+  const named = devices.slice(0, NAMED).map(({ robot }) => robot);
+  const others = devices.slice(NAMED).map(({ robot }) => robot);
+  return (
+    <section>
+      <h3>
+        {named.join(", ")}
+        {others.length > 0 && <span title={others.join("\n")}> {TEXT.more(others.length)}</span>}
+      </h3>
+      <table>
+        <thead>
+          <tr>
+            <th>{TEXT.settingTitle}</th>
+            <th>{TEXT.nowTitle}</th>
+            <th>{TEXT.profileTitle}</th>
+          </tr>
+        </thead>
+        <tbody>
+          {changes.rows.map(({ title, now, profile }) => (
+            <tr key={title}>
+              <td>{title}</td>
+              <td>{now || TEXT.nothingValue}</td>
+              <td class="new">{profile || TEXT.nothingValue}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      {changes.risks.map((words) => (
+        <p class="risk" key={words}>
+          <span class="dot warn" /> <Message text={words} />
+        </p>
+      ))}
+    </section>
+  );
+}
+
+function LeftOut({ devices, isOpen }: { readonly devices: readonly DeviceLeftOut[]; readonly isOpen: boolean }) {
+  return (
+    <details open={isOpen}>
+      <summary>{TEXT.leftOut(devices.length)}</summary>
+      <ul class="rollout-left">
+        {devices.map(({ robot, device, name, why }) => (
+          <li key={`${robot} ${device}`}>
+            <b>{TEXT.deviceOf(robot, name)}</b> <Message text={why} />
+          </li>
+        ))}
+      </ul>
+    </details>
+  );
+}

@@ -1,0 +1,116 @@
+/** A rollout: how far it is, what became of each device, and a button that stops it. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Problem } from "../../../ui/http";
+import { Message } from "../../../ui/message";
+import { storedName } from "../../../ui/person-name";
+import { ProblemNote } from "../../../ui/problem-note";
+import type { Rollout, RolloutDevice } from "../../../wire/routes";
+import { PersonForm } from "./person-form";
+import { askRollout, stopRollout } from "./rollout-api";
+import { TEXT } from "./rollout-texts";
+
+/** Pause between two requests, ms: of a rollout, and for each of its devices. */
+const ASK_MS = 1000;
+const ASK_DEVICE_MS = 2;
+/** What a person looks for comes first. */
+const ORDER: readonly RolloutDevice["state"][] = [
+  ...(["failed", "unknown", "applying", "watching", "confirming"] as const),
+  ...(["left", "done", "waiting", "not-started"] as const),
+];
+const BUSY: ReadonlySet<RolloutDevice["state"]> = new Set(["applying", "watching", "confirming"]);
+
+export function RolloutProgress({ id }: { readonly id: number }) {
+  const rollout = useSignal<Rollout | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const isNaming = useSignal(false);
+  useEffect(() => {
+    let timer: ReturnType<typeof setTimeout> | undefined;
+    let isOver = false;
+    const ask = async (): Promise<void> => {
+      const outcome = await askRollout(id);
+      if (isOver) return;
+      if (outcome.ok) rollout.value = outcome.value;
+      problem.value = outcome.ok ? undefined : outcome.problem;
+      const devices = rollout.peek()?.devices.length ?? 0;
+      if (!outcome.ok || outcome.value.state === "running") {
+        timer = setTimeout(() => void ask(), ASK_MS + ASK_DEVICE_MS * devices);
+      }
+    };
+    void ask();
+    return () => {
+      isOver = true;
+      clearTimeout(timer);
+    };
+  }, [id, rollout, problem]);
+  const stop = async (by: string): Promise<void> => {
+    isNaming.value = false;
+    const outcome = await stopRollout(id, by);
+    if (outcome.ok) rollout.value = outcome.value;
+    else problem.value = outcome.problem;
+  };
+  const askToStop = (): void => {
+    const by = storedName();
+    if (by === "") isNaming.value = true;
+    else void stop(by);
+  };
+  const found = rollout.value;
+  if (found === undefined) return problem.value ? <ProblemNote problem={problem.value} /> : null;
+  const done = found.devices.filter(({ state }) => state === "done").length;
+  const isRunning = found.state === "running";
+  const devices = [...found.devices].sort((a, b) => ORDER.indexOf(a.state) - ORDER.indexOf(b.state));
+  return (
+    <>
+      <p role="status">
+        <b>{TEXT.states[found.state]}</b> <span class="dim">{TEXT.running(found.id, found.by)}</span>
+        {found.words !== "" && (
+          <>
+            <br />
+            <Message text={found.words} />
+          </>
+        )}
+      </p>
+      <progress max={found.devices.length} value={done} aria-label={TEXT.progress} />
+      <p class="mid">
+        {isRunning && `${TEXT.wave(found.wave, found.waves.length)} · `}
+        {TEXT.doneOf(done, found.devices.length)}
+      </p>
+      {problem.value && <ProblemNote problem={problem.value} />}
+      {isRunning && !isNaming.value && (
+        <div class="rollout-stop">
+          {found.stopped_by === "" ? (
+            <button type="button" class="btn edge" title={TEXT.stopHint} onClick={askToStop}>
+              {TEXT.stop}
+            </button>
+          ) : (
+            <span class="mid">{TEXT.stopping}</span>
+          )}
+        </div>
+      )}
+      {isNaming.value && <PersonForm title={TEXT.stop} send={stop} cancel={() => (isNaming.value = false)} />}
+      <ul class="rollout-devices">
+        {devices.map((one) => (
+          <Row key={`${one.robot} ${one.device}`} one={one} />
+        ))}
+      </ul>
+    </>
+  );
+}
+
+function Row({ one: { robot, name, state, words, wave } }: { readonly one: RolloutDevice }) {
+  const tone = state === "failed" || state === "unknown" ? "bad" : state === "left" ? "warn" : "";
+  return (
+    <li>
+      <span class={`dot ${tone || (BUSY.has(state) ? "live" : state === "done" ? "" : "off")}`} />
+      <span>
+        <b>{TEXT.deviceOf(robot, name)}</b>
+        {words !== "" && state !== "done" && (
+          <small class="dim">
+            <Message text={words} />
+          </small>
+        )}
+      </span>
+      <span class="mid">{state === "waiting" ? TEXT.waitingFor(wave) : TEXT.deviceStates[state]}</span>
+    </li>
+  );
+}

@@ -1,0 +1,161 @@
+/** Settings of a robot against the profile of its group: what differs, and making them the profile. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { dateWords } from "../../../recordings/library-filter";
+import type { Outcome, Problem } from "../../../ui/http";
+import { ProblemNote } from "../../../ui/problem-note";
+import type { DeviceSettingsCheck, RobotSummary } from "../../../wire/routes";
+import { askSettings, removeProfile, useProfile } from "./api";
+import type { Fleet } from "./fleet-state";
+import { GroupRollout } from "./group-rollout";
+import { PersonForm } from "./person-form";
+import { late } from "../../../ui/late";
+import { TEXT } from "./texts";
+
+const RolloutDialog = late(async () => (await import("./rollout-dialog")).RolloutDialog);
+
+type Answer = Outcome<readonly DeviceSettingsCheck[]>;
+
+export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; readonly fleet: Fleet }) {
+  const checks = useSignal<readonly DeviceSettingsCheck[] | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const isOpen = useSignal(false);
+  const rolling = useSignal<{ readonly device: string; readonly rollout: number | undefined } | undefined>(undefined);
+  const take = (outcome: Answer): boolean => {
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) checks.value = outcome.value;
+    return outcome.ok;
+  };
+  const shown = [robot.settings, robot.drifted, ...robot.devices.map((one) => one.settings)].join(" ");
+  // biome-ignore lint/correctness/useExhaustiveDependencies: asked again when the robot has changed, not with each drawing
+  useEffect(() => {
+    if (isOpen.value) void askSettings(robot.name).then(take);
+  }, [isOpen.value, robot.name, shown]);
+  const settings = (
+    <details
+      class="fleet-events fleet-settings"
+      onToggle={(event) => {
+        isOpen.value = event.currentTarget.open;
+      }}
+    >
+      <summary>{TEXT.compare}</summary>
+      {problem.value && <ProblemNote problem={problem.value} />}
+      {checks.value?.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
+      {checks.value?.map((check) => (
+        <section key={check.device}>
+          <h4>{check.name}</h4>
+          <Check check={check} />
+          {check.profile && (
+            <GroupRollout
+              robot={robot}
+              device={check.device}
+              open={(rollout) => (rolling.value = { device: check.device, rollout })}
+              isShown={rolling.value !== undefined}
+            />
+          )}
+          <Profile
+            check={check}
+            send={async (request) => {
+              if (!take(await request)) return false;
+              fleet.retry();
+              return true;
+            }}
+            robot={robot.name}
+          />
+        </section>
+      ))}
+    </details>
+  );
+  return (
+    <>
+      {settings}
+      {rolling.value && (
+        <RolloutDialog
+          {...rolling.value}
+          robot={robot.name}
+          group={robot.group}
+          onClose={() => {
+            rolling.value = undefined;
+            fleet.retry();
+          }}
+        />
+      )}
+    </>
+  );
+}
+
+function Check({ check }: { readonly check: DeviceSettingsCheck }) {
+  const { rows, profile, read, why, same, missing } = check;
+  const skipped = Object.entries(missing);
+  return (
+    <>
+      {why !== "" && <p class="dim">{why}</p>}
+      {rows.length > 0 && (
+        <table>
+          <thead>
+            <tr>
+              <th>{TEXT.settingTitle}</th>
+              <th>{TEXT.profileTitle}</th>
+              <th>{TEXT.robotTitle}</th>
+            </tr>
+          </thead>
+          <tbody>
+            {rows.map(({ title, profile: right, robot: left }) => (
+              <tr key={title}>
+                <td>{title}</td>
+                <td>{right || TEXT.nothingValue}</td>
+                <td class="warn">{left || TEXT.nothingValue}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      )}
+      {profile && why === "" && <p class="dim">{TEXT.sameSettings(same)}</p>}
+      {skipped.length > 0 && (
+        <p class="dim" title={skipped.map(([name, text]) => `${name}: ${text}`).join("\n")}>
+          {TEXT.notCompared(skipped.length)}
+        </p>
+      )}
+      {profile && <p class="dim">{TEXT.profileOf(profile.robot, profile.by, dateWords(profile.time))}</p>}
+      {read !== null && <p class="dim">{TEXT.readAt(dateWords(read))}</p>}
+    </>
+  );
+}
+
+interface ProfileProps {
+  readonly check: DeviceSettingsCheck;
+  readonly robot: string;
+  readonly send: (request: Promise<Answer>) => Promise<boolean>;
+}
+
+function Profile({ check: { device, profile, read }, robot, send }: ProfileProps) {
+  const asking = useSignal<"use" | "remove" | undefined>(undefined);
+  const submit = async (by: string): Promise<void> => {
+    const change = asking.peek() === "use" ? useProfile : removeProfile;
+    if (await send(change(robot, device, by))) asking.value = undefined;
+  };
+  if (asking.value === undefined) {
+    return (
+      <div class="fleet-profile">
+        {read !== null && (
+          <button type="button" class="btn edge" onClick={() => (asking.value = "use")}>
+            {TEXT.useProfile}
+          </button>
+        )}
+        {profile && (
+          <button type="button" class="btn" onClick={() => (asking.value = "remove")}>
+            {TEXT.removeProfile}
+          </button>
+        )}
+      </div>
+    );
+  }
+  return (
+    <PersonForm
+      title={asking.value === "use" ? TEXT.useProfile : TEXT.removeProfile}
+      hint={asking.value === "use" ? TEXT.useProfileHint : ""}
+      send={submit}
+      cancel={() => (asking.value = undefined)}
+    />
+  );
+}

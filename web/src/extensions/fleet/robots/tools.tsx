@@ -1,0 +1,141 @@
+/** Above the robots: how many there are in each condition, and search, grouping and order. */
+import { useEffect, useRef } from "preact/hooks";
+import { number } from "../../../ui/format";
+import { IconButton } from "../../../ui/icon-button";
+import { Icon } from "../../../ui/icons";
+import { COLUMNS, columnNamed } from "./columns";
+import { CONDITIONS } from "./conditions";
+import type { Fleet } from "./fleet-state";
+import { GROUPINGS, SHOWN, type Shown } from "./order";
+import { TEXT } from "./texts";
+
+interface Props {
+  readonly fleet: Fleet;
+}
+
+/** Filters that are there even if they show no robot, so that nothing moves when one falls ill. */
+const ALWAYS: ReadonlySet<Shown> = new Set(["all", "live", "lost", "alarms", "loss", "fix", "drifted"]);
+
+const VIEWS = ["list", "map"] as const;
+
+const toneOf = (shown: Shown): string => {
+  if (shown === "live" || shown === "all") return "";
+  if (shown === "alarms") return "bad";
+  return CONDITIONS.find(({ name }) => name === shown)?.tone ?? "";
+};
+
+export function Summary({ fleet }: Props) {
+  const counts = fleet.counts.value;
+  const { shown } = fleet.place.value;
+  return (
+    <div class="fleet-summary" role="group" aria-label={TEXT.summary}>
+      {SHOWN.filter((name) => ALWAYS.has(name) || counts[name] > 0 || name === shown).map((name) => (
+        <button
+          type="button"
+          key={name}
+          aria-pressed={name === shown}
+          class={counts[name] === 0 ? "none" : ""}
+          onClick={() => fleet.choose({ shown: name === shown ? "all" : name })}
+        >
+          {name !== "all" && <span class={`dot ${counts[name] > 0 ? toneOf(name) : "off"}`} />}
+          <b>{number(counts[name], 0)}</b> {TEXT.shown[name]}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+export function Tools({ fleet }: Props) {
+  const field = useRef<HTMLInputElement>(null);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent): void => {
+      const typing = event.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName);
+      if (typing || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+      if (event.key === "/") field.current?.focus();
+      else if (event.key.toLowerCase() === "s") fleet.sortNow();
+      else return;
+      event.preventDefault();
+    };
+    addEventListener("keydown", onKey);
+    return () => removeEventListener("keydown", onKey);
+  }, [fleet]);
+  const place = fleet.place.value;
+  const listed = fleet.groups.value.reduce((sum, { names }) => sum + names.length, 0);
+  const isLate = fleet.isOutOfOrder.value;
+  return (
+    <div class="tools fleet-tools">
+      <label class="field">
+        <span class="visually-hidden">{TEXT.search}</span>
+        <Icon name="search" />
+        <input
+          ref={field}
+          type="search"
+          placeholder={TEXT.searchHint}
+          value={place.query}
+          onInput={(event) => fleet.choose({ query: event.currentTarget.value })}
+        />
+        <kbd class="desk">/</kbd>
+      </label>
+      <label class="select">
+        <span aria-hidden="true">{TEXT.grouping}</span>
+        <select
+          aria-label={TEXT.grouping}
+          value={place.grouping}
+          onChange={(event) => {
+            const wanted = event.currentTarget.value;
+            fleet.choose({ grouping: GROUPINGS.find((name) => name === wanted) ?? "none" });
+          }}
+        >
+          {GROUPINGS.map((name) => (
+            <option key={name} value={name}>
+              {TEXT.groupings[name]}
+            </option>
+          ))}
+        </select>
+        <Icon name="down" />
+      </label>
+      <label class="select fleet-sort">
+        <span aria-hidden="true">{TEXT.sort}</span>
+        <select
+          aria-label={TEXT.sort}
+          value={place.sort}
+          onChange={(event) => {
+            const column = columnNamed(event.currentTarget.value);
+            if (column) fleet.choose({ sort: column.name, descending: column.largestFirst });
+          }}
+        >
+          {COLUMNS.map(({ name, title }) => (
+            <option key={name} value={name}>
+              {title}
+            </option>
+          ))}
+        </select>
+        <Icon name="down" />
+      </label>
+      <IconButton
+        icon={place.descending ? "down" : "up"}
+        label={TEXT.ascending}
+        class="edge fleet-sort"
+        onClick={() => fleet.choose({ descending: !place.descending })}
+      />
+      <div class="segmented desk" role="group" aria-label={TEXT.view}>
+        {VIEWS.map((view) => (
+          <button type="button" key={view} aria-pressed={place.view === view} onClick={() => fleet.choose({ view })}>
+            {TEXT.views[view]}
+          </button>
+        ))}
+      </div>
+      <span class="grow" />
+      <span class="dim total desk">{TEXT.robotCount(listed)}</span>
+      <button
+        type="button"
+        class={`btn edge sort-now ${place.view === "map" ? "of-list" : ""}`}
+        disabled={!isLate}
+        title={isLate ? TEXT.sortNowHint : TEXT.inOrder}
+        onClick={() => fleet.sortNow()}
+      >
+        {TEXT.sortNow}
+      </button>
+    </div>
+  );
+}

@@ -1,0 +1,34 @@
+/** Whether the server is that of a fleet, whose page opens with its robots, and whether it answers questions about a store. */
+import { signal } from "@preact/signals";
+import { type App, perApp } from "../../pages/app-state";
+import { go } from "../../pages/route";
+import { request } from "../../ui/http";
+
+const RETRY_MS = 2000;
+
+export const serverKind = perApp(() => ({
+  isFleet: signal(false),
+  /** Whether it answers questions about a store of recordings. */
+  hasStore: signal(false),
+}));
+
+export function askServerKind(app: App): void {
+  void findFleet(app);
+  void findStore(app);
+}
+
+/** Asks the server, again while it does not respond. A page without an address of its own then goes to the robots. */
+async function findFleet(app: App): Promise<void> {
+  const outcome = await request("GET /api/build");
+  if (!outcome.ok) {
+    if (outcome.problem.status === 0) setTimeout(() => void findFleet(app), RETRY_MS);
+    return;
+  }
+  serverKind(app).isFleet.value = outcome.value.fleet;
+  if (outcome.value.fleet && location.hash === "") go("fleet");
+}
+
+async function findStore(app: App): Promise<void> {
+  const outcome = await request("GET /api/query");
+  if (outcome.ok) serverKind(app).hasStore.value = outcome.value.store !== "";
+}

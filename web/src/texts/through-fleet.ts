@@ -1,9 +1,0 @@
-/** Texts of a robot's page at its fleet server. */
-export const TEXT = {
-  label: "Line to the robot",
-  through: "through the fleet server",
-  hint: "The robot answers these requests itself, with its own checks. Temporary changes are rolled back by the robot, even if the line is lost.",
-  roundTrip: "Round trip",
-  roundTripHint: "From this page to the robot and back, measured every 5 s",
-  back: "Fleet",
-};
