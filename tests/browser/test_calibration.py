@@ -1,7 +1,7 @@
 """The calibration coach in a real browser, on a phone beside a simulated sensor that really turns.
 
 Slow, as a hand is. How the coach looks is tested in test_dialogs_story.py, what it says and sends in
-web/src/calibration/dialog.test.tsx, and what is found and written to a device in
+web/src/extensions/calibration/dialog.test.tsx, and what is found and written to a device in
 tests/extensions/calibration/test_calibration_api.py.
 """
 

@@ -24,7 +24,6 @@ export type Overlay =
   | "describe"
   | "share-port"
   | "analysis"
-  | "calibration"
   | "memory"
   | "alarm"
   | "packet"

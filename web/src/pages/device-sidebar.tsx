@@ -21,7 +21,6 @@ import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { ResumeButton } from "./empty-states";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
-import { TEXT as CALIBRATION } from "../texts/calibration";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -320,16 +319,6 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
       {device.parent === "" && linkNamed(device.link)?.shareable === true && (
         <button type="button" class="btn small" onClick={() => (app.overlay.value = "share-port")}>
           {TEXT.sharePort}
-        </button>
-      )}
-      {device.status === "live" && (
-        <button
-          type="button"
-          class="btn small"
-          title={CALIBRATION.open}
-          onClick={() => (app.overlay.value = "calibration")}
-        >
-          {CALIBRATION.calibrate}
         </button>
       )}
       <Slot name="deviceActions" with={{ app, device }} />

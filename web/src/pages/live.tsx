@@ -19,7 +19,6 @@ import {
   AddDevice,
   AlarmDialog,
   AnalysisDialog,
-  CalibrationDialog,
   Describe,
   ExportDialog,
   MemoryDialog,
@@ -168,15 +167,6 @@ function Overlays({ app }: { readonly app: App }) {
   }
   if (overlay.value === "share-port" && app.device.value)
     return <SharePort app={app} device={app.device.value} onClose={close} />;
-  if (overlay.value === "calibration" && app.device.value)
-    return (
-      <CalibrationDialog
-        key={app.device.value.id}
-        device={app.device.value}
-        jobs={app.store.jobs.value.get(app.device.value.id)}
-        onClose={close}
-      />
-    );
   if (overlay.value === "analysis" && app.device.value) {
     const { id, name } = app.device.value;
     return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;

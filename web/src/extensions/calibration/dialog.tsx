@@ -6,17 +6,17 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
-import { Dialog } from "../ui/dialog";
-import { addressOf, type Outcome, type Problem, request } from "../ui/http";
-import { Message } from "../ui/message";
-import { ProblemNote } from "../ui/problem-note";
-import { fullName } from "../wire/device-name";
-import type { AvailableCalibration, CalibrationReport, CalibrationState } from "../wire/routes";
-import type { DeviceInfo, DeviceJobs } from "../wire/types";
+import { Dialog } from "../../ui/dialog";
+import { addressOf, type Outcome, type Problem, request } from "../../ui/http";
+import { Message } from "../../ui/message";
+import { ProblemNote } from "../../ui/problem-note";
+import { fullName } from "../../wire/device-name";
+import type { AvailableCalibration, CalibrationReport, CalibrationState } from "../../wire/routes";
+import type { DeviceInfo, DeviceJobs } from "../../wire/types";
 import { Bar, Drive, Positions, Rest, Sphere } from "./progress";
 import { Result } from "./result";
 import { Write } from "./write";
-import { TEXT } from "../texts/calibration";
+import { TEXT } from "./texts";
 import "./calibration.css";
 
 const ASK_EVERY_MS = 350;

@@ -1,8 +1,8 @@
 /** Live progress of a calibration: the sphere of directions, stillness, six positions, the drive. */
-import { number } from "../ui/format";
-import type { DirectionCoverage, DriveProgress, RestProgress, SixPositions } from "../wire/routes";
+import { number } from "../../ui/format";
+import type { DirectionCoverage, DriveProgress, RestProgress, SixPositions } from "../../wire/routes";
 import { cellPaths, placeOf } from "./sphere";
-import { TEXT } from "../texts/calibration";
+import { TEXT } from "./texts";
 
 const RADIUS = 90;
 const ROOM = 112;

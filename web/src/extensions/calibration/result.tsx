@@ -1,8 +1,8 @@
 /** The result of a calibration: figures, the residual before and after, bias and matrix. */
-import { number } from "../ui/format";
-import type { CalibrationFigure, CalibrationReport, ResidualTrace, SensorCorrection } from "../wire/routes";
-import { Message } from "../ui/message";
-import { TEXT } from "../texts/calibration";
+import { number } from "../../ui/format";
+import type { CalibrationFigure, CalibrationReport, ResidualTrace, SensorCorrection } from "../../wire/routes";
+import { Message } from "../../ui/message";
+import { TEXT } from "./texts";
 
 const WIDTH = 600;
 const HEIGHT = 150;

@@ -1,11 +1,11 @@
 /** Writing a result to the device: an ordinary change of its settings, with its warning, job and snapshot. */
 import { useSignal } from "@preact/signals";
-import { type Problem, request } from "../ui/http";
-import { Message } from "../ui/message";
-import { ProblemNote } from "../ui/problem-note";
-import type { CalibrationWrite } from "../wire/routes";
-import type { DeviceJobs, Job } from "../wire/types";
-import { TEXT } from "../texts/calibration";
+import { type Problem, request } from "../../ui/http";
+import { Message } from "../../ui/message";
+import { ProblemNote } from "../../ui/problem-note";
+import type { CalibrationWrite } from "../../wire/routes";
+import type { DeviceJobs, Job } from "../../wire/types";
+import { TEXT } from "./texts";
 
 interface Props {
   readonly device: string;

@@ -2,9 +2,9 @@
 /** The calibration coach: choice, progress, refusal, result, and what is sent. */
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { answering, type Asked } from "../testing/recorded";
-import type { CalibrationReport, CalibrationState } from "../wire/routes";
-import type { DeviceInfo, DeviceJobs, Job } from "../wire/types";
+import { answering, type Asked } from "../../testing/recorded";
+import type { CalibrationReport, CalibrationState } from "../../wire/routes";
+import type { DeviceInfo, DeviceJobs, Job } from "../../wire/types";
 import { CalibrationDialog } from "./dialog";
 import { digits } from "./result";
 import { cellPaths, placeOf } from "./sphere";

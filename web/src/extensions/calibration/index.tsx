@@ -1,0 +1,30 @@
+/** Calibration of a live device, with a coach. */
+import { type DeviceActionProps, type LiveDialogProps, registerExtension } from "../../extension";
+import { late } from "../../ui/late";
+import { TEXT } from "./texts";
+
+const CalibrationDialog = late(async () => (await import("./dialog")).CalibrationDialog);
+
+function CalibrateButton({ app, device }: DeviceActionProps) {
+  if (device.status !== "live") return null;
+  return (
+    <button
+      type="button"
+      class="btn small"
+      title={TEXT.open}
+      onClick={() => (app.overlay.value = "calibration/dialog")}
+    >
+      {TEXT.calibrate}
+    </button>
+  );
+}
+
+const Live = ({ app, device, onClose }: LiveDialogProps) => (
+  <CalibrationDialog device={device} jobs={app.store.jobs.value.get(device.id)} onClose={onClose} />
+);
+
+registerExtension({
+  name: "calibration",
+  views: [{ slot: "deviceActions", order: 10, View: CalibrateButton }],
+  dialogs: [{ overlay: "calibration/dialog", Live }],
+});
