@@ -1,7 +1,7 @@
 """The analysis dialog in a real browser, from recorded answers: its colours in both themes, its readings, and a phone.
 
-What is asked of the server is tested without a browser, in web/src/analysis/dialog.test.tsx; the figures of a real
-server are shown in test_recordings.py.
+What is asked of the server is tested without a browser, in web/src/extensions/analysis/dialog.test.tsx; the figures of
+a real server are shown in test_recordings.py.
 """
 
 from __future__ import annotations

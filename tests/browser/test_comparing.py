@@ -1,7 +1,7 @@
 """Comparing in a real browser: a recording with itself, computed by a real server; the page's colours, and a phone.
 
 Two live devices, moving B, and what is asked of the server are tested without a browser, in
-web/src/compare/page.test.tsx.
+web/src/extensions/analysis/compare/page.test.tsx.
 """
 
 from __future__ import annotations

@@ -154,11 +154,11 @@ def test_the_viewer_is_shown_on_request(serve: Callable[..., ServerProcess], ope
     assert page.locator("iframe").count() == 0
     assert not any("viser" in frame.url for frame in page.frames)
     page.get_by_role("button", name="3D scene", exact=True).click()
-    inner = page.locator(".scene iframe").element_handle().content_frame()
+    inner = page.locator(".viewer iframe").element_handle().content_frame()
     assert inner is not None
     until(inner, CONNECTED)
     page.get_by_role("button", name="Full screen").click()
-    until(page, "document.fullscreenElement?.className === 'scene'")
+    until(page, "document.fullscreenElement?.className === 'viewer'")
     page.evaluate("document.exitFullscreen()")
     page.get_by_role("button", name="Close the 3D scene").click()
     until(page, "!document.querySelector('iframe')")

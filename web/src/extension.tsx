@@ -9,7 +9,7 @@
  */
 import type { FunctionComponent } from "preact";
 import type { App } from "./pages/app-state";
-import type { PageEntry } from "./pages/route";
+import type { PageEntry, Route } from "./pages/route";
 import type { OpenRecording } from "./pages/recordings/open-recording";
 import { type PanelDefinition, registerPanel } from "./panels/registry";
 import type { Viewer } from "./views/viewer";
@@ -24,6 +24,8 @@ export interface DeviceActionProps {
 export interface Slots {
   /** Bands over every page. */
   readonly bands: { readonly app: App };
+  /** Buttons of the top bar over plots: those of Live, or of an open recording. */
+  readonly barViews: { readonly app: App; readonly isLive: boolean };
   /** Buttons of the top bar over the plots of Live, before "Share". */
   readonly barShare: { readonly app: App };
   /** Actions of the selected device in the list of devices. */
@@ -74,6 +76,18 @@ export interface ExtensionPage extends PageEntry {
   readonly View: FunctionComponent<{ readonly app: App }>;
 }
 
+export interface ExtensionPress {
+  readonly app: App;
+  /** The one it was pressed over; undefined on Live. */
+  readonly recording?: OpenRecording;
+}
+
+/** A page at certain addresses of another one. */
+export interface ExtensionAddress {
+  readonly takes: (route: Route) => boolean;
+  readonly View: FunctionComponent<{ readonly app: App }>;
+}
+
 /** A key of Live and of open recordings. */
 export interface ExtensionKey {
   /** A letter, in lower case. */
@@ -82,8 +96,7 @@ export interface ExtensionKey {
   readonly group: string;
   readonly before?: string;
   readonly what: string;
-  /** @param at `recording` is the one it was pressed over; undefined on Live */
-  readonly press: (at: { readonly app: App; readonly recording?: OpenRecording }) => void;
+  readonly press: (at: ExtensionPress) => void;
 }
 
 /** Name of a dialog: that of its extension comes first. */
@@ -95,6 +108,7 @@ export interface Extension {
   /** Called once for each page of a document. */
   readonly start?: (app: App) => void;
   readonly pages?: readonly ExtensionPage[];
+  readonly addresses?: readonly ExtensionAddress[];
   readonly panels?: readonly PanelDefinition[];
   readonly views?: readonly SlotView[];
   readonly dialogs?: readonly ExtensionDialog[];
@@ -120,7 +134,7 @@ export function registerExtension(extension: Extension): void {
 }
 
 /** What all extensions bring of one kind. */
-export function fromExtensions<Kind extends "dialogs" | "keys" | "pages" | "viewers" | "views">(
+export function fromExtensions<Kind extends "addresses" | "dialogs" | "keys" | "pages" | "viewers" | "views">(
   kind: Kind,
 ): readonly NonNullable<Extension[Kind]>[number][] {
   return [...extensions.values()].flatMap((extension) => [...(extension[kind] ?? [])]);

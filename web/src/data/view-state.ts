@@ -192,3 +192,8 @@ export function createViewState(like?: ViewSignals): ViewState {
   };
   return { ...signals, ...parts, actions: new ViewActions(signals) };
 }
+
+/** Whether two cursors are set. */
+export function hasCursors({ cursor, measure }: Pick<ViewState, "cursor" | "measure">): boolean {
+  return cursor.value?.kind === "pinned" && measure.value !== undefined;
+}

@@ -5,7 +5,7 @@
 import { type Signal, signal } from "@preact/signals";
 import { render } from "preact";
 import { figure } from "../charts/axes";
-import { colourOf } from "../analysis/figures";
+import { colourOf } from "../charts/curve-colours";
 import type { HistogramChoice } from "../data/view-state";
 import { LatestAnswer } from "../measure/latest-answer";
 import { liveSource } from "../measure/sample-access";

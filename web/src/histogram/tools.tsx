@@ -1,5 +1,5 @@
 /** The choices of the histogram: quantity, signals, range, scale, bins, and the values shown. */
-import { hasCursors } from "../analysis/figures";
+import { hasCursors } from "../data/view-state";
 import type { Channel } from "../data/channels";
 import type { HistogramChoice, ViewState } from "../data/view-state";
 import { plottable } from "../signals/custom-plots";

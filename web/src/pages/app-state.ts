@@ -23,7 +23,6 @@ export type Overlay =
   | "track"
   | "describe"
   | "share-port"
-  | "analysis"
   | "memory"
   | "alarm"
   | "packet"

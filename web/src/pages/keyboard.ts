@@ -4,7 +4,6 @@ import type { App } from "./app-state";
 import { showsPlots } from "../ui/page-state";
 import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
-import { compareView } from "../compare/sides";
 import { go, isRemote, type PageName, pagesOf, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
@@ -68,14 +67,8 @@ function close({ sheet, showsSignals, viewState: { cursor, measure } }: App): vo
 function act(action: KeyAction, app: App): void {
   const { view, actions } = app.viewState;
   switch (action.do) {
-    case "analysis":
-      app.overlay.value = "analysis";
-      return;
     case "extension":
       return action.press({ app });
-    case "compare":
-      if (view.peek().device !== undefined) compareView(app.viewState, view.peek().device ?? "");
-      return;
     case "signals":
       app.showsSignals.value = !app.showsSignals.value;
       return;

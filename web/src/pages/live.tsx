@@ -18,7 +18,6 @@ import { type App, select } from "./app-state";
 import {
   AddDevice,
   AlarmDialog,
-  AnalysisDialog,
   Describe,
   ExportDialog,
   MemoryDialog,
@@ -167,10 +166,6 @@ function Overlays({ app }: { readonly app: App }) {
   }
   if (overlay.value === "share-port" && app.device.value)
     return <SharePort app={app} device={app.device.value} onClose={close} />;
-  if (overlay.value === "analysis" && app.device.value) {
-    const { id, name } = app.device.value;
-    return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;
-  }
   if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
   if (overlay.value === "alarm") return <AlarmDialog app={app} onClose={close} />;

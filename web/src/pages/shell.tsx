@@ -1,7 +1,6 @@
 /** The frame of all pages: the current page, the tabs of a phone, and notices shown on every page. */
 import "../extensions/all";
 import type { FunctionComponent } from "preact";
-import { isComparison } from "../compare/sides";
 import { fromExtensions } from "../extension";
 import { Icon } from "../ui/icons";
 import { late } from "../ui/late";
@@ -14,13 +13,13 @@ import { TEXT } from "../texts/live";
 const loading = <div class="app" aria-busy="true" />;
 const ConfigurePage = late(async () => (await import("./configure/page")).ConfigurePage, loading);
 const RecordingsPage = late(async () => (await import("./recordings/page")).RecordingsPage, loading);
-const ComparePage = late(async () => (await import("../compare/page")).ComparePage, loading);
 const Decks = late(async () => (await import("./configure/rollback-banner")).Decks);
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;
   const temporary = [...app.store.jobs.value.values()].some((jobs) => jobs.pending_rollback !== null);
-  const Page = fromExtensions("pages").find(({ name }) => name === page)?.View ?? viewOf(page);
+  const special = fromExtensions("addresses").find(({ takes }) => takes(route.value));
+  const Page = special?.View ?? fromExtensions("pages").find(({ name }) => name === page)?.View ?? viewOf(page);
   return (
     <>
       <Page app={app} />
@@ -33,8 +32,7 @@ export function Shell({ app }: { readonly app: App }) {
 
 function viewOf(page: PageName): FunctionComponent<{ readonly app: App }> {
   if (page === "configure") return ConfigurePage;
-  if (page !== "recordings") return LivePage;
-  return isComparison(route.value) ? ComparePage : RecordingsPage;
+  return page === "recordings" ? RecordingsPage : LivePage;
 }
 
 /** Navigation; the device stays the same. */

@@ -143,10 +143,3 @@ test("the link to the current view is copied, or the failure reported", async ()
   press("c");
   await eventually(() => expect(bar.getByText(/blocks copying/)).toBeTruthy());
 });
-
-test("one key compares the selected device with another one", async () => {
-  const { app } = await open();
-  press("d");
-  await eventually(() => expect(location.hash).toMatch(/^#\/recordings\?a=1&/));
-  expect(app.viewState.view.value.device).toBe("1");
-});

@@ -1,6 +1,5 @@
 /** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
 import { useRef } from "preact/hooks";
-import { compareView } from "../compare/sides";
 import { Slot } from "../extension";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
@@ -19,8 +18,6 @@ import { href, isRemote, type PageName, pagesOf, route } from "./route";
 import { Share } from "./share";
 import { distinctName } from "../wire/device-name";
 import { COMMON } from "../texts/common";
-import { TEXT as ANALYSIS } from "../texts/analysis";
-import { TEXT as COMPARE } from "../texts/compare";
 import { TEXT } from "../texts/live";
 
 /** Names of each page's folded panels. */
@@ -63,25 +60,10 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
       {page === "configure" && <StateTags app={app} />}
       <span class="grow desk" />
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
-        <ViewerButton app={app} isLive={isLive} />
-      )}
-      {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
-        <IconButton
-          icon="wave"
-          label={ANALYSIS.analysis}
-          class="analysis-button"
-          title={ANALYSIS.open}
-          onClick={() => (app.overlay.value = "analysis")}
-        />
-      )}
-      {isLive && showsPlots(app.state.value) && app.device.value && (
-        <IconButton
-          icon="compare"
-          label={COMPARE.compare}
-          class="compare-button"
-          title={COMPARE.open}
-          onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}
-        />
+        <>
+          <ViewerButton app={app} isLive={isLive} />
+          <Slot name="barViews" with={{ app, isLive }} />
+        </>
       )}
       {isLive && showsPlots(app.state.value) ? (
         <ArrangeButton app={app} deps={app} />

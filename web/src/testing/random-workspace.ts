@@ -64,14 +64,6 @@ const HISTOGRAMS = [
   { range: "cursors", within: 4, noCurve: true },
 ];
 
-const ANALYSES = [
-  {
-    allan: { motion: "include", signals: "RateOfTurn", temperature: "include" },
-    psd: { frequencyAxis: "log", length: 1024, scale: "power" },
-  },
-  { spectrogram: { range: "everything", signals: "norm(Acceleration), RateOfTurn.x", window: "flattop" } },
-];
-
 export function randomParts(next: Random): Record<string, unknown> {
   const hide = someOf(next, SERIES);
   const show = someOf(next, NORMS);
@@ -88,7 +80,6 @@ export function randomParts(next: Random): Record<string, unknown> {
     ...(next() < 0.5 ? { yAxes: oneOf(next, AXES) } : {}),
     ...(next() < 0.5 ? { plotOrder: oneOf(next, ORDERS) } : {}),
     ...(next() < 0.5 ? { histogram: oneOf(next, HISTOGRAMS) } : {}),
-    ...(next() < 0.5 ? { analyses: oneOf(next, ANALYSES) } : {}),
     ...(next() < 0.5 ? { xy: oneOf(next, XY) } : {}),
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),
     ...(next() < 0.5 ? { frame: oneOf(next, ["ENU", "NED", "NWU"]) } : {}),

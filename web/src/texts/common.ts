@@ -89,8 +89,6 @@ export const COMMON = {
   keyMarker: "Add a marker or a note to the recording",
   keyLoop: "Loop the visible range (recordings)",
   keySignals: "All signals: search, and put any of them on a plot",
-  keyAnalysis: "Analysis: spectrum, Allan deviation, statistics",
-  keyCompare: "Compare with another recording, device or range",
   keyArrange: "Workspace: arrange panels, open and save layouts",
   keyMaximise: "Maximize the panel with the focus or under the pointer",
   keyUndo: "Undo or redo a change of the layout, series or plots",

@@ -22,8 +22,6 @@ export type KeyAction =
         | "now"
         | "timeBase"
         | "help"
-        | "analysis"
-        | "compare"
         | "packet"
         | "signals"
         | "measure"
@@ -88,8 +86,6 @@ const GROUPS: readonly KeyGroup[] = [
       { keys: ["B"], what: COMMON.keyMeasure },
       { keys: ["Shift ,", "Shift ."], what: COMMON.keyStepMeasure },
       { keys: ["P"], what: COMMON.keyPacket },
-      { keys: ["A"], what: COMMON.keyAnalysis },
-      { keys: ["D"], what: COMMON.keyCompare },
     ],
   },
   {
@@ -148,8 +144,6 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   end: { do: "now" },
   t: { do: "timeBase" },
   c: { do: "link" },
-  a: { do: "analysis" },
-  d: { do: "compare" },
   s: { do: "signals" },
   b: { do: "measure" },
   j: { do: "goTo" },

@@ -5,4 +5,3 @@ import "./y-axes";
 import "./plot-order";
 import "./xy";
 import "./histogram";
-import "./analyses";

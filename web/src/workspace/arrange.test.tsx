@@ -5,7 +5,6 @@ import { expect, it } from "vitest";
 import { recorded } from "../testing/recorded";
 import { openPage } from "../testing/live-page";
 import { TEXT } from "../texts/workspace";
-import { applyWorkspace, withoutMoment } from "./parts";
 
 const press = (key: string, more: KeyboardEventInit = {}) => fireEvent.keyDown(document.body, { key, ...more });
 const panels = () => [...document.querySelectorAll("[data-panel]")].map((one) => one.getAttribute("data-panel"));
@@ -88,42 +87,6 @@ it("typing in a field is not a key of the workspace", async () => {
   fireEvent.keyDown(field, { key: "w" });
   expect(screen.queryByRole("dialog", { name: TEXT.sheet })).not.toBeNull();
   field.remove();
-});
-
-it("a panel that is shown on request only is in the list, and is stored once it is shown", async () => {
-  const { app } = await arranging();
-  expect(panels()).toEqual(DEFAULT);
-  fireEvent.click(screen.getByLabelText(TEXT.showPanel("Spectrum")));
-  await waitFor(() => expect(panels()).toEqual(["attitude", "plots", "spectrum", ...DEFAULT.slice(2)]));
-  expect(app.viewState.layout.value.panels["spectrum"]).toEqual({ shown: true });
-  const scale = await screen.findByLabelText("Frequency axis", {}, { timeout: 20_000 }); // its code is fetched now
-  expect(screen.queryByRole("button", { name: "Allan deviation" })).toBeNull(); // a panel of its own
-  fireEvent.change(scale, { target: { value: "log" } });
-  expect(app.viewState.analyses.value).toEqual({ psd: { frequencyAxis: "log" } });
-  for (let k = 0; k < 2; k += 1) press("z", { ctrlKey: true });
-  await waitFor(() => expect(panels()).toEqual(DEFAULT));
-  expect(app.viewState.analyses.value).toEqual({});
-});
-
-it("an earlier workspace, with spectrum and Allan deviation in one panel, opens as it was", async () => {
-  const { app } = await arranging();
-  const shared = TEXT.showPanel("Analysis");
-  expect(screen.queryByLabelText(shared)).toBeNull();
-  const layout = {
-    panels: { analysis: { shown: true, height: 500 }, xy: { shown: true } },
-    order: { main: ["plots", "analysis", "xy"] },
-  };
-  const parts = { layout, xy: { x: ["Acceleration", "x"], y: ["Acceleration", "y"] } };
-  const problems = applyWorkspace(
-    { viewState: app.viewState, folded: app.folded },
-    { format: "imuscope-workspace", version: 1, parts },
-    withoutMoment,
-  );
-  expect(problems).toEqual([]);
-  await waitFor(() => expect(panels().slice(0, 3)).toEqual(["plots", "analysis", "xy"]));
-  expect(document.querySelector<HTMLElement>('[data-panel="analysis"]')?.style.height).toBe("500px");
-  fireEvent.click(await screen.findByRole("button", { name: "Allan deviation" }, { timeout: 20_000 }));
-  expect(await screen.findByLabelText("Motion")).toBeTruthy();
 });
 
 it("lanes are in one place only: below the plots, or in a panel of their own", async () => {

@@ -1,5 +1,5 @@
 /** The picture of an XY plot: both axes, the pairs with their time as colour or as a trail that fades, and the cursors. */
-import { colourAt } from "../analysis/colours";
+import { colourAt } from "../charts/colours";
 import { css, font, type Surface } from "../ui/canvas";
 import { number } from "../ui/format";
 import { type Scale, ticks } from "../plots/scale";

@@ -1,6 +1,6 @@
 /** The choices of the XY plot: both signals, range, time as colour or trail, lines or points, scale, and how signals are paired. */
 import type { ViewState, XyChoice } from "../data/view-state";
-import { hasCursors } from "../analysis/figures";
+import { hasCursors } from "../data/view-state";
 import { channelsOf, type Deps } from "../panels/panel-context";
 import { type Found, unitOf } from "../signals/custom-plots";
 import { SignalSelect } from "./signal-select";

@@ -1,7 +1,6 @@
 /** Keys of an open recording: those of Live, with playback instead of live mode. */
 import type { ReplayController } from "../../recordings/replay-controller";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../ui/keys";
-import { compareView } from "../../compare/sides";
 import { exportingOf } from "./exporting";
 import { beginMarker } from "./markers";
 import type { OpenRecording } from "./open-recording";
@@ -40,14 +39,8 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
   const { sheet, showsSignals } = recording.app;
   const { view, cursor, measure, actions } = replay.viewState;
   switch (action.do) {
-    case "analysis":
-      recording.app.overlay.value = "analysis";
-      return true;
     case "extension":
       action.press({ app: recording.app, recording });
-      return true;
-    case "compare":
-      compareView(replay.viewState, view.peek().device ?? "", replay.detail.info.id);
       return true;
     case "signals":
       recording.app.showsSignals.value = !recording.app.showsSignals.peek();

@@ -18,7 +18,7 @@ import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { ArrangeTools } from "../../workspace/arrange";
-import { AlarmDialog, AnalysisDialog, SignalsPanel, YAxisDialog } from "../dialogs";
+import { AlarmDialog, SignalsPanel, YAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
@@ -96,7 +96,6 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
           />
         </Dialog>
       )}
-      {overlay.value === "analysis" && <Analysis recording={recording} />}
       {overlay.value === "alarm" && (
         <AlarmDialog
           app={app}
@@ -141,22 +140,6 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
           {replay.viewState.yAxisForm.value && <YAxisDialog viewState={replay.viewState} />}
         </>
       }
-    />
-  );
-}
-
-function Analysis({ recording: { replay, app, deps } }: { readonly recording: OpenRecording }) {
-  const { info, devices } = replay.detail;
-  const device = replay.viewState.device.value;
-  return (
-    <AnalysisDialog
-      key={device}
-      deps={deps}
-      source={info.id}
-      title={titleOf(info)}
-      prefix={devices.length > 1 ? `${device}/` : ""}
-      isLive={false}
-      onClose={() => (app.overlay.value = undefined)}
     />
   );
 }

@@ -1,6 +1,5 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
 import type { ReplayController } from "../../recordings/replay-controller";
-import { compareView } from "../../compare/sides";
 import { Slot } from "../../extension";
 import { server } from "../../recordings/api";
 import { copyText } from "../../ui/copy";
@@ -10,7 +9,6 @@ import { go } from "../route";
 import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type Range } from "./exporting";
 import { COMMON } from "../../texts/common";
-import { TEXT as COMPARE } from "../../texts/compare";
 import { TEXT } from "../../texts/recordings";
 
 /** How long the last action is shown, ms. */
@@ -76,15 +74,6 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
         {TEXT.export}
       </button>
       <Slot name="recordingActions" with={{ recording }} />
-      <button
-        type="button"
-        class="btn edge"
-        title={COMPARE.open}
-        onClick={() => compareView(replay.viewState, replay.viewState.view.peek().device ?? "", info.id)}
-      >
-        <Icon name="compare" />
-        {COMPARE.compare}
-      </button>
       <a class="btn edge" href={server.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
         <Icon name="download" />
         {COMMON.download}

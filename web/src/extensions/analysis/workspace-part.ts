@@ -1,7 +1,7 @@
 /** The part of a workspace with what the panels of one analysis each show: spectrum, spectrogram, Allan deviation. */
-import type { AnalysisChoice, AnalysisPanel } from "../data/view-state";
-import { LENGTHS, WINDOWS } from "../analysis/choice";
-import { isObject, type Json, type JsonObject, registerPart } from "./parts";
+import type { AnalysisChoice, AnalysisPanel } from "../../data/view-state";
+import { LENGTHS, WINDOWS } from "./choice";
+import { isObject, type Json, type JsonObject, registerPart } from "../../workspace/parts";
 
 const PANELS: readonly AnalysisPanel[] = ["allan", "psd", "spectrogram"];
 /** Longest list of signals, characters. */

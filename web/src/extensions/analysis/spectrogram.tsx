@@ -2,16 +2,16 @@
 import { type ReadonlySignal, useSignal } from "@preact/signals";
 import type { RefObject } from "preact";
 import { useLayoutEffect, useMemo, useRef } from "preact/hooks";
-import type { View } from "../data/view-state";
-import { tickLabel, timeGrid, timeStep } from "../plots/axis";
-import { palette } from "../plots/canvas-style";
-import { timeWindow, type TimeWindow } from "../plots/time-window";
-import { clock } from "../ui/format";
-import type { SignalFigures } from "../wire/routes";
-import { type Axis, axisOf, figure, nearest, share, ticks, valueAtShare } from "../charts/axes";
-import { colourAt, type Scale, scaleOf, shareOf } from "./colours";
-import { useWidth } from "../charts/use-size";
-import { TEXT } from "../texts/analysis";
+import type { View } from "../../data/view-state";
+import { tickLabel, timeGrid, timeStep } from "../../plots/axis";
+import { palette } from "../../plots/canvas-style";
+import { timeWindow, type TimeWindow } from "../../plots/time-window";
+import { clock } from "../../ui/format";
+import type { SignalFigures } from "../../wire/routes";
+import { type Axis, axisOf, figure, nearest, share, ticks, valueAtShare } from "../../charts/axes";
+import { colourAt, type Scale, scaleOf, shareOf } from "../../charts/colours";
+import { useWidth } from "../../charts/use-size";
+import { TEXT } from "./texts";
 
 const LEFT = 64;
 const RIGHT = 12;

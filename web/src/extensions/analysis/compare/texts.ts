@@ -1,7 +1,8 @@
 /** Texts of the page that compares two sides. */
-import { count, type Value } from "./plural";
+import { count, type Value } from "../../../texts/plural";
 
 export const TEXT = {
+  key: "Compare with another recording, device or range",
   compare: "Compare",
   open: "Compare with another recording, device or range (D)",
   title: "Compare · imuscope",

@@ -1,13 +1,13 @@
 /** What is compared, and how both are aligned. */
 import { useSignal } from "@preact/signals";
-import { IconButton } from "../ui/icon-button";
-import { Icon } from "../ui/icons";
-import { usePhone } from "../ui/use-phone";
-import { figure } from "../charts/axes";
+import { IconButton } from "../../../ui/icon-button";
+import { Icon } from "../../../ui/icons";
+import { usePhone } from "../../../ui/use-phone";
+import { figure } from "../../../charts/axes";
 import { boundsOf, type CompareModel, isLive, momentsOf, namesOf, sourceTitle } from "./model";
 import type { ComparePlace, Side } from "./sides";
-import { listName } from "../wire/device-name";
-import { TEXT } from "../texts/compare";
+import { listName } from "../../../wire/device-name";
+import { TEXT } from "./texts";
 
 type Ready = ComparePlace & { readonly b: Side };
 const LENGTHS = [10, 30, 60, 300];

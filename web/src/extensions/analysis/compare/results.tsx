@@ -1,17 +1,17 @@
 /** Figures of a comparison: statistics of the differences, spectra of both, and the settings of both. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { figure } from "../charts/axes";
-import { Chart, type Curve, type Numbers } from "../analysis/chart";
-import type { Difference } from "../forms/types";
-import { type Problem, request } from "../ui/http";
-import { Message } from "../ui/message";
-import { ProblemNote } from "../ui/problem-note";
-import type { ComparedSignal, SignalFigures } from "../wire/routes";
+import { figure } from "../../../charts/axes";
+import { Chart, type Curve, type Numbers } from "../chart";
+import type { Difference } from "../../../forms/types";
+import { type Problem, request } from "../../../ui/http";
+import { Message } from "../../../ui/message";
+import { ProblemNote } from "../../../ui/problem-note";
+import type { ComparedSignal, SignalFigures } from "../../../wire/routes";
 import { type CompareModel, requestOf } from "./model";
 import type { ComparePlace, Side } from "./sides";
-import { TEXT as ANALYSIS } from "../texts/analysis";
-import { TEXT } from "../texts/compare";
+import { TEXT as ANALYSIS } from "../texts";
+import { TEXT } from "./texts";
 
 type Ready = ComparePlace & { readonly b: Side };
 

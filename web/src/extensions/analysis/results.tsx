@@ -1,13 +1,14 @@
 /** Figures of an analysis as a person reads them: charts, tables, verdicts, notes, and what copies them. */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { copyText } from "../ui/copy";
-import { type Problem, request } from "../ui/http";
-import { Message } from "../ui/message";
-import { ProblemNote } from "../ui/problem-note";
-import type { AnalysisRequest, SignalFigures } from "../wire/routes";
-import { figure } from "../charts/axes";
+import { copyText } from "../../ui/copy";
+import { type Problem, request } from "../../ui/http";
+import { Message } from "../../ui/message";
+import { ProblemNote } from "../../ui/problem-note";
+import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
+import { figure } from "../../charts/axes";
 import { Chart } from "./chart";
+import { shortName } from "../../charts/curve-colours";
 import {
   byUnit,
   csvOf,
@@ -18,12 +19,11 @@ import {
   obstaclesOf,
   parametersOf,
   peaksOf,
-  shortName,
   verdictsOf,
 } from "./figures";
 import { type PlotAxis, Spectrogram } from "./spectrogram";
-import { COMMON } from "../texts/common";
-import { TEXT } from "../texts/analysis";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "./texts";
 
 const MAX_MARKS = 6;
 /** Texts for other programs, by analysis. */

@@ -1,11 +1,11 @@
 /** A chart of outlines over time: A and B on one axis, of which B can be dragged; or their difference. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { type Axis, axisOf, figure, share, valueAtShare } from "../charts/axes";
-import { type Area, Crosshair, Grid } from "../charts/grid";
-import { useWidth } from "../charts/use-size";
-import type { Outline } from "../wire/routes";
-import { TEXT } from "../texts/compare";
+import { type Axis, axisOf, figure, share, valueAtShare } from "../../../charts/axes";
+import { type Area, Crosshair, Grid } from "../../../charts/grid";
+import { useWidth } from "../../../charts/use-size";
+import type { Outline } from "../../../wire/routes";
+import { TEXT } from "./texts";
 import { type Ends, keyed, panned, wheeled, zoomed } from "./zoom";
 
 export interface Trace {

@@ -1,16 +1,17 @@
 /** The analysis dialog: spectrum, Allan deviation or statistics of a signal or an expression, over a range of the view. */
 import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useId, useMemo } from "preact/hooks";
-import type { AnalysisPanel } from "../data/view-state";
-import type { Deps } from "../panels/panel-context";
-import { Dialog } from "../ui/dialog";
-import { type Problem, request } from "../ui/http";
-import { ProblemNote } from "../ui/problem-note";
-import type { AnalysisRequest, SignalFigures } from "../wire/routes";
+import type { AnalysisPanel } from "../../data/view-state";
+import type { Deps } from "../../panels/panel-context";
+import { Dialog } from "../../ui/dialog";
+import { type Problem, request } from "../../ui/http";
+import { ProblemNote } from "../../ui/problem-note";
+import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { type Change, type ChoiceState, LENGTHS, useChoice, type WholeChoice, wholeChoice, WINDOWS } from "./choice";
-import { hasCursors, type Name, type Range, signalNames, signalsIn, timesOf } from "./figures";
+import { hasCursors } from "../../data/view-state";
+import { type Name, type Range, signalNames, signalsIn, timesOf } from "./figures";
 import { type Answered, Result } from "./results";
-import { TEXT } from "../texts/analysis";
+import { TEXT } from "./texts";
 import "./analysis.css";
 
 const NAMES: readonly Name[] = ["psd", "spectrogram", "allan", "statistics"];

@@ -1,6 +1,6 @@
 /** What of an analysis a person chooses, with its defaults. A panel's choice is part of the workspace, that of the dialog is its own. */
 import { type ReadonlySignal, useComputed, useSignal } from "@preact/signals";
-import type { AnalysisChoice, AnalysisPanel, ViewState } from "../data/view-state";
+import type { AnalysisChoice, AnalysisPanel, ViewState } from "../../data/view-state";
 import { inertialNames, type Name, type Range } from "./figures";
 
 export const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"] as const;

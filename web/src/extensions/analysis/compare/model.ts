@@ -1,14 +1,14 @@
 /** State of one comparison page: the place, what the sources hold, and the server's last answer. */
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
-import { signalNames } from "../analysis/figures";
-import type { Channel } from "../data/channels";
-import { isOpening, server } from "../recordings/api";
-import { titleOf } from "../recordings/library-filter";
-import { listName } from "../wire/device-name";
-import type { RecordingDetail, RecordingInfo } from "../recordings/types";
-import { type Problem, request } from "../ui/http";
-import type { ComparedSide, ComparisonAnswer, ComparisonRequest } from "../wire/routes";
-import type { App } from "../pages/app-state";
+import { signalNames } from "../figures";
+import type { Channel } from "../../../data/channels";
+import { isOpening, server } from "../../../recordings/api";
+import { titleOf } from "../../../recordings/library-filter";
+import { listName } from "../../../wire/device-name";
+import type { RecordingDetail, RecordingInfo } from "../../../recordings/types";
+import { type Problem, request } from "../../../ui/http";
+import type { ComparedSide, ComparisonAnswer, ComparisonRequest } from "../../../wire/routes";
+import type { App } from "../../../pages/app-state";
 import { type ComparePlace, likelyOther, readComparison, requestedSide, type Side } from "./sides";
 
 /** Polling interval while a recording is decoded for the first time, ms. */

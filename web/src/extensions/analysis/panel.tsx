@@ -1,11 +1,11 @@
 /** An analysis as a panel: beside the plots, as long as it is wanted. Its code is fetched when it is first shown. */
 import { render } from "preact";
-import type { AnalysisPanel } from "../data/view-state";
-import { type Deps, selected } from "../panels/panel-context";
-import type { PanelDefinition } from "../panels/registry";
-import type { Panel } from "../ui/dom";
-import { late } from "../ui/late";
-import { TEXT } from "../texts/analysis";
+import type { AnalysisPanel } from "../../data/view-state";
+import { type Deps, selected } from "../../panels/panel-context";
+import type { PanelDefinition } from "../../panels/registry";
+import type { Panel } from "../../ui/dom";
+import { late } from "../../ui/late";
+import { TEXT } from "./texts";
 
 const AnalysisView = late(async () => (await import("./dialog")).AnalysisView);
 

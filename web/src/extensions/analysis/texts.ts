@@ -1,7 +1,8 @@
 /** Texts of the analysis dialog. */
-import { count, type Value } from "./plural";
+import { count, type Value } from "../../texts/plural";
 
 export const TEXT = {
+  key: "Analysis: spectrum, Allan deviation, statistics",
   analysis: "Analysis",
   analysisOf: (device: Value) => `Analysis of ${device}`,
   open: "Spectra, Allan deviation, statistics (A)",

@@ -3,13 +3,13 @@
 import { signal } from "@preact/signals";
 import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import type { Channel } from "../data/channels";
-import { createViewState } from "../data/view-state";
-import type { Deps } from "../panels/panel-context";
-import { answering, type Asked } from "../testing/recorded";
-import type { SignalFigures } from "../wire/routes";
+import type { Channel } from "../../data/channels";
+import { createViewState } from "../../data/view-state";
+import type { Deps } from "../../panels/panel-context";
+import { answering, type Asked } from "../../testing/recorded";
+import type { SignalFigures } from "../../wire/routes";
 import { AnalysisDialog } from "./dialog";
-import { colourAt, scaleOf, shareOf } from "./colours";
+import { colourAt, scaleOf, shareOf } from "../../charts/colours";
 import { csvOf, signalNames, signalsIn, ends } from "./figures";
 
 const ROUTE = "POST /api/analysis";

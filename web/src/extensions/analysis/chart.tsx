@@ -1,9 +1,19 @@
 /** A chart of figures against frequency or averaging time: curves with bands, marks, and a reading under the pointer. */
 import { useSignal } from "@preact/signals";
 import { useRef } from "preact/hooks";
-import { type Axis, axisOf, curve, figure, type Kind, nearest, type Point, share, valueAtShare } from "../charts/axes";
-import { type Area, Crosshair, Grid } from "../charts/grid";
-import { useWidth } from "../charts/use-size";
+import {
+  type Axis,
+  axisOf,
+  curve,
+  figure,
+  type Kind,
+  nearest,
+  type Point,
+  share,
+  valueAtShare,
+} from "../../charts/axes";
+import { type Area, Crosshair, Grid } from "../../charts/grid";
+import { useWidth } from "../../charts/use-size";
 
 export type Numbers = readonly (number | null)[];
 

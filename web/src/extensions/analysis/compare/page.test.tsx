@@ -3,10 +3,10 @@
 import { signal } from "@preact/signals";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
-import { route } from "../pages/route";
-import type { App } from "../pages/app-state";
-import { answering, type Asked } from "../testing/recorded";
-import type { ComparisonAnswer } from "../wire/routes";
+import { route } from "../../../pages/route";
+import type { App } from "../../../pages/app-state";
+import { answering, type Asked } from "../../../testing/recorded";
+import type { ComparisonAnswer } from "../../../wire/routes";
 import { CompareMain } from "./page";
 
 const outline = (values: readonly (number | null)[]) => ({

@@ -1,9 +1,10 @@
 /** What an analysis is asked for, and its figures as the dialog shows them. */
-import type { Channel } from "../data/channels";
-import type { ViewState } from "../data/view-state";
-import type { AnalysisRequest, SignalFigures } from "../wire/routes";
-import { figure } from "../charts/axes";
-import { isOfQuaternion } from "../signals/completion";
+import { colourOf, shortName } from "../../charts/curve-colours";
+import type { Channel } from "../../data/channels";
+import type { ViewState } from "../../data/view-state";
+import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
+import { figure } from "../../charts/axes";
+import { isOfQuaternion } from "../../signals/completion";
 import type { Curve, Numbers } from "./chart";
 
 export type Name = "statistics" | "psd" | "spectrogram" | "allan";
@@ -28,11 +29,6 @@ export function timesOf(
   const { live, end, span } = view.peek();
   const last = live ? edge : end;
   return { t0: last - span, t1: last };
-}
-
-/** Whether two cursors are set. */
-export function hasCursors({ cursor, measure }: Pick<ViewState, "cursor" | "measure">): boolean {
-  return cursor.value?.kind === "pinned" && measure.value !== undefined;
 }
 
 const NUMBERS: readonly Channel["info"]["kind"][] = ["vector", "quaternion", "euler", "scalar", "record", "matrix"];
@@ -79,19 +75,6 @@ export function byUnit(answers: readonly SignalFigures[], name: string): readonl
   const units = new Map<string, SignalFigures[]>();
   for (const one of answers) units.set(one.units[name] ?? "", [...(units.get(one.units[name] ?? "") ?? []), one]);
   return [...units.values()];
-}
-
-const AXES: Readonly<Record<string, string>> = { x: "axis-x", y: "axis-y", z: "axis-z" };
-const OTHERS = ["axis-x", "axis-y", "axis-z", "axis-n"];
-
-/** The part of a signal's name that distinguishes it from the others: "x" of "Acceleration.x". */
-export function shortName(name: string): string {
-  const column = /\.(\w+)$/.exec(name)?.[1];
-  return column ?? name;
-}
-
-export function colourOf(name: string, at: number): string {
-  return AXES[shortName(name)] ?? OTHERS[at % OTHERS.length] ?? "axis-n";
 }
 
 const list = (figures: SignalFigures["figures"], name: string): Numbers => {

@@ -1,24 +1,24 @@
 /** The page that compares two recordings, devices or ranges on one axis of time. Loaded on first use. */
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
-import { figure } from "../charts/axes";
-import { Bar } from "../pages/top-bar";
-import type { App } from "../pages/app-state";
-import { OfflineBand, ProblemBand } from "../pages/empty-states";
-import { PageOverlays } from "../pages/recordings/overlays";
-import { route } from "../pages/route";
-import { copyText } from "../ui/copy";
-import { Icon } from "../ui/icons";
-import { Message } from "../ui/message";
-import { ProblemNote } from "../ui/problem-note";
-import type { ComparedSignal, ComparisonAnswer } from "../wire/routes";
+import { figure } from "../../../charts/axes";
+import { Bar } from "../../../pages/top-bar";
+import type { App } from "../../../pages/app-state";
+import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
+import { PageOverlays } from "../../../pages/recordings/overlays";
+import { route } from "../../../pages/route";
+import { copyText } from "../../../ui/copy";
+import { Icon } from "../../../ui/icons";
+import { Message } from "../../../ui/message";
+import { ProblemNote } from "../../../ui/problem-note";
+import type { ComparedSignal, ComparisonAnswer } from "../../../wire/routes";
 import { Controls } from "./controls";
 import { compareModel, type CompareModel, compareNow, loadSources, unknownSources } from "./model";
 import { OverlayChart, type Trace } from "./overlay-chart";
 import { Settings, Spectra, Statistics } from "./results";
 import { type ComparePlace, comparisonHref, readComparison, type Side } from "./sides";
-import { TEXT } from "../texts/compare";
-import "../analysis/analysis.css";
+import { TEXT } from "./texts";
+import "../analysis.css";
 import type { Ends } from "./zoom";
 import "./compare.css";
 

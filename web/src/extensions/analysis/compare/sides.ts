@@ -4,11 +4,11 @@
  *     #/recordings?a=yard-loop&ad=1&a0=…&a1=…&b=2&bl=30&signal=Acceleration&offset=1.25
  *     a, b: recording or live device · ad: device of the recording · a0, a1: range, unix s · al: last seconds of a live device
  */
-import type { ViewState } from "../data/view-state";
-import type { RecordingInfo } from "../recordings/types";
-import type { ComparedSide } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import type { Route } from "../pages/route";
+import type { ViewState } from "../../../data/view-state";
+import type { RecordingInfo } from "../../../recordings/types";
+import type { ComparedSide } from "../../../wire/routes";
+import type { DeviceInfo } from "../../../wire/types";
+import type { Route } from "../../../pages/route";
 
 export interface Side {
   /** Id of a recording or of a live device. */

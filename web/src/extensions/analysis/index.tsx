@@ -1,0 +1,121 @@
+/** Analysis of signals: spectrum, spectrogram, Allan deviation; and comparing two devices or recordings. */
+import {
+  type ExtensionPress,
+  type LiveDialogProps,
+  type RecordingDialogProps,
+  registerExtension,
+} from "../../extension";
+import type { Slots } from "../../extension";
+import type { App } from "../../pages/app-state";
+import { titleOf } from "../../recordings/library-filter";
+import { IconButton } from "../../ui/icon-button";
+import { Icon } from "../../ui/icons";
+import { late } from "../../ui/late";
+import { COMMON } from "../../texts/common";
+import { compareView, isComparison } from "./compare/sides";
+import { TEXT as COMPARE } from "./compare/texts";
+import { analysisPanel, mountAnalysis } from "./panel";
+import { TEXT } from "./texts";
+import "./layers.css";
+import "./workspace-part";
+
+const loading = <div class="app" aria-busy="true" />;
+const ComparePage = late(async () => (await import("./compare/page")).ComparePage, loading);
+const AnalysisDialog = late(async () => (await import("./dialog")).AnalysisDialog);
+
+const open = (app: App): void => void (app.overlay.value = "analysis/dialog");
+
+function compare({ app, recording }: ExtensionPress): void {
+  if (recording) {
+    const { viewState, detail } = recording.replay;
+    compareView(viewState, viewState.view.peek().device ?? "", detail.info.id);
+  } else if (app.viewState.view.peek().device !== undefined)
+    compareView(app.viewState, app.viewState.view.peek().device ?? "");
+}
+
+function AnalysisButton({ app }: Slots["barViews"]) {
+  return (
+    <IconButton icon="wave" label={TEXT.analysis} class="over-plots" title={TEXT.open} onClick={() => open(app)} />
+  );
+}
+
+function CompareButton({ app, isLive }: Slots["barViews"]) {
+  if (!isLive || !app.device.value) return null;
+  return (
+    <IconButton
+      icon="compare"
+      label={COMPARE.compare}
+      class="spare-first"
+      title={COMPARE.open}
+      onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}
+    />
+  );
+}
+
+function CompareRecordingButton({ recording }: Slots["recordingActions"]) {
+  return (
+    <button
+      type="button"
+      class="btn edge"
+      title={COMPARE.open}
+      onClick={() => compare({ app: recording.app, recording })}
+    >
+      <Icon name="compare" />
+      {COMPARE.compare}
+    </button>
+  );
+}
+
+function Live({ app, device, onClose }: LiveDialogProps) {
+  return <AnalysisDialog deps={app} source={device.id} title={device.name} prefix="" isLive onClose={onClose} />;
+}
+
+function Recording({ recording: { replay, deps }, onClose }: RecordingDialogProps) {
+  const { info, devices } = replay.detail;
+  const device = replay.viewState.device.value;
+  return (
+    <AnalysisDialog
+      key={device}
+      deps={deps}
+      source={info.id}
+      title={titleOf(info)}
+      prefix={devices.length > 1 ? `${device}/` : ""}
+      isLive={false}
+      onClose={onClose}
+    />
+  );
+}
+
+registerExtension({
+  name: "analysis",
+  panels: [
+    // All analyses, one at a time: workspaces and links of earlier versions have it. It is offered where it is shown only; the panels of
+    // one analysis each take its place.
+    {
+      id: "analysis",
+      title: TEXT.analysis,
+      where: "main",
+      height: "higher",
+      order: 20,
+      class: "analysis-panel",
+      optional: true,
+      isWide: true,
+      applies: ({ viewState }) => viewState.layout.value.panels["analysis"]?.shown === true,
+      mount: (host, deps) => mountAnalysis(host, deps),
+    },
+    analysisPanel("spectrum", "psd", 16),
+    analysisPanel("spectrogram", "spectrogram", 17),
+    analysisPanel("allan", "allan", 18),
+  ],
+  addresses: [{ takes: isComparison, View: ComparePage }],
+  views: [
+    { slot: "barViews", order: 10, View: AnalysisButton },
+    { slot: "barViews", order: 20, View: CompareButton },
+    { slot: "recordingActions", order: 30, View: CompareRecordingButton },
+  ],
+  dialogs: [{ overlay: "analysis/dialog", Live, Recording }],
+  keys: [
+    { key: "a", group: COMMON.keysOfMeasuring, what: TEXT.key, press: ({ app }) => open(app) },
+    { key: "d", group: COMMON.keysOfMeasuring, what: COMPARE.key, press: compare },
+  ],
+});

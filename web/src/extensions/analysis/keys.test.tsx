@@ -1,0 +1,22 @@
+// @vitest-environment happy-dom
+/** Keys of analysis and of comparing. */
+import { fireEvent, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { openPage } from "../../testing/live-page";
+import { recorded } from "../../testing/recorded";
+
+test("one key compares the selected device with another one", async () => {
+  const { app } = await openPage(recorded("xbus"));
+  await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
+  fireEvent.keyDown(document.body, { key: "d" });
+  await waitFor(() => expect(location.hash).toMatch(/^#\/recordings\?a=1&/));
+  expect(app.viewState.view.value.device).toBe("1");
+});
+
+test("one key opens the analysis", async () => {
+  const { app } = await openPage(recorded("xbus"));
+  await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
+  fireEvent.keyDown(document.body, { key: "a" });
+  await waitFor(() => expect(document.querySelector("dialog .analysis")).not.toBeNull());
+  expect(app.overlay.value).toBe("analysis/dialog");
+});
