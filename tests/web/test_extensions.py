@@ -58,17 +58,28 @@ def _node(folder: Path, script: str, *arguments: str) -> None:
     assert done.returncode == 0, f"{script}:\n{done.stdout}\n{done.stderr}"
 
 
-@each_row("left_out", [*((name,) for name in NAMES), NAMES])
-def test_the_page_is_built_and_opens_without_an_extension(left_out: tuple[str, ...], tmp_path: Path) -> None:
+def _page_without(names: tuple[str, ...], folder: Path) -> Path:
+    """A copy of web/ without some extensions."""
     if not (WEB / "node_modules").is_dir():
         pytest.skip("the packages of the page are not installed: python web/build.py --modules")
-    web = tmp_path / "web"
+    web = folder / "web"
     shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("node_modules"))
-    for name in left_out:
+    for name in names:
         shutil.rmtree(web / "src" / "extensions" / name)
     (web / "node_modules").symlink_to(WEB / "node_modules")
-    (tmp_path / "tests").mkdir()
-    (tmp_path / "tests" / "golden").symlink_to(ROOT / "tests" / "golden")
+    (folder / "tests").mkdir()
+    (folder / "tests" / "golden").symlink_to(ROOT / "tests" / "golden")
+    return web
+
+
+@each_row("left_out", [*((name,) for name in NAMES), NAMES])
+def test_the_page_is_built_and_opens_without_an_extension(left_out: tuple[str, ...], tmp_path: Path) -> None:
+    web = _page_without(left_out, tmp_path)
     _node(web, "typescript/bin/tsc", "--noEmit")
     _node(web, "vite/bin/vite.js", "build", "--logLevel", "warn", "--minify", "false")
     _node(web, "vitest/vitest.mjs", "run", "--no-color", "src/extension.test.tsx")
+
+
+@pytest.mark.slow  # all tests of the page but those of extensions, a second time
+def test_the_tests_of_the_page_pass_without_its_extensions(tmp_path: Path) -> None:
+    _node(_page_without(NAMES, tmp_path), "vitest/vitest.mjs", "run", "--no-color")

@@ -144,6 +144,16 @@ export function startExtensions(app: App): void {
   for (const { start } of extensions.values()) start?.(app);
 }
 
+/** Classes of buttons in the top bar: what they do to a bar that is full (ui/layout.css, ui/phone.css). */
+export const BAR_CLASS = {
+  /** Takes the place of the name of the page on a phone. */
+  overPlots: "over-plots",
+  /** The first to be left out. */
+  spareFirst: "spare-first",
+  /** Left out while something is recorded, and on a phone. */
+  spare: "desk spare",
+} as const;
+
 interface SlotProps<Name extends keyof Slots> {
   readonly name: Name;
   readonly with: Slots[Name];

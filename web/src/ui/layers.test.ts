@@ -96,7 +96,7 @@ describe("classes", () => {
         .matchAll(/(?<=[{},;]\s*)\.([\w-]+)(?=\s*[,{])/g))
         owners.set(name, (owners.get(name) ?? new Set()).add(folder));
     }
-    expect(owners.size).toBeGreaterThan(200);
+    expect(owners.size).toBeGreaterThan(2 * FILES.length);
     expect([...owners].filter(([, folders]) => folders.size > 1)).toEqual([]);
   });
 });

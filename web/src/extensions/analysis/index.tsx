@@ -1,11 +1,12 @@
 /** Analysis of signals: spectrum, spectrogram, Allan deviation; and comparing two devices or recordings. */
 import {
+  BAR_CLASS,
   type ExtensionPress,
   type LiveDialogProps,
   type RecordingDialogProps,
   registerExtension,
+  type Slots,
 } from "../../extension";
-import type { Slots } from "../../extension";
 import type { App } from "../../pages/app-state";
 import { titleOf } from "../../recordings/library-filter";
 import { IconButton } from "../../ui/icon-button";
@@ -35,7 +36,13 @@ function compare({ app, recording }: ExtensionPress): void {
 
 function AnalysisButton({ app }: Slots["barViews"]) {
   return (
-    <IconButton icon="wave" label={TEXT.analysis} class="over-plots" title={TEXT.open} onClick={() => open(app)} />
+    <IconButton
+      icon="wave"
+      label={TEXT.analysis}
+      class={BAR_CLASS.overPlots}
+      title={TEXT.open}
+      onClick={() => open(app)}
+    />
   );
 }
 
@@ -45,7 +52,7 @@ function CompareButton({ app, isLive }: Slots["barViews"]) {
     <IconButton
       icon="compare"
       label={COMPARE.compare}
-      class="spare-first"
+      class={BAR_CLASS.spareFirst}
       title={COMPARE.open}
       onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}
     />

@@ -13,6 +13,7 @@ import { evidencePlots } from "./plots";
 import { Jobs } from "../../pages/recordings/export-jobs";
 import { TEXT } from "./texts";
 import "../../pages/recordings/export.css";
+import "./dialog.css";
 
 export type Part = "view" | "cursors" | "whole";
 

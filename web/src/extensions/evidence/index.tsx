@@ -1,11 +1,12 @@
 /** Evidence: what is on screen as one file that opens without a network. */
-import { registerExtension, type Slots } from "../../extension";
+import { BAR_CLASS, registerExtension, type Slots } from "../../extension";
 import type { App } from "../../pages/app-state";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { late } from "../../ui/late";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "./texts";
+import "./layers.css";
 
 const open = (app: App): void => void (app.overlay.value = "evidence/dialog");
 
@@ -14,7 +15,7 @@ function BarButton({ app }: Slots["barShare"]) {
     <IconButton
       icon="paper"
       label={TEXT.evidence}
-      class="desk spare"
+      class={BAR_CLASS.spare}
       title={TEXT.hintOfButton}
       onClick={() => open(app)}
     />

@@ -1,9 +1,10 @@
 // @vitest-environment happy-dom
 /** The 3D scene: a frame that is there on request only, beside the plots or as a panel of a workspace. */
-import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { expect, test } from "vitest";
-import { openPage } from "../../testing/live-page";
+import { newApp, openPage } from "../../testing/live-page";
 import { type Answers, recorded } from "../../testing/recorded";
+import { ViewerButton } from "../../views/viewers";
 import { TEXT as WORKSPACE } from "../../texts/workspace";
 
 const frames = (): readonly (string | null)[] =>
@@ -39,4 +40,17 @@ test("why there is no scene is said in its place", async () => {
   expect((await screen.findByText(/viser is not installed/)).closest("[role=alert]")?.textContent).toContain(
     "Install it.",
   );
+});
+
+test("of two pages in one document each opens a scene of its own", async () => {
+  const [left, right] = [newApp(), newApp()];
+  render([
+    <ViewerButton key="left" app={left} isLive={false} />,
+    <ViewerButton key="right" app={right} isLive={false} />,
+  ]);
+  const pressed = (): readonly (string | null)[] =>
+    screen.getAllByRole("button", { name: "3D scene" }).map((button) => button.getAttribute("aria-pressed"));
+  expect(pressed()).toEqual(["false", "false"]);
+  fireEvent.click(screen.getAllByRole("button", { name: "3D scene" })[0] as HTMLElement);
+  await waitFor(() => expect(pressed()).toEqual(["true", "false"]));
 });
