@@ -6,9 +6,10 @@ from collections import OrderedDict
 
 
 class TokenBucket:
-    """Burst limit and sustained rate.
+    """Burst limit and sustained rate, of requests or of bytes.
 
     Args:
+        at_once: size of a burst; infinite for no limit.
         now: time of a monotonic clock, s, as in every call.
     """
 
@@ -18,15 +19,22 @@ class TokenBucket:
         self._per_s, self._at_once = per_s, at_once
         self._left, self._updated_at = at_once, now
 
-    def wait_s(self, now: float) -> float:
-        """Seconds until a token is available; 0 if one is available now."""
-        return max(0.0, (1.0 - self._refilled(now)) / self._per_s)
+    def wait_s(self, now: float, count: float = 1.0) -> float:
+        """Seconds until so many tokens are available; 0 if they are available now."""
+        missing = count - self.available(now)
+        return missing / self._per_s if missing > 0 else 0.0
 
-    def acquire(self, now: float) -> None:
-        """Take a token, in advance if none is available."""
-        self._left, self._updated_at = self._refilled(now) - 1.0, now
+    def acquire(self, now: float, count: float = 1.0) -> None:
+        """Take tokens, in advance if they are not available."""
+        self._left, self._updated_at = self.available(now) - count, now
 
-    def _refilled(self, now: float) -> float:
+    def change(self, per_s: float, at_once: float, now: float) -> None:
+        """Set the limits; the rate counts from the last call on."""
+        self._per_s, self._at_once = per_s, at_once
+        self.acquire(now, 0.0)
+
+    def available(self, now: float) -> float:
+        """Tokens available now; negative after tokens were taken in advance."""
         return min(self._at_once, self._left + (now - self._updated_at) * self._per_s)
 
 

@@ -16,7 +16,6 @@ neither numpy nor numba nor anything of the web, and runs one epoll loop in one 
     sharing.py        all shares and their clients: who comes and leaves, what they get and may send
     queues.py         bytes on their way to a client; a slow one loses whole frames
     arbiter.py        one voice at a time towards the device
-    line_budget.py   a client sends no more than the line carries
     client_frames.py  which frames of a client configure the device
     server_side.py    the server: its connection (server_connection.py), requests (requests.py), messages (messages.py)
     settings.py       settings as text

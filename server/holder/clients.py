@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import fcntl
+import math
 import os
 import struct
 import termios
@@ -12,11 +13,23 @@ from functools import partial
 from typing import Any
 
 from imuscope.server.holder.client_frames import ClientFrames
-from imuscope.server.holder.line_budget import LineBudget
 from imuscope.server.holder.queues import ClientQueue, FrameSize
+from imuscope.server.limiters import TokenBucket
 
 READ_BYTES = 1 << 12
 MOST_DATAGRAM = 1400  # within the payload of an Ethernet frame
+BURST_S, LEAST_BURST = 0.25, 2048  # a burst is at least one large frame
+
+
+def sendable(budget: TokenBucket, now: float, rate: float) -> int:
+    """Bytes that a client may send now: as many as the line carries, with short bursts.
+
+    Args:
+        now: monotonic, s.
+        rate: bytes/s of the line since the last call.
+    """
+    budget.change(rate, max(LEAST_BURST, rate * BURST_S), now)
+    return int(budget.available(now))
 
 
 class Client:
@@ -53,7 +66,7 @@ class Client:
         self.paused_since = 0.0
         self.refused_baud: int | None = None
         self.held_since = self.limited_until = self.limited_s = 0.0
-        self.budget = LineBudget()
+        self.budget = TokenBucket(0.0, math.inf, 0.0)  # until the line is known
         self.frames = ClientFrames()
 
     def put(self, data: bytes, frame_size: FrameSize | None) -> bool:

@@ -1,7 +1,7 @@
 """The shares of a port with their clients: who comes and leaves, what they get, what they send and when.
 
     port ──distribute──> clients
-    clients ──read──> voice free? (arbiter) ── within the line's capacity? (line_budget) ──> port, server
+    clients ──read──> voice free? (arbiter) ── within the line's capacity? (sendable) ──> port, server
 
 A client that may not send yet is not read; what it wants to say stays in its own buffers, as with a port that is busy.
 After MOST_WAIT_S it is taken from there and refused, since an answer that late would be taken for another.
@@ -17,7 +17,7 @@ from typing import Any
 
 from imuscope.server.holder.arbiter import Arbiter
 from imuscope.server.holder.client_frames import FrameRules
-from imuscope.server.holder.clients import Client
+from imuscope.server.holder.clients import Client, sendable
 from imuscope.server.holder.event_loop import GONE, READ, WRITE, EventLoop
 from imuscope.server.holder.port import MOST_WAITING, Port, PortError
 from imuscope.server.holder.share_kinds import Share, make_share
@@ -282,14 +282,14 @@ class Sharing:
         if not is_refused and not self._may_speak(client, now):
             self._hold_back(client, now, paused=True)
             return
-        most = client.budget.available(now, self._port.capacity)
+        most = sendable(client.budget, now, self._port.capacity)
         if most < LEAST_READ:
             self._hold_back(client, now, paused=False)
             if self._is_awaited(client) and self._arbiter.take_turn(client.number, now):
                 self.changed = True
             return
         data = client.read(most)
-        client.budget.take(len(data))
+        client.budget.acquire(now, len(data))
         if is_refused:
             client.refused += len(data)
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from importlib import import_module
@@ -17,7 +18,7 @@ from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.holder.arbiter import MOST_TURN_S, QUIET_S, SERVER, Arbiter
 from imuscope.server.holder.client_frames import ClientFrames, FrameRules
-from imuscope.server.holder.line_budget import LEAST_BURST, LineBudget
+from imuscope.server.holder.clients import LEAST_BURST, sendable
 from imuscope.server.holder.messages import (
     HEADER,
     MOST_BODY,
@@ -29,6 +30,7 @@ from imuscope.server.holder.messages import (
 )
 from imuscope.server.holder.queues import ClientQueue, FrameSize, frame_bounds
 from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.limiters import TokenBucket
 from tests.each_row import each_row
 from tests.source_files import ROOT
 
@@ -251,11 +253,11 @@ def test_a_turn_is_taken_from_who_has_had_it_long() -> None:
 
 @given(st.lists(st.tuples(st.floats(0.001, 0.5), st.integers(1, 4000)), max_size=60))
 def test_no_more_is_sent_than_the_line_carries(wishes: list[tuple[float, int]]) -> None:
-    budget, now, sent = LineBudget(), 100.0, 0
+    budget, now, sent = TokenBucket(0.0, math.inf, 0.0), 100.0, 0
     for wait_s, wish in wishes:
         now += wait_s
-        size = min(wish, max(0, budget.available(now, 1000.0)))
-        budget.take(size)
+        size = min(wish, max(0, sendable(budget, now, 1000.0)))
+        budget.acquire(now, size)
         sent += size
     assert sent <= LEAST_BURST + 1000.0 * (now - 100.0) + 1
 

@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from urllib.parse import urlsplit
 
+from imuscope.server.limiters import TokenBucket
+
 PIECE = 4096
 BURST_S = 0.05
 CONNECT_S = 10.0
@@ -40,16 +42,16 @@ class Pace:
     """
 
     def __init__(self, rate: float) -> None:
-        self._rate = rate
         self._lock = threading.Lock()
-        self._free_at = time.monotonic()
+        self._bucket = TokenBucket(rate, rate * BURST_S, time.monotonic())
+        self._bucket.acquire(time.monotonic(), rate * BURST_S)  # no burst before anything was sent
 
     def wait(self, size: int) -> None:
         """Wait until so many bytes may pass."""
         with self._lock:
             now = time.monotonic()
-            self._free_at = max(self._free_at, now - BURST_S) + size / self._rate
-            pause = self._free_at - now
+            pause = self._bucket.wait_s(now, size)
+            self._bucket.acquire(now, size)
         if pause > 0:
             time.sleep(pause)
 

@@ -20,7 +20,6 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from imuscope.server import wire
@@ -42,6 +41,7 @@ from imuscope.server.extensions.fleet.reports import MAX_ALARMS, ReportedAlarm, 
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, settled
 from imuscope.server.fleet_settings import FleetSettings
+from imuscope.server.limiters import TokenBucket
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.version import VERSION
 
@@ -65,30 +65,14 @@ class FleetSettingsError(ConfigError):
     """Settings of a robot that cannot join a fleet."""
 
 
-@dataclass(slots=True)
-class ByteBudget:
-    """Bytes that may be sent at present.
+def report_budget(rate: float, now: float) -> TokenBucket:
+    """Bytes that may be sent.
 
     Args:
         rate: bytes/s; 0 for no limit.
+        now: monotonic, s.
     """
-
-    rate: float
-    left: float = 0.0
-    at: float = float("-inf")
-
-    def available(self, now: float) -> float:
-        """Bytes that may be sent now."""
-        if not self.rate:
-            return float("inf")
-        self.left = min(self.left + (now - self.at) * self.rate, self.rate * BURST_S)
-        self.at = now
-        return self.left
-
-    def take(self, size: int) -> None:
-        """Count bytes that were sent."""
-        if self.rate:
-            self.left -= size
+    return TokenBucket(rate, rate * BURST_S if rate else float("inf"), now)
 
 
 def robot_name(settings: FleetSettings) -> str:
@@ -168,7 +152,9 @@ class FleetPublisher:
         self.name, self._credentials = "", BusCredentials()
         if self.is_enabled:
             self.name, self._credentials = robot_name(self._settings), credentials_of(self._settings)
-        self._budget = ByteBudget(self._settings.limit_kb_s * 1000)
+        rate = self._settings.limit_kb_s * 1000
+        self._budget = report_budget(rate, time.monotonic())
+        self._reserved = rate * BURST_S * RESERVED
         self._budget_lock = threading.Lock()
         pages = allowed_pages(self._settings)
         self.pages = PageServer(self.name, self.journal.boot, pages, self._tell_command, self._delay_of_pages)
@@ -247,7 +233,7 @@ class FleetPublisher:
             fits = self._budget.available(time.monotonic()) >= len(data)
             if publisher is None or not fits:
                 return  # it will be asked for
-            self._budget.take(len(data))
+            self._budget.acquire(time.monotonic(), len(data))
         with contextlib.suppress(Exception):  # a closed session: the journal has the report
             publisher.put(data)
 
@@ -276,11 +262,11 @@ class FleetPublisher:
         reports.
         """
         with self._budget_lock:
-            missing = size - self._budget.available(time.monotonic()) + self._budget.rate * BURST_S * RESERVED
-            if missing <= 0:
-                self._budget.take(size)
-                return 0.0
-            return missing / self._budget.rate
+            now = time.monotonic()
+            pause = self._budget.wait_s(now, size + self._reserved)
+            if pause == 0:
+                self._budget.acquire(now, size)
+            return pause
 
     def _changed_status(self) -> RobotStatus | None:
         """The status, if a person would see a difference, or nobody was told for long."""
@@ -342,7 +328,7 @@ class FleetPublisher:
             limit = ANSWER_BYTES if room == float("inf") else max(0, int(room))
             earlier, kept = bool(asked.get("earlier")), str(asked.get("kept") or "")
             data = self.journal.answer(boot, after, limit, earlier=earlier, kept=kept)
-            self._budget.take(len(data))
+            self._budget.acquire(time.monotonic(), len(data))
         with query:
             query.reply(keys.journal_key(self.name), data)
 
@@ -351,7 +337,7 @@ class FleetPublisher:
         with query, self._budget_lock:
             data = self._known_settings.answer(str(query.selector.parameters.get("device") or ""))
             if data and self._budget.available(time.monotonic()) > 0:  # else it is asked again
-                self._budget.take(len(data))
+                self._budget.acquire(time.monotonic(), len(data))
                 query.reply(keys.settings_key(self.name), data)
 
     def _measure_latency(self, session: zenoh.Session) -> None:

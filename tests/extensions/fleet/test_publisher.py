@@ -8,23 +8,23 @@ import pytest
 
 from imuscope.server.cli import main
 from imuscope.server.config import Config
-from imuscope.server.extensions.fleet.publisher import ByteBudget, FleetSettingsError, credentials_of, robot_name
+from imuscope.server.extensions.fleet.publisher import FleetSettingsError, credentials_of, report_budget, robot_name
 from imuscope.server.fleet_settings import FleetSettings
 from tests.each_row import each_row
 
 
 def test_a_limit_allows_its_bytes_and_some_seconds_at_once() -> None:
-    budget = ByteBudget(100.0)
+    budget = report_budget(100.0, 0.0)
     assert budget.available(0.0) == 1000.0
-    budget.take(1000)
+    budget.acquire(0.0, 1000)
     assert budget.available(0.0) == 0.0
     assert budget.available(5.0) == 500.0
     assert budget.available(500.0) == 1000.0
 
 
 def test_without_a_limit_everything_passes() -> None:
-    budget = ByteBudget(0.0)
-    budget.take(10**9)
+    budget = report_budget(0.0, 0.0)
+    budget.acquire(0.0, 10**9)
     assert budget.available(1.0) == float("inf")
 
 
