@@ -76,19 +76,12 @@ class Meaning:
 
 @dataclass(frozen=True, slots=True)
 class TextList:
-    """Texts that a device lists in a setting.
-
-    Args:
-        setting: name of the setting.
-        records: its field that is a list of records.
-        text: the field of a record that holds the text.
-        used: the field that is 0 in an unused record.
-    """
+    """Texts that the device lists in a setting."""
 
     setting: str
-    records: str
-    text: str
-    used: str
+    records: str  # field of the setting: a list of records
+    text: str  # field of a record
+    used: str  # field that is 0 in an unused record
 
 
 @dataclass(frozen=True, slots=True)

@@ -182,19 +182,19 @@ class DeviceContext:
 
 @dataclass(frozen=True, slots=True)
 class ByteRange:
-    """Some bytes of a frame and their meaning: `path` names the field ("outputs.3"), "" for the envelope."""
+    """A few bytes of a frame and their meaning."""
 
     offset: int
     size: int
     label: str
-    path: str = ""
+    path: str = ""  # the field: "outputs.3.output_frequency"; "" for the envelope
 
 
 @dataclass(frozen=True, slots=True)
 class OutputLoad:
-    """Load of one output: `path` names it in the setting ("outputs.3")."""
+    """Load of one output."""
 
-    path: str
+    path: str  # the output in its setting: "outputs.3"; "" for what belongs to none
     title: str
     bytes_per_s: float
 

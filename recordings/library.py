@@ -33,7 +33,7 @@ from imuscope.recordings import atomic_write, file_lock, sidecar, vendor_logs
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import SUFFIXES, open_file
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
-from imuscope.recordings.probe import ALWAYS_LISTED, ProbedDevice, RecordingProbe, probe
+from imuscope.recordings.probe import ALWAYS_LISTED, RecordedDevice, RecordingProbe, probe
 from imuscope.recordings.quota import BIN
 from imuscope.recordings.regular_file import read_regular, readable_name
 from imuscope.recordings.sidecar import Edits, Marker
@@ -474,7 +474,7 @@ def _completed(known: RecordingProbe, index: dict[str, Any], file: str) -> Recor
         known,
         started=index["started"] if index["started"] is not None else known.started,
         duration=index["duration"] if index["duration"] is not None else known.duration,
-        devices=[ProbedDevice(**{**one, "name": one["name"] or file}) for one in index["devices"]] or known.devices,
+        devices=[RecordedDevice(**{**one, "name": one["name"] or file}) for one in index["devices"]] or known.devices,
         damaged=index["damaged"] or known.damaged,
     )
 

@@ -26,15 +26,15 @@ TORN = "It was torn off, or is still being written; all that is there opens."
 
 
 @dataclass(slots=True)
-class ProbedDevice:
-    """A device in a file; `messages`: its frames, 0 if it sent none, None until counted."""
+class RecordedDevice:
+    """A device in a recording."""
 
     id: str
     name: str = ""
     protocol: str = ""
     product: str = ""
     serial_number: str = ""
-    messages: int | None = None
+    messages: int | None = None  # frames; null until they are counted
     lost: int = 0
     rejects: int = 0
 
@@ -53,7 +53,7 @@ class RecordingProbe:
     title: str = ""
     started: float | None = None
     duration: float | None = None
-    devices: list[ProbedDevice] = field(default_factory=list)
+    devices: list[RecordedDevice] = field(default_factory=list)
     damaged: str = ""
     edits: sidecar.Edits = field(default_factory=sidecar.Edits)
     markers: int = 0
@@ -78,7 +78,7 @@ def probe(path: Path) -> RecordingProbe | None:
     if not head:
         return RecordingProbe(suffix[1:], damaged="It is empty.") if suffix in ALWAYS_LISTED else None
     if suffix == ".csv":
-        return RecordingProbe("csv", devices=[ProbedDevice("1", path.name)], edits=_csv_edits(path, head))
+        return RecordingProbe("csv", devices=[RecordedDevice("1", path.name)], edits=_csv_edits(path, head))
     return _capture(path, suffix, head)
 
 
@@ -124,7 +124,7 @@ def _recording(recording: McapReader) -> RecordingProbe:
         of = recorded_device(topic)
         names[f"rx/{of}" if of else topic.name] += counts.get(channel, 0)
     found.markers = names["notes"]
-    devices: dict[str, ProbedDevice] = {}
+    devices: dict[str, RecordedDevice] = {}
     for name, values in recording.metadata:
         if name.startswith(DEVICE):
             number = name.removeprefix(DEVICE)
@@ -140,9 +140,9 @@ def _recording(recording: McapReader) -> RecordingProbe:
     return found
 
 
-def _device(number: str, values: Mapping[str, str]) -> ProbedDevice:
+def _device(number: str, values: Mapping[str, str]) -> RecordedDevice:
     name = values.get("name") or values.get("product") or Path(values.get("source", "")).name or number
-    return ProbedDevice(
+    return RecordedDevice(
         number,
         name,
         values.get("protocol", ""),
@@ -166,7 +166,7 @@ def _capture(path: Path, suffix: str, head: bytes) -> RecordingProbe | None:
         return found
     name = vendor_logs.log_name(path)
     found.devices = [
-        ProbedDevice("1", path.name, protocol, serial_number=name.serial_number if name is not None else "")
+        RecordedDevice("1", path.name, protocol, serial_number=name.serial_number if name is not None else "")
     ]
     if name is not None:
         found.started = name.started_ns / 1e9

@@ -20,7 +20,7 @@ Source: ISB document; NMEA document of the same maker, "NMEA input messages"; in
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from imuscope.protocols.isb.dataset_loader import SOURCE, TABLES
 from imuscope.protocols.isb.field_docs import SENTENCES
@@ -41,7 +41,8 @@ from imuscope.protocols.isb.stored_settings import (
 )
 from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
 from imuscope.protocols.labels import constant_label
-from imuscope.protocols.schema import Caution, Command, Field
+from imuscope.protocols.schema import Command, Field
+from imuscope.protocols.transactions import Harm
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
 NMEA_SOURCE = "Inertial Sense user manual, NMEA 0183 (ASCII) protocol"
@@ -59,24 +60,16 @@ _SENTENCES = {  # selectable ones: neither commands nor marks
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Harm:
-    """Harm of a command, in words."""
+_RESTARTS = Harm("restarts", "The device restarts; streams that are not saved do not resume.")
+_BRIDGE = Harm("cuts-line", "A port becomes a bridge and no longer answers until the device restarts.")
+_BOOT = Harm("cuts-line", "The device waits in its bootloader for firmware and does not measure until it restarts.")
+_MAKER = Harm("loses-settings", "A manufacturer command; data that it erases cannot be restored by this program.")
+_FAULT = Harm("restarts", "Causes a deliberate fault; the device restarts.")
+_ZERO = Harm("moves-frame", "The device assumes that it is stationary; if it is moving, its navigation becomes wrong.")
+_FLASH = Harm("wears-flash", "Writes to the flash memory, which supports a limited number of writes.")
 
-    caution: Caution
-    consequence: str
-
-
-_RESTARTS = _Harm("restarts", "The device restarts; streams that are not saved do not resume.")
-_BRIDGE = _Harm("cuts-line", "A port becomes a bridge and no longer answers until the device restarts.")
-_BOOT = _Harm("cuts-line", "The device waits in its bootloader for firmware and does not measure until it restarts.")
-_MAKER = _Harm("loses-settings", "A manufacturer command; data that it erases cannot be restored by this program.")
-_FAULT = _Harm("restarts", "Causes a deliberate fault; the device restarts.")
-_ZERO = _Harm("moves-frame", "The device assumes that it is stationary; if it is moving, its navigation becomes wrong.")
-_FLASH = _Harm("wears-flash", "Writes to the flash memory, which supports a limited number of writes.")
-
-_HARM: Mapping[str, _Harm] = {
-    "SAVE_PERSISTENT_MESSAGES": _Harm("wears-flash", "The current streams resume after every restart."),
+_HARM: Mapping[str, Harm] = {
+    "SAVE_PERSISTENT_MESSAGES": Harm("wears-flash", "The current streams resume after every restart."),
     "SAVE_FLASH": _FLASH,
     "SAVE_GPS_ASSIST_TO_FLASH_RESET": _RESTARTS,
     "SOFTWARE_RESET": _RESTARTS,
@@ -86,27 +79,25 @@ _HARM: Mapping[str, _Harm] = {
     "GPX_ENABLE_GNSS2_CHIPSET_BOOTLOADER": _BOOT,
     "GPX_ENABLE_GNSS1_PASS_THROUGH": _BRIDGE,
     "GPX_ENABLE_GNSS2_PASS_THROUGH": _BRIDGE,
-    "GPX_SOFT_RESET_GPX": _Harm("restarts", "The GPX restarts; positions pause."),
-    "GPX_HARD_RESET_GNSS1": _Harm("restarts", "The first receiver restarts; positions pause."),
-    "GPX_HARD_RESET_GNSS2": _Harm("restarts", "The second receiver restarts; positions pause."),
-    "GNSS_RCVR_SOFT_RESET": _Harm("restarts", "The receiver restarts; positions pause."),
-    "GNSS_RCVR_HARD_RESET": _Harm(
-        "restarts", "The receiver restarts and discards its satellite data; positions pause."
-    ),
-    "GNSS_RCVR_QUIET_MODE": _Harm("stops-output", "The receiver stops; no positions are available until it is reset."),
-    "RESET_EKF_STATES": _Harm(
+    "GPX_SOFT_RESET_GPX": Harm("restarts", "The GPX restarts; positions pause."),
+    "GPX_HARD_RESET_GNSS1": Harm("restarts", "The first receiver restarts; positions pause."),
+    "GPX_HARD_RESET_GNSS2": Harm("restarts", "The second receiver restarts; positions pause."),
+    "GNSS_RCVR_SOFT_RESET": Harm("restarts", "The receiver restarts; positions pause."),
+    "GNSS_RCVR_HARD_RESET": Harm("restarts", "The receiver restarts and discards its satellite data; positions pause."),
+    "GNSS_RCVR_QUIET_MODE": Harm("stops-output", "The receiver stops; no positions are available until it is reset."),
+    "RESET_EKF_STATES": Harm(
         "moves-frame", "The navigation filter restarts; attitude and position must converge again."
     ),
     "ZERO_MOTION": _ZERO,
     "REF_POINT_STATIONARY": _ZERO,
 }
 
-_BY_NUMBER = _Harm(
+_BY_NUMBER = Harm(
     "loses-settings",
     "Depending on its number, a system command can restart the device, turn a port into a bridge or erase data.",
 )
-_REPLACES = _Harm("stops-output", "These streams replace the current streams of this port.")
-_OVERWRITES = _Harm(
+_REPLACES = Harm("stops-output", "These streams replace the current streams of this port.")
+_OVERWRITES = Harm(
     "loses-settings", "Overwrites data of the device that cannot be read back and restored by this program."
 )
 _STORED = ("UCAL", "TCAL", "MCAL", "SCOMP", "TC_BIAS", "MANUFACTURING", "DEV_INFO", "FLASH")
@@ -138,8 +129,8 @@ ASCE_FIELDS = (
 
 # -- commands ----------------------------------------------------------------------------------------------------------
 
-_STOPS = _Harm("stops-output", "All output on this port stops, including NMEA, until it is requested again.")
-_STOPS_ALL = _Harm("stops-output", "Output stops on every port of the device, including ports used by other computers.")
+_STOPS = Harm("stops-output", "All output on this port stops, including NMEA, until it is requested again.")
+_STOPS_ALL = Harm("stops-output", "Output stops on every port of the device, including ports used by other computers.")
 
 
 def _packets() -> list[Command]:
@@ -186,7 +177,7 @@ def _packets() -> list[Command]:
     ]
 
 
-def _harmed(command: Command, harm: _Harm | None) -> Command:
+def _harmed(command: Command, harm: Harm | None) -> Command:
     if harm is None:
         return command
     return replace(command, caution=harm.caution, consequence=harm.consequence)
@@ -212,7 +203,7 @@ def _nmea() -> list[Command]:
     return [replace(row, source=NMEA_SOURCE, doc=docs.get(row.name, "")) for row in rows]
 
 
-def _harm_of(name: str) -> _Harm | None:
+def _harm_of(name: str) -> Harm | None:
     """Harm of a system command."""
     if name in _HARM:
         return _HARM[name]

@@ -21,6 +21,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from imuscope.protocols.editor_choices import RateTable
+from imuscope.protocols.schema import TextList
+from imuscope.protocols.transactions import ByteRange, OutputLoad
 from imuscope.server.wire import BitsInfo
 
 Editor = Literal["number", "integer", "choice", "flags", "bool", "text", "hex", "record", "list", "vector"]
@@ -41,16 +43,6 @@ class MeaningForm:
     low: float | None = None  # allowed wire values; null: those of the field
     high: float | None = None
     doc: str = ""
-
-
-@dataclass(slots=True)
-class TextListForm:
-    """Texts that the device lists in a setting."""
-
-    setting: str
-    records: str  # field of the setting: a list of records
-    text: str  # field of a record
-    used: str  # field that is 0 in an unused record
 
 
 @dataclass(slots=True)
@@ -78,7 +70,7 @@ class FieldForm:
     read_only: bool = False
     base: int = 10  # 16: an identifier, shown in hex as on the label
     options: list[str] = field(default_factory=list)  # known values of a text field
-    listed: TextListForm | None = None  # if the device lists the values; a value may join several with "/"
+    listed: TextList | None = None  # if the device lists the values; a value may join several with "/"
     meaning_of: str = ""  # field of the same record on which the meaning depends
     meanings: list[MeaningForm] = field(default_factory=list)
     doc: str = ""
@@ -140,20 +132,10 @@ class Forms:
 
 
 @dataclass(slots=True)
-class SpanInfo:
-    """A few bytes of a frame and what they mean."""
-
-    offset: int
-    size: int
-    label: str
-    path: str = ""  # the field: "outputs.3.output_frequency"; "" for the envelope
-
-
-@dataclass(slots=True)
 class FrameInfo:
     name: str
     hex: str
-    spans: list[SpanInfo]
+    spans: list[ByteRange]
 
 
 @dataclass(slots=True)
@@ -166,17 +148,10 @@ class FieldProblem:
 
 
 @dataclass(slots=True)
-class OutputLoadInfo:
-    path: str
-    title: str
-    bytes_per_s: float
-
-
-@dataclass(slots=True)
 class LoadInfo:
     """Load on the link."""
 
-    parts: list[OutputLoadInfo]
+    parts: list[OutputLoad]
     total: float  # bytes/s
     capacity: float | None  # bytes/s, at the baud rate after the change; null if the link has no such limit
     baud: int | None

@@ -35,7 +35,6 @@ from imuscope.server.configuration.api_models import (
     Forms,
     MeaningForm,
     SettingForm,
-    TextListForm,
 )
 from imuscope.server.configuration.value_format import shown
 from imuscope.server.wire import BitsInfo
@@ -160,7 +159,7 @@ def field_form(field: Field) -> FieldForm:
         read_only=field.read_only,
         base=field.base,
         options=list(field.options),
-        listed=TextListForm(**asdict(field.listed)) if field.listed else None,
+        listed=field.listed,
         meaning_of=field.meaning_of,
         meanings=[MeaningForm(**{**asdict(one), "values": list(one.values)}) for one in field.meanings],
         doc=field.doc,

@@ -16,15 +16,13 @@ from typing import Any
 
 from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.schema import Setting
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, LinkLoad, Values
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, LinkLoad, OutputLoad, Values
 from imuscope.server.configuration.api_models import (
     FieldProblem,
     FitRatesResult,
     FrameInfo,
     LoadInfo,
-    OutputLoadInfo,
     PreviewResult,
-    SpanInfo,
 )
 from imuscope.server.configuration.checks import problems_of, sentence, unlike
 from imuscope.server.configuration.dangers import dangers_of_write
@@ -135,7 +133,7 @@ def preview_command(present: DevicePresentState, name: str, values: Mapping[str,
 
 def frame_info(driver: DeviceDriver, frame: bytes) -> FrameInfo:
     """A frame with the meaning of each byte."""
-    spans = [SpanInfo(span.offset, span.size, span.label, span.path) for span in driver.annotate(frame)]
+    spans = driver.annotate(frame)
     return FrameInfo(driver.name_of(frame), frame.hex(), spans)
 
 
@@ -188,7 +186,6 @@ def _lowered(present: DevicePresentState, row: Setting, before: Values, after: V
 
 
 def _info(load: LinkLoad, line: SerialLine, baud: int | None) -> LoadInfo:
-    parts = [OutputLoadInfo(part.path, part.title, part.bytes_per_s) for part in load.parts]
-    parts += [OutputLoadInfo("", title, sent) for title, sent in line.other_devices]
+    parts = [*load.parts, *(OutputLoad("", title, sent) for title, sent in line.other_devices)]
     total = load.total + sum(sent for _, sent in line.other_devices)
     return LoadInfo(parts, total, line.rate_at(baud), baud, list(load.limits), line.measured)

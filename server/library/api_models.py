@@ -10,21 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from imuscope.recordings.probe import RecordedDevice
 from imuscope.server.wire import ChannelInfo, DeviceInfo, EventInfo
-
-
-@dataclass(slots=True)
-class RecordedDevice:
-    """One device in a recording, in the list."""
-
-    id: str
-    name: str
-    protocol: str
-    product: str
-    serial_number: str
-    messages: int | None  # frames; null until they are counted
-    lost: int
-    rejects: int
 
 
 @dataclass(slots=True)

@@ -25,7 +25,7 @@ from starlette.concurrency import run_in_threadpool
 
 from imuscope.recordings.library import Library, LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.library.api_models import MarkerInfo, RecordedDevice, RecordingInfo
+from imuscope.server.library.api_models import MarkerInfo, RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.clients import ClientFanout
@@ -89,7 +89,7 @@ class Catalogue:
             size=entry.size,
             started=found.started,
             duration=duration,
-            devices=[RecordedDevice(**asdict(device)) for device in found.devices],
+            devices=list(found.devices),
             tags=list(edits.tags or ()),
             notes=edits.notes or "",
             pinned=bool(edits.pinned),

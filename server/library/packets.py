@@ -20,10 +20,9 @@ import numpy as np
 from imuscope.protocols.family import ProtocolInfo
 from imuscope.protocols.framing import Ints
 from imuscope.protocols.schema import Message
-from imuscope.protocols.transactions import DeviceDriver
+from imuscope.protocols.transactions import ByteRange, DeviceDriver
 from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.recordings.sources import Source
-from imuscope.server.configuration.api_models import SpanInfo
 from imuscope.server.devices.byte_memory import ByteRun, LinkMemory
 from imuscope.server.library.range_query import stored_values
 from imuscope.server.library.reject_words import explained_rejects
@@ -68,7 +67,7 @@ class PacketInfo:
     reason: str = ""  # of a reject
     doc: str = ""
     source: str = ""  # section of the document
-    spans: list[SpanInfo] = field(default_factory=list)  # its bytes, in order
+    spans: list[ByteRange] = field(default_factory=list)  # its bytes, in order
     fields: dict[str, Any] = field(default_factory=dict)  # values on the wire, as in `imuscope inspect`
     flags: dict[str, Any] = field(default_factory=dict)  # names of set bits
 
@@ -318,9 +317,9 @@ def _explain(packet: PacketInfo, family: ProtocolInfo, driver: DeviceDriver | No
     """Name the bytes of a frame, by the tables that its driver has."""
     data = bytes.fromhex(packet.hex)
     if driver is not None and packet.protocol in ("", family.name):
-        packet.spans = [SpanInfo(one.offset, one.size, one.label, one.path) for one in driver.annotate(data)]
+        packet.spans = driver.annotate(data)
     else:
-        packet.spans = [SpanInfo(0, len(data), f"{packet.name or 'message'}, as a whole", "")]
+        packet.spans = [ByteRange(0, len(data), f"{packet.name or 'message'}, as a whole", "")]
     row = _row_of(family, packet.name)
     if row is not None:
         packet.title, packet.doc, packet.source = row.title, row.doc, row.source

@@ -36,6 +36,7 @@ from imuscope.server.library import api_models as recorded
 
 PAGE = Path(__file__).resolve().parents[2] / "web" / "src"
 IMPORTED = {"imuscope.server.wire": "../wire/types", "imuscope.server.capabilities": "./capability-types"}
+BORROWED = ("imuscope.protocols.", "imuscope.recordings.")
 SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
 
 
@@ -133,9 +134,10 @@ def field_comments() -> dict[str, dict[str, str]]:
     found: dict[str, dict[str, str]] = {}
     for module in (module for target in TARGETS for module in (target.module, *target.parts)):
         source = Path(str(module.__file__)).read_text(encoding="utf-8")
-        for node in ast.parse(source).body:
-            if isinstance(node, ast.ClassDef):
-                found[node.name] = {name: comment for _, name, comment in _fields(node, source.splitlines()) if comment}
+        tree = ast.parse(source)
+        own = ((node, source.splitlines()) for node in tree.body if isinstance(node, ast.ClassDef))
+        for node, lines in (*_borrowed_records(tree), *own):
+            found[node.name] = {name: comment for _, name, comment in _fields(node, lines) if comment}
     return found
 
 
@@ -164,10 +166,28 @@ def _imports(tree: ast.Module) -> Iterator[str]:
             yield f'import type {{ {names} }} from "{IMPORTED[node.module]}";\n'
 
 
+def _borrowed(tree: ast.Module, declared: set[str]) -> Iterator[str]:
+    for record, lines in _borrowed_records(tree):
+        if record.name not in declared:
+            yield _interface(record, lines)
+
+
+def _borrowed_records(tree: ast.Module) -> Iterator[tuple[ast.ClassDef, list[str]]]:
+    """Records of the packages below the server that are sent as they are, and the lines of their files."""
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(BORROWED):
+            source = (PAGE.parents[1] / str(node.module).replace(".", "/")).with_suffix(".py").read_text("utf-8")
+            names = {alias.name for alias in node.names}
+            for record in ast.parse(source).body:
+                if isinstance(record, ast.ClassDef) and record.name in names:
+                    yield record, source.splitlines()
+
+
 def _declarations(source: str, roots: tuple[str, ...]) -> Iterator[str]:
     lines = source.splitlines()
     tree = ast.parse(source)
     yield from _imports(tree)
+    yield from _borrowed(tree, {node.name for node in tree.body if isinstance(node, ast.ClassDef)})
     nodes: dict[str, ast.stmt] = {}
     for node in tree.body:
         if isinstance(node, ast.ClassDef) and _is_dataclass(node):

@@ -1,5 +1,5 @@
 /** A frame as chips: groups of bytes with their meaning, by field. Pure. */
-import type { FrameInfo, SpanInfo } from "./types";
+import type { FrameInfo, ByteRange } from "./types";
 
 export interface Chip {
   readonly key: string;
@@ -20,7 +20,7 @@ export function rowOf(path: string): string {
 }
 
 export function chipsOf(frame: FrameInfo): readonly Chip[] {
-  const chips: { spans: SpanInfo[]; path: string }[] = [];
+  const chips: { spans: ByteRange[]; path: string }[] = [];
   for (const span of frame.spans) {
     const path = rowOf(span.path);
     const last = chips.at(-1);
@@ -46,7 +46,7 @@ export function spaced(hex: string, most = Infinity): string {
 }
 
 /** Label of a chip, without the name of the field that the row already shows. */
-function brief({ label, path }: SpanInfo): string {
+function brief({ label, path }: ByteRange): string {
   const name = path.split(".").at(-1) ?? "";
   const said =
     name !== "" && label.startsWith(name) ? label.slice(name.length).replace(/^\s*[:=]\s*/, "") || label : label;

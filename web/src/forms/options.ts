@@ -1,6 +1,6 @@
 /** Texts that a field can be set to: those that its product takes, as far as the device lists them. Pure. */
 import type { Present } from "./edits";
-import type { SettingForm, TextListForm } from "./types";
+import type { SettingForm, TextList } from "./types";
 
 /** Options of the fields of a setting, by name; fields that may hold any text are not in it. */
 export function optionsOf(form: SettingForm, present: Present): Readonly<Record<string, readonly string[]>> {
@@ -12,7 +12,7 @@ export function optionsOf(form: SettingForm, present: Present): Readonly<Record<
 }
 
 /** The texts that the device listed. */
-function textsOf({ setting, records, text, used }: TextListForm, present: Present): readonly string[] {
+function textsOf({ setting, records, text, used }: TextList, present: Present): readonly string[] {
   const rows = present[setting]?.[records];
   return Array.isArray(rows)
     ? rows

@@ -2,6 +2,34 @@
 
 import type { BitsInfo } from "../wire/types";
 
+/** Texts that the device lists in a setting. */
+export interface TextList {
+  readonly setting: string;
+  /** field of the setting: a list of records */
+  readonly records: string;
+  /** field of a record */
+  readonly text: string;
+  /** field that is 0 in an unused record */
+  readonly used: string;
+}
+
+/** A few bytes of a frame and their meaning. */
+export interface ByteRange {
+  readonly offset: number;
+  readonly size: number;
+  readonly label: string;
+  /** the field: "outputs.3.output_frequency"; "" for the envelope */
+  readonly path: string;
+}
+
+/** Load of one output. */
+export interface OutputLoad {
+  /** the output in its setting: "outputs.3"; "" for what belongs to none */
+  readonly path: string;
+  readonly title: string;
+  readonly bytes_per_s: number;
+}
+
 export interface VariantChoice {
   /** of the key */
   readonly bits: number;
@@ -85,17 +113,6 @@ export interface MeaningForm {
   readonly doc: string;
 }
 
-/** Texts that the device lists in a setting. */
-export interface TextListForm {
-  readonly setting: string;
-  /** field of the setting: a list of records */
-  readonly records: string;
-  /** field of a record */
-  readonly text: string;
-  /** field that is 0 in an unused record */
-  readonly used: string;
-}
-
 /** One field to fill in. */
 export interface FieldForm {
   readonly name: string;
@@ -130,7 +147,7 @@ export interface FieldForm {
   /** known values of a text field */
   readonly options: readonly string[];
   /** if the device lists the values; a value may join several with "/" */
-  readonly listed: TextListForm | null;
+  readonly listed: TextList | null;
   /** field of the same record on which the meaning depends */
   readonly meaning_of: string;
   readonly meanings: readonly MeaningForm[];
@@ -195,19 +212,10 @@ export interface Forms {
   readonly note: string;
 }
 
-/** A few bytes of a frame and what they mean. */
-export interface SpanInfo {
-  readonly offset: number;
-  readonly size: number;
-  readonly label: string;
-  /** the field: "outputs.3.output_frequency"; "" for the envelope */
-  readonly path: string;
-}
-
 export interface FrameInfo {
   readonly name: string;
   readonly hex: string;
-  readonly spans: readonly SpanInfo[];
+  readonly spans: readonly ByteRange[];
 }
 
 /** Problem of a value, shown at its input. */
@@ -217,15 +225,9 @@ export interface FieldProblem {
   readonly hint: string;
 }
 
-export interface OutputLoadInfo {
-  readonly path: string;
-  readonly title: string;
-  readonly bytes_per_s: number;
-}
-
 /** Load on the link. */
 export interface LoadInfo {
-  readonly parts: readonly OutputLoadInfo[];
+  readonly parts: readonly OutputLoad[];
   /** bytes/s */
   readonly total: number;
   /** bytes/s, at the baud rate after the change; null if the link has no such limit */

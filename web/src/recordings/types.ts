@@ -2,7 +2,7 @@
 
 import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
 
-/** One device in a recording, in the list. */
+/** A device in a recording. */
 export interface RecordedDevice {
   readonly id: string;
   readonly name: string;

@@ -2,7 +2,7 @@
 
 import type { Attempt, DeviceHealth, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
-import type { ApplyRequest, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo, SpanInfo } from "../forms/types";
+import type { ApplyRequest, ByteRange, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo } from "../forms/types";
 import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, HeldBytes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, SaveMemoryRequest, SavedMemory, StartRequest } from "../recordings/types";
 
 /** Of `T`, the fields that the server has defaults for may be left out. */
@@ -673,7 +673,7 @@ export interface PacketInfo {
   readonly reason: string;
   readonly doc: string;
   readonly source: string;
-  readonly spans: readonly SpanInfo[];
+  readonly spans: readonly ByteRange[];
   readonly fields: Readonly<Record<string, unknown>>;
   readonly flags: Readonly<Record<string, unknown>>;
 }

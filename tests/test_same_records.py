@@ -1,0 +1,52 @@
+"""Records with the same fields: one dataclass for one thing."""
+
+from __future__ import annotations
+
+import ast
+import itertools
+
+from tests.source_files import python_files, tree_of
+
+# Records of the same fields that are two, and why.
+SAME_FIELDS = {
+    ("TimedRows", "_Rows"): "one is an answer, of the other a column may be one number",
+    ("PositionFix", "Position"): "a message may leave the height out; the tracker fills it in",
+    ("Harm", "Risk"): "a kind that the page knows, and any text",
+    ("Bits", "BitsInfo"): "values of a group are numbers, and decimal text as keys of JSON",
+    ("Meaning", "MeaningForm"): "rows of a table have tuples and an order of their own",
+    ("Marker", "MarkerInfo"): "a file may hold any kind, an answer one of two",
+    ("Statistics", "ColumnStatistics"): "JSON has no NaN",
+    ("AnalysisOption", "OptionInfo"): "the default of a choice is its number in the one, its text in the other",
+    ("ProblemBody", "_Problem"): "one writes an answer, the other checks what a robot sent",
+    ("MapInfo", "MapTiles"): "the page is told whether there are tiles, never their address",
+    (
+        "SettingsChange",
+        "ClientChange",
+    ): "the rows of an answer are those of a comparison without some columns",
+    ("ExpressionFunction", "SqlFunction"): "functions of two languages, answered by the kernel and by an extension",
+    ("AcknowledgeRequest", "ProfileRequest"): "two extensions could each be removed",
+    ("CalibrationOptions", "CalibrationOptionsBody"): "a request may leave the axis out",
+    ("SettingsAnswer", "DeviceSettings"): "one checks what a robot sent",
+    ("TableColumnInfo", "StoreColumn"): "types of Arrow, and their names",
+    ("ReportedDevice", "RobotDevice"): "one checks what a robot sent",
+    ("Devices", "HealthReport"): "messages differ in `op`",
+    ("Devices", "JobsReport"): "messages differ in `op`",
+    ("HealthReport", "JobsReport"): "messages differ in `op`",
+}
+
+
+def test_no_two_records_have_the_same_fields() -> None:
+    """A record is given out as it is, not copied into another; a list names those that are two, with the reason."""
+    records: dict[frozenset[str], list[str]] = {}
+    for path in python_files("protocols", "recordings", "server"):
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.ClassDef):
+                fields = [one for one in node.body if isinstance(one, ast.AnnAssign)]
+                names = frozenset(ast.unparse(one.target) for one in fields if "ClassVar" not in ast.unparse(one))
+                if len(names) > 1:
+                    records.setdefault(names, []).append(node.name)
+    assert len(records) > 300
+    pairs = {frozenset(pair) for same in records.values() for pair in itertools.combinations(same, 2)}
+    listed = {frozenset(pair) for pair in SAME_FIELDS}
+    assert not (new := sorted(map(sorted, pairs - listed))), f"use one record: {new}"
+    assert not (gone := sorted(map(sorted, listed - pairs))), f"no longer the same: {gone}"
