@@ -158,6 +158,7 @@ ONE_PLACE = {
 STARTS_A_PROCESS = {
     "server/links/held.py": "the holder outlives the server",
     "server/jit_cache.py": "runs without an event loop; what it starts ends with this process",
+    "server/version.py": "asks git once; the build of the package runs it without ours",
     "server/extensions/rerun/assets.py": "runs once in a thread, at the first opening of the page",
 }
 
