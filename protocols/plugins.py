@@ -19,6 +19,7 @@ import tomllib
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 API_VERSION = 1
 """Version of the names in imuscope/plugin.py. It grows when one of them changes its meaning or is removed."""
@@ -27,6 +28,16 @@ GROUP = "imuscope.protocols"
 PACKAGE = "imuscope"
 ROOT = Path(__file__).resolve().parents[1]
 log = logging.getLogger("imuscope.plugins")
+
+
+class Named(Protocol):
+    """An object that is declared under its name."""
+
+    @property
+    def name(self) -> str: ...
+
+
+T = TypeVar("T", bound=Named)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +73,21 @@ class ProtocolPlugin:
     def module(self) -> str:
         """The module to import."""
         return self.value.partition(":")[0]
+
+    def load(self, kind: type[T]) -> T:
+        """The declared object, which has a `name`.
+
+        Raises:
+            ValueError: it is written for another version, is of another kind, or has another name.
+            Exception: whatever its module raises when it is imported.
+        """
+        self.check()
+        found = getattr(import_module(self.module), self.value.partition(":")[2])
+        if not isinstance(found, kind):
+            raise ValueError(f"{self.value} is not {'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}")
+        if found.name != self.name:
+            raise ValueError(f"it calls itself {found.name!r}")
+        return found
 
     @property
     def is_there(self) -> bool:

@@ -13,7 +13,6 @@ import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 from imuscope.protocols.decode_options import DecodeOption, merged
@@ -46,7 +45,7 @@ def load_families(plugins: Iterable[ProtocolPlugin]) -> tuple[dict[str, Protocol
     problems: list[str] = []
     for plugin in plugins:
         try:
-            family = _loaded(plugin)
+            family = plugin.load(ProtocolInfo)
             if family.name in families:
                 raise ValueError(f"there is a protocol {family.name!r} already")
             merged(option for one in (*families.values(), family) for option in one.decoding.options)
@@ -58,17 +57,6 @@ def load_families(plugins: Iterable[ProtocolPlugin]) -> tuple[dict[str, Protocol
         else:
             families[family.name] = family
     return families, problems
-
-
-def _loaded(plugin: ProtocolPlugin) -> ProtocolInfo:
-    plugin.check()
-    module, _, attribute = plugin.value.partition(":")
-    family = getattr(import_module(module), attribute)
-    if not isinstance(family, ProtocolInfo):
-        raise ValueError(f"{plugin.value} is not a ProtocolInfo")
-    if family.name != plugin.name:
-        raise ValueError(f"it calls itself {family.name!r}")
-    return family
 
 
 PROTOCOLS, PROBLEMS = load_families(protocol_plugins())

@@ -40,7 +40,7 @@ from imuscope.server.auth import Access, Guard
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sessions import OpenLink
-from imuscope.server.extension import extensions
+from imuscope.server.extension import install_extensions
 from imuscope.server.links import open_link
 from imuscope.server.page_files import Files
 from imuscope.server.previous_names import PreviousPaths
@@ -130,12 +130,7 @@ def create_app(
     app.add_middleware(RateLimiter)
     app.add_middleware(Heads)
     app.add_middleware(PreviousPaths)
-    routers = [module.router for module in ROUTED]
-    for extension in extensions():
-        for part in extension.build(services):
-            services.parts.add(part)
-        routers += extension.routers()
-    for router in (*routers, static_files.router):
+    for router in (*(module.router for module in ROUTED), *install_extensions(services), static_files.router):
         app.router.routes.extend(router.routes)
     description.install(app, errors.responses(401, 403, 411, 413, 415, 429, 500))  # every route can answer with these
     return Guard(app, access)

@@ -14,9 +14,9 @@ import argparse
 import functools
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from imuscope.protocols.decode_options import Scope
 from imuscope.protocols.plugins import ProtocolPlugin, plugins_of
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from fastapi import APIRouter
 
     from imuscope.server.config import Config
-    from imuscope.server.parts import ServicePart
     from imuscope.server.services import Services
 
 GROUP = "imuscope.extensions"
+T = TypeVar("T")
 log = logging.getLogger("imuscope.extensions")
 
 
@@ -80,6 +80,7 @@ class Extension:
             with a sentence; "" for none.
         jobs: modules with jobs for the processes of analyses (server/analysis_worker.py).
         requires: names of other extensions that it imports.
+        package: name and version of the distribution that declares it; "" for imuscope's own. Set when it is loaded.
     """
 
     name: str
@@ -90,10 +91,7 @@ class Extension:
     checks: str = ""
     jobs: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
-
-    def routers(self) -> list[APIRouter]:
-        """Its routes."""
-        return [import_module(name).router for name in self.routes]
+    package: str = ""
 
     def check(self, config: Config) -> None:
         """Check a configuration before a server is made.
@@ -104,9 +102,12 @@ class Extension:
         if self.checks:
             _named(self.checks)(config)
 
-    def build(self, services: Services) -> Iterator[ServicePart]:
-        """Its parts, for a server with these services."""
-        yield from import_module(self.parts).parts(services) if self.parts else ()
+    def install(self, services: Services) -> list[APIRouter]:
+        """Add its parts to a server; returns its routes."""
+        parts = import_module(self.parts).parts(services) if self.parts else ()
+        routers = [import_module(name).router for name in self.routes]
+        services.parts.add(parts)
+        return routers
 
 
 def _named(place: str) -> Callable[..., Any]:
@@ -122,15 +123,33 @@ def extensions() -> tuple[Extension, ...]:
 
 def extension_problems() -> tuple[str, ...]:
     """A sentence about each extension that is declared and unusable."""
-    return _installed()[1]
+    return tuple(_installed()[1])
 
 
 @functools.cache
-def _installed() -> tuple[tuple[Extension, ...], tuple[str, ...]]:
+def _installed() -> tuple[tuple[Extension, ...], list[str]]:
     return load_extensions(plugins_of(GROUP))
 
 
-def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension, ...], tuple[str, ...]]:
+def attempt(extension: Extension, use: Callable[[], T]) -> T | None:
+    """Use an extension. One of another package that fails is left out and told among the problems: it stops nothing.
+
+    Raises:
+        Exception: one of imuscope's own fails; a defect that must not be overlooked.
+    """
+    try:
+        return use()
+    except Exception as error:  # third-party code may raise anything
+        if not extension.package:
+            raise
+        problem = ProtocolPlugin(extension.name, "", extension.package).problem("extension", error)
+        if problem not in _installed()[1]:
+            _installed()[1].append(problem)
+        log.debug("%s failed", extension.name, exc_info=True)
+        return None
+
+
+def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension, ...], list[str]]:
     """The usable extensions, and a sentence about each that is not.
 
     Raises:
@@ -142,7 +161,7 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
         if not plugin.is_there:
             continue
         try:
-            extension = _loaded(plugin)
+            extension = replace(plugin.load(Extension), package=plugin.package)
             if extension.name in found:
                 raise ValueError(f"there is an extension {extension.name!r} already")
             found[extension.name] = extension
@@ -159,18 +178,24 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
     for one in waiting:
         missing = ", ".join(name for name in one.requires if name not in ordered)
         wrong.append(f"The extension {one.name!r} cannot be used without {missing}. Install that, too.")
-    return tuple(ordered.values()), tuple(wrong)
+    return tuple(ordered.values()), wrong
 
 
-def _loaded(plugin: ProtocolPlugin) -> Extension:
-    plugin.check()
-    module, _, attribute = plugin.value.partition(":")
-    extension = getattr(import_module(module), attribute)
-    if not isinstance(extension, Extension):
-        raise ValueError(f"{plugin.value} is not an Extension")
-    if extension.name != plugin.name:
-        raise ValueError(f"it calls itself {extension.name!r}")
-    return extension
+def install_extensions(services: Services) -> list[APIRouter]:
+    """Add the parts of all extensions to a server that is not started; returns their routes."""
+    routers: list[APIRouter] = []
+    for extension in extensions():
+        routers += attempt(extension, functools.partial(extension.install, services)) or ()
+    return routers
+
+
+def add_commands(add_parser: Callable[..., argparse.ArgumentParser]) -> Iterator[argparse.ArgumentParser]:
+    """Add the commands of all extensions; yields the parsers of those that have `--data`."""
+    for extension in extensions():
+        for command in extension.commands:
+            parser = attempt(extension, functools.partial(command.add, add_parser))
+            if parser is not None and command.has_data:
+                yield parser
 
 
 def extension_commands() -> dict[str, ExtensionCommand]:

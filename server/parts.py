@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import inspect
-from collections.abc import Awaitable, Callable, Iterator
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -55,9 +56,17 @@ class Parts:
     def __init__(self) -> None:
         self._all: list[ServicePart] = []
 
-    def add(self, part: ServicePart) -> None:
-        """Add a part, before the server is started."""
-        self._all.append(part)
+    def add(self, parts: Iterable[ServicePart]) -> None:
+        """Add the parts of an extension, before the server is started.
+
+        Raises:
+            ValueError: a name is taken; none is added.
+        """
+        new = [*parts]
+        names = Counter(part.name for part in (*self._all, *new))
+        if taken := [name for name, count in names.items() if count > 1]:
+            raise ValueError(f"there is a part {taken[0]!r} already")
+        self._all += new
 
     def __iter__(self) -> Iterator[ServicePart]:
         return iter(self._all)

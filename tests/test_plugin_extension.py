@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -69,6 +70,32 @@ def test_it_brings_a_part_a_route_and_a_command(url: str, environment: dict[str,
         assert "/api/total" in json.load(answer)["paths"]
 
 
+@pytest.mark.parametrize("broken", ["counter.py", "routes.py", "command.py"])
+def test_one_that_fails_when_it_is_used_stops_nothing(environment: dict[str, str], tmp_path: Path, broken: str) -> None:
+    """An import error in a package of others ended every command."""
+    site = Path(environment["PYTHONPATH"].split(os.pathsep)[0])
+    shutil.copytree(site, tmp_path / "site")
+    (tmp_path / "site" / "imuscope_total" / broken).write_text("raise RuntimeError('of the package')\n")
+    there = environment | {"PYTHONPATH": str(tmp_path / "site")}
+    words = ["serve", "sim:xbus", "--host", "127.0.0.1", "--port", "0", "--data", str(tmp_path / "data")]
+    command = tied([sys.executable, "-m", PACKAGE, *words])
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=there, cwd=ROOT, stdout=pipe, stderr=subprocess.STDOUT, text=True) as process:
+        try:
+            assert process.stdout is not None
+            lines = []
+            for line in process.stdout:
+                lines.append(line)
+                if "cannot be used" in line:
+                    break
+            url = next(line for line in lines if line.startswith("http://")).strip()
+            with urllib.request.urlopen(f"{url}api/devices", timeout=PATIENCE_S) as answer:
+                assert json.load(answer)
+        finally:
+            process.terminate()
+    assert "The extension 'total' of imuscope-total 1.0 cannot be used: RuntimeError: of the package." in lines[-1]
+
+
 def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
     plugins = [
         ProtocolPlugin("gone", "imuscope_of_nobody:EXTENSION", "imuscope-gone 1.0"),
@@ -79,7 +106,7 @@ def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
     ]
     found, problems = load_extensions(plugins)
     assert [one.name for one in found] == ["viser"]
-    assert list(problems) == [
+    assert problems == [
         "The extension 'gone' of imuscope-gone 1.0 cannot be used: ModuleNotFoundError: No module named "
         "'imuscope_of_nobody'.",
         "The extension 'other' of imuscope-other 1.0 cannot be used: json:loads is not an Extension.",

@@ -17,7 +17,7 @@ from imuscope.server.commands.file_arguments import add_analyse, add_decode
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
-from imuscope.server.extension import extension_commands
+from imuscope.server.extension import add_commands, extension_commands
 from imuscope.server.ros2_settings import DEFAULT_ROUTER
 from imuscope.server.store_settings import STORE_FORMS
 from imuscope.server.version import described
@@ -208,10 +208,8 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
         add_analyse(commands.add_parser, about.analyses),
     ):
         _add_data(made)
-    for one in extension_commands().values():
-        made = one.add(commands.add_parser)
-        if one.has_data:
-            _add_data(made)
+    for made in add_commands(commands.add_parser):
+        _add_data(made)
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)
     for name in root.commands if not command else [command] if command in root.commands else ():

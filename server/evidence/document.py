@@ -1,4 +1,4 @@
-"""The HTML file: tables made here, plots drawn by the script inside (web/src/evidence/).
+"""The HTML file: tables made here, plots drawn by the script inside (web/src/extensions/evidence/).
 
 Nothing in it can reach a network: the content-security policy in its head allows the one script and the one style sheet
 by their digests, and no connection, image, font, frame or form. What devices and people wrote is escaped text; in the

@@ -134,7 +134,11 @@ export class Store {
   edgeOf(device: string | undefined): number {
     const now = this.serverNow();
     const status = this.devices.peek().find(({ id }) => id === device)?.status;
-    if (status !== "ended" && !(status === "live" && this.behind(device!).total > 0)) return now;
+    if (
+      status !== "ended" &&
+      !(status === "live" && this.#delays.behind(device!, this.health.peek().get(device!), now).total > 0)
+    )
+      return now;
     let last = -Infinity;
     for (const { info, ring } of this.channels.peek())
       if (info.device === device && ring.length > 0) last = Math.max(last, ring.time(ring.length - 1));
