@@ -50,10 +50,8 @@ import {modules}
 jit.load()
 """
 _POLL_S = 0.1
-OTHERS = (
-    "imuscope.recordings.mcap_reader",
-    "imuscope.server.links.read_loop",
-)  # modules with loops, beside those of the families
+OTHERS = ("imuscope.recordings.mcap_reader", "imuscope.server.links.read_loop")
+"""Modules with loops, beside those of the families."""
 
 
 def prepare_cache(data: Path) -> list[str]:
