@@ -168,7 +168,8 @@ def test_nothing_is_sent_unasked_while_a_driver_uses_the_device(simulator: Simul
         server.process.wait(PATIENCE_S)
     with ServerProcess(source, data=tmp_path / "data", arguments=(*shared, "--record")) as server:
         block_until(lambda: is_live(server) and first_client(server), "a live device")
-        name = first_client(server)["name"]
+        # A client is named after its process a moment after its first bytes, and after the port until then.
+        block_until(lambda: f"(process {os.getpid()})" in first_client(server)["name"], "the driver's name")
         kept = tmp_path / "data" / "recordings"
         block_until(lambda: any(file.stat().st_size > 2000 for file in kept.glob("*.mcap")), "the recording")
         record(server)
@@ -176,7 +177,6 @@ def test_nothing_is_sent_unasked_while_a_driver_uses_the_device(simulator: Simul
         assert not driver.faults
         driver.stop()
         block_until(lambda: not first_client(server), "the end of the driver")
-        assert f"(process {os.getpid()})" in name
         job = ask(server, "/read", {})  # asked for
         block_until(lambda: any(one["id"] == job["id"] for one in ask(server, "/jobs")["done"]), "the settings")
         assert sent_by_imuscope(server)
