@@ -81,16 +81,16 @@ from imuscope.recordings.exporters.registry import ExportFormat as ExportFormat
 from imuscope.recordings.exporters.registry import register_exporter as register_exporter
 from imuscope.recordings.exporters.request import ExportRequest as ExportRequest
 from imuscope.recordings.exporters.request import ExportStep as ExportStep
-from imuscope.server.analysis.registry import Analysis as Analysis
-from imuscope.server.analysis.registry import AnalysisOption as AnalysisOption
-from imuscope.server.analysis.registry import Result as Result
-from imuscope.server.analysis.registry import register_analysis as register_analysis
-from imuscope.server.analysis.signals import Signal as Signal
 
 # Extensions of the server.
 from imuscope.server.api.dependencies import TheServices as TheServices
 from imuscope.server.extension import Extension as Extension
 from imuscope.server.extension import ExtensionCommand as ExtensionCommand
+from imuscope.server.extensions.analysis.registry import Analysis as Analysis
+from imuscope.server.extensions.analysis.registry import AnalysisOption as AnalysisOption
+from imuscope.server.extensions.analysis.registry import Result as Result
+from imuscope.server.extensions.analysis.registry import register_analysis as register_analysis
+from imuscope.server.extensions.analysis.signals import Signal as Signal
 
 # Links.
 from imuscope.server.links.base import Chunk as Chunk

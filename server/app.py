@@ -9,10 +9,8 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from imuscope.server.api import (
-    analysis,
     capabilities,
     commands,
-    comparison,
     configure,
     description,
     devices,
@@ -28,7 +26,6 @@ from imuscope.server.api import (
     reference,
     replay,
     shares,
-    signals,
     snapshots,
     static_files,
     status,
@@ -63,8 +60,6 @@ ROUTED = (
     exports,
     recordings,
     recording_data,
-    analysis,
-    comparison,
     workspaces,
     ports,
     status,
@@ -72,7 +67,6 @@ ROUTED = (
     map_tiles,
     websocket,
     reference,
-    signals,
 )
 """Modules whose routes are served, before those of extensions. The page comes last: it matches every remaining path.
 

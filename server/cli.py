@@ -37,7 +37,7 @@ from imuscope.server.commands.common import (
     size_of,
 )
 from imuscope.server.config import ConfigError, load
-from imuscope.server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, secret_text
+from imuscope.server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
 from imuscope.server.extension import extension_commands
 from imuscope.server.jit_cache import BackgroundLoad
 from imuscope.server.printable import printable
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-OF_FILES = ("inspect", "decode", "analyse")
+OF_FILES = ("inspect", "decode")
 
 
 @contextlib.contextmanager
@@ -257,62 +257,6 @@ def _decode(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
-def _analyse(options: argparse.Namespace) -> None:
-    file = readable(str(options.file))
-    decode_options = decode_options_of(options)
-    prepare_decoders(options.data, size_of(file))
-    from imuscope.server.commands.analyse import (
-        AnalyseError,
-        AnalyseRequest,
-        analyse_file,
-        print_json,
-        print_table,
-        print_text,
-    )
-
-    decode_options = checked_protocol(decode_options)
-    if options.analysis == "comparison":
-        _compare(options, file, decode_options)
-        return
-    if options.other is not None:
-        raise UsageError("--with belongs to the comparison of two files: imuscope analyse A comparison --with B")
-    request = AnalyseRequest(options.analysis, options.signal, options.begin, options.end, options.option or ())
-    try:
-        with seekable(file) as path:
-            reports = analyse_file(path, decode_options, request, sys.stderr)
-        if options.format not in ("table", "json"):
-            print_text(request.analysis, options.format, reports, sys.stdout)
-            return
-    except AnalyseError as error:
-        raise UsageError(str(error)) from None
-    (print_json if options.format == "json" else print_table)(reports, sys.stdout)
-
-
-def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOptions) -> None:
-    from imuscope.server.commands.analyse import AnalyseError
-    from imuscope.server.commands.compare import FileComparison, compare_files, print_comparison, print_json
-
-    if options.other is None:
-        raise UsageError("a comparison needs two files; give the other one with --with B")
-    if options.option or options.format not in ("table", "json"):
-        raise UsageError("a comparison has no --option, and --format is table or json")
-    if options.search is not None and not options.search > 0:
-        raise UsageError(f"--search {options.search:g} is not a valid time, in seconds; it must be more than 0")
-    range_a = (options.begin, options.end)
-    range_b = (
-        options.begin if options.from_b is None else options.from_b,
-        options.end if options.to_b is None else options.to_b,
-    )
-    sides = (options.signal, options.signal_b or (), range_a, range_b)
-    request = FileComparison(*sides, options.align, options.offset, options.search)
-    try:
-        with seekable(file) as a, seekable(readable(str(options.other))) as b:
-            answer = compare_files(a, b, decode_options, request, sys.stderr)
-    except AnalyseError as error:
-        raise UsageError(str(error)) from None
-    (print_json if options.format == "json" else print_comparison)(answer, sys.stdout)
-
-
 def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
@@ -380,7 +324,6 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "record": _record,
     "replay": _replay,
     "decode": _decode,
-    "analyse": _analyse,
     "simulate": _simulate,
     "completion": _completion,
 }

@@ -125,7 +125,7 @@ class Config:
         rollback_s: time to confirm settings that could have cut the link, before they are rolled back.
         history_s, memory_mb: limits of the sample history, whichever is reached first.
         bytes_mb: of memory_mb, for the bytes of live links (server/devices/byte_memory.py); at most a quarter of it.
-        analysis_s, analysis_mb: longest time and most memory of an analysis over HTTP (server/analysis/limits.py).
+        analysis_s, analysis_mb: longest time and most memory of an analysis over HTTP (extensions/analysis/limits.py).
         view_token, control_token: "" to generate one when it is needed.
         tls: serve https with a self-signed certificate; tls_cert, tls_key: PEM files of another certificate.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.

@@ -20,9 +20,9 @@ from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.server import jit_cache
-from imuscope.server.analysis.recorded_signals import add_computed_signals
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
 from imuscope.server.library.store_source import write_source
 
@@ -64,7 +64,7 @@ def main() -> int:
             progress,
             shown,
             usual,
-            add_computed_signals,
+            compute_signals,
         )
         write_source(store, path, stamp)
     except RecordingError as error:

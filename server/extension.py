@@ -16,6 +16,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from imuscope.protocols.decode_options import Scope
@@ -24,6 +25,7 @@ from imuscope.protocols.plugins import ProtocolPlugin, plugins_of
 if TYPE_CHECKING:
     from fastapi import APIRouter
 
+    from imuscope.recordings.exporters import ExportRequest
     from imuscope.server.config import Config
     from imuscope.server.services import Services
 
@@ -44,6 +46,7 @@ class ExtensionCommand:
         protocol_help: help of `--protocol`, with a scope.
         reads_file: whether it writes temporary files, which are removed when it is terminated.
         has_data: whether it has `--data`.
+        epilog: "module:function" that returns the text below its help, and may import what it lists; "" for none.
     """
 
     name: str
@@ -53,16 +56,51 @@ class ExtensionCommand:
     protocol_help: str = ""
     reads_file: bool = False
     has_data: bool = True
+    epilog: str = ""
 
-    def add(self, add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
-        """Add its parser."""
+    def add(
+        self, add_parser: Callable[..., argparse.ArgumentParser], *, with_help: bool = False
+    ) -> argparse.ArgumentParser:
+        """Add its parser, with the text below its help if that is to be printed."""
         parser: argparse.ArgumentParser = _named(self.adds)(add_parser)
+        if with_help and self.epilog:
+            parser.epilog = _named(self.epilog)()
+            parser.formatter_class = argparse.RawDescriptionHelpFormatter
         return parser
 
     def run(self, options: argparse.Namespace) -> int | None:
         """Run it; returns the exit status."""
         status: int | None = _named(self.runs)(options)
         return status
+
+
+@dataclass(frozen=True, slots=True)
+class FileOutput:
+    """A kind of file that `imuscope decode` writes besides the export formats.
+
+    Args:
+        suffix: of the file: ".html".
+        title: in the list of outputs: what it is.
+        writes: "module:function" that is called with an ExportRequest, the path, whether positions may be shown, and a
+            function that takes the progress, 0..1; returns the files.
+        hides_position: whether it can leave out what tells where a recording was made.
+    """
+
+    suffix: str
+    title: str
+    writes: str
+    hides_position: bool = False
+
+    def write(
+        self, request: ExportRequest, out: Path, step: Callable[[float], None], *, with_position: bool = True
+    ) -> list[Path]:
+        """Write it.
+
+        Raises:
+            RecordingError: it cannot be made of this recording.
+        """
+        written: list[Path] = _named(self.writes)(request, out, with_position, step)
+        return written
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +116,7 @@ class Extension:
         commands: of the command line.
         checks: "module:function" that is called with the configuration before a server is made, and raises ValueError
             with a sentence; "" for none.
-        jobs: modules with jobs for the processes of analyses (server/analysis_worker.py).
+        jobs: modules with jobs for the processes of analyses (server/extensions/analysis/worker.py).
         requires: names of other extensions that it imports.
         package: name and version of the distribution that declares it; "" for imuscope's own. Set when it is loaded.
     """
@@ -90,6 +128,8 @@ class Extension:
     commands: tuple[ExtensionCommand, ...] = ()
     checks: str = ""
     jobs: tuple[str, ...] = ()
+    outputs: tuple[FileOutput, ...] = ()
+    problems: str = ""
     requires: tuple[str, ...] = ()
     package: str = ""
 
@@ -123,7 +163,14 @@ def extensions() -> tuple[Extension, ...]:
 
 def extension_problems() -> tuple[str, ...]:
     """A sentence about each extension that is declared and unusable."""
-    return tuple(_installed()[1])
+    declaring = [one for one in extensions() if one.problems]
+    of_plugins = [problem for one in declaring for problem in attempt(one, _named(one.problems)) or ()]
+    return (*_installed()[1], *of_plugins)
+
+
+def file_outputs() -> dict[str, FileOutput]:
+    """Kinds of files that extensions write, by suffix."""
+    return {output.suffix: output for one in extensions() for output in one.outputs}
 
 
 @functools.cache
@@ -189,11 +236,13 @@ def install_extensions(services: Services) -> list[APIRouter]:
     return routers
 
 
-def add_commands(add_parser: Callable[..., argparse.ArgumentParser]) -> Iterator[argparse.ArgumentParser]:
+def add_commands(
+    add_parser: Callable[..., argparse.ArgumentParser], *, with_help: bool = False
+) -> Iterator[argparse.ArgumentParser]:
     """Add the commands of all extensions; yields the parsers of those that have `--data`."""
     for extension in extensions():
         for command in extension.commands:
-            parser = attempt(extension, functools.partial(command.add, add_parser))
+            parser = attempt(extension, functools.partial(command.add, add_parser, with_help=with_help))
             if parser is not None and command.has_data:
                 yield parser
 

@@ -37,6 +37,7 @@ class ServicePart:
         before_recorder: called before the recorder ends, by a part that starts and stops recordings.
         sends: it sends to devices, so that it is closed before them.
         metrics: adds its figures to the page for Prometheus.
+        viewed: called when a browser opens a page.
         serves: called with the application, which it may ask, before the start.
     """
 
@@ -47,6 +48,7 @@ class ServicePart:
     before_recorder: Callable[[], Awaitable[None]] | None = None
     sends: bool = False
     metrics: Callable[[PrometheusText], None] | None = None
+    viewed: Callable[[], None] = _nothing
     serves: Callable[[ASGIApp], None] | None = None
 
 
@@ -93,6 +95,11 @@ class Parts:
         for part in self._all:
             if part.serves is not None:
                 part.serves(app)
+
+    def viewed(self) -> None:
+        """Tell the parts that a browser has opened a page."""
+        for part in self._all:
+            part.viewed()
 
     @property
     def metrics(self) -> list[Callable[[PrometheusText], None]]:

@@ -14,10 +14,6 @@ from pathlib import Path
 
 from imuscope.recordings.library import Library
 from imuscope.server import shutdown
-from imuscope.server.analysis.derived_channels import DerivedChannels
-from imuscope.server.analysis.limits import AnalysisLimits
-from imuscope.server.analysis.service import AnalysisService
-from imuscope.server.analysis.signal_definitions import SignalDefinitions
 from imuscope.server.auth import Access
 from imuscope.server.capabilities import Capabilities
 from imuscope.server.capability_list import list_capabilities
@@ -41,6 +37,7 @@ from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.export_jobs import ExportJobs
 from imuscope.server.library.recorder import FOLDER, Recorder, plan_of
+from imuscope.server.library.signal_definitions import SignalDefinitions
 from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.links.simulated_device import default_sources
 from imuscope.server.metrics import Metrics
@@ -78,8 +75,6 @@ class Services:
     shares: PortShares
     catalogue: Catalogue
     columns: ColumnCache
-    analyses: AnalysisService
-    derived: DerivedChannels
     recorder: Recorder
     exports: ExportJobs
     tiles: TileSource
@@ -134,7 +129,6 @@ class Services:
             {
                 "an export": self.exports.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
-                "an analysis": self.analyses.close(),
                 **{part.name: part.close() for part in self.parts if not part.sends},
                 "the compiler": asyncio.to_thread(decoders.close),
                 "a device": shutdown.close_sequentially(self.parts.close_senders(), self.sessions.close()),
@@ -202,10 +196,6 @@ def build_services(
         shares=shares,
         catalogue=catalogue,
         columns=columns,
-        analyses=AnalysisService(
-            AnalysisLimits(config.analysis_mb, config.analysis_s), lambda: telemetry.clients.browsers > 0
-        ),
-        derived=DerivedChannels(bus, telemetry.store, signals),
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
         tiles=TileSource(config.map),

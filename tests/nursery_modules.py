@@ -16,12 +16,12 @@ WORKERS = (
         "imuscope.server.decode_worker",
         "imuscope.server.library.export_worker",
         "imuscope.server.library.export_sizes",
-        "imuscope.server.evidence.worker",
+        "imuscope.server.extensions.evidence.worker",
     ),
     *(
         "imuscope.server.extensions.fleet.query_worker",
         "imuscope.server.extensions.fleet.upload_worker",
-        "imuscope.server.analysis_worker",
+        "imuscope.server.extensions.analysis.worker",
     ),
 )
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not

@@ -50,10 +50,7 @@ SERVER: dict[str, set[str]] = {
     "timings": set(),
     "workspaces": set(),
     "fair_queue": set(),
-    **{
-        part: set()
-        for part in ("fork_server", "logging_setup", "store_settings", "fleet_settings", "ros2_settings", "holder")
-    },
+    **{part: set() for part in ("logging_setup", "store_settings", "fleet_settings", "ros2_settings", "holder")},
     "handshakes": {"connections"},
     "links": {"holder"},
     "jit_cache": {"links"},
@@ -69,9 +66,7 @@ SERVER: dict[str, set[str]] = {
     "metrics": {"devices", "streaming"},
     "configuration": {"holder", "wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
-    "analysis": {"fair_queue", "fork_server", "library", "streaming"},
-    "evidence": {"analysis", "library", "page_files"},
-    "decode_worker": {"analysis", "devices", "jit_cache", "library"},
+    "decode_worker": {"devices", "jit_cache", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth"},
     "reference": {"configuration", "library"},
     "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
@@ -79,7 +74,6 @@ SERVER: dict[str, set[str]] = {
     "services": {
         "parts",
         *(
-            "analysis",
             "auth",
             "capability_list",
             "config",
@@ -92,7 +86,7 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
     "api": {
-        *("analysis", "auth", "configuration", "devices", "evidence", "http_server"),
+        *("auth", "configuration", "devices", "http_server"),
         *(
             "integrations",
             "library",
@@ -109,7 +103,6 @@ SERVER: dict[str, set[str]] = {
         ),
     },
     "extension": {"config", "parts", "services"},
-    "analysis_worker": {"analysis", "fork_server", "extension"},
     "app": {
         *(
             "api",
@@ -126,7 +119,7 @@ SERVER: dict[str, set[str]] = {
         "timings",
     },
     "commands": {
-        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "evidence"),
+        *("app", "auth", "config", "configuration", "devices", "diagnostics"),
         *("extension", "fleet_settings", "holder", "store_settings"),
         *(
             "http_server",

@@ -12,8 +12,6 @@ from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses, unknown_recording
 from imuscope.server.errors import DomainError
-from imuscope.server.evidence.job import evidence_work
-from imuscope.server.evidence.request import EvidenceRequest
 from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
@@ -27,19 +25,6 @@ async def add_export(recording: str, body: ExportJobRequest, services: TheServic
     _check(body)
     try:
         return services.exports.add(recording, body)
-    except KeyError:
-        raise unknown_recording(recording) from None
-
-
-@router.post("/{recording}/evidence", status_code=202, responses=responses(404, 409, 422))
-async def add_evidence(recording: str, body: EvidenceRequest, services: TheServices) -> wire.ExportJob:
-    """Begin to make evidence: one HTML file with plots, figures, notes, events and settings; a job like an export."""
-    _check_range(body.t0, body.t1)
-    for name, cursor in (("cursor_a", body.cursor_a), ("cursor_b", body.cursor_b)):
-        _check_time(name, cursor)
-    try:
-        info, markers = services.catalogue.info(recording), services.catalogue.markers(recording)
-        return services.exports.add_work(recording, evidence_work(info, markers, body))
     except KeyError:
         raise unknown_recording(recording) from None
 
@@ -58,20 +43,21 @@ async def measure_exports(recording: str, body: ExportSelection, services: TheSe
 
 def _check(body: ExportSelection) -> None:
     """Reject an invalid time range and too many channels."""
-    _check_range(body.t0, body.t1)
+    check_range(body.t0, body.t1)
     if len(body.channels or ()) > MAX_CHANNELS:
         raise DomainError("bad-request", f"At most {MAX_CHANNELS} channels can be named.", "null for all.")
 
 
-def _check_range(t0: float | None, t1: float | None) -> None:
+def check_range(t0: float | None, t1: float | None) -> None:
     """Reject an invalid time range."""
     for name, value in (("t0", t0), ("t1", t1)):
-        _check_time(name, value)
+        check_time(name, value)
     if t0 is not None and t1 is not None and t1 < t0:
         raise DomainError("bad-span", "The range ends before it begins.", "Unix seconds, t0 ≤ t1.")
 
 
-def _check_time(name: str, value: float | None) -> None:
+def check_time(name: str, value: float | None) -> None:
+    """Reject a number that is not a time."""
     if value is not None and not math.isfinite(value):
         raise DomainError("bad-span", f"{name} is not a time.", "Unix seconds, or null for all.")
 

@@ -148,7 +148,7 @@ async def live(socket: WebSocket, services: TheServices) -> None:
     stuck_s = services.timings.stuck_s
     sender = WebSocketSender(socket, clients, stuck_s)
     clients.attach(sender.queue)
-    services.analyses.viewed()
+    services.parts.viewed()
     _log(sender, f"is connected, from {sender.peer or 'an unknown peer'}.", logging.INFO)
     tasks = [
         asyncio.create_task(_listen(socket, clients, sender.queue), name="browser: receive"),

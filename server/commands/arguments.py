@@ -13,7 +13,7 @@ from typing import NoReturn, TypeAlias
 from imuscope.protocols.decode_options import DecodeOption, Scope
 from imuscope.protocols.plugins import protocol_names
 from imuscope.server import logging_setup
-from imuscope.server.commands.file_arguments import add_analyse, add_decode
+from imuscope.server.commands.file_arguments import add_decode
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
@@ -24,7 +24,7 @@ from imuscope.server.version import described
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "analyse", *extension_commands(), "simulate", "completion"),
+    *("decode", *extension_commands(), "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -60,7 +60,7 @@ ENVIRONMENT_HELP = """environment variables, used if the option is not given:
 ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
 """Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""
 DECODE_SCOPES: Mapping[str, Scope] = {
-    **dict.fromkeys(("serve", "send", "record", "decode", "analyse"), "source"),
+    **dict.fromkeys(("serve", "send", "record", "decode"), "source"),
     **{"inspect": "inspect", "compose": "compose", "commands": "commands"},
     **{one.name: one.scope for one in extension_commands().values() if one.scope},
 }
@@ -70,7 +70,7 @@ PROTOCOL_HELP = {
     "inspect": f"{ANY_OF}, or auto (the default)",
     "compose": f"{ANY_OF} (default: found by the name of the message)",
     "commands": f"{ANY_OF} (default: all)",
-    **dict.fromkeys(("decode", "analyse"), "protocol of a capture (default: detected)"),
+    "decode": "protocol of a capture (default: detected)",
     **{one.name: one.protocol_help for one in extension_commands().values()},
 }
 
@@ -108,7 +108,6 @@ class _Registered:
     sources: str = ""  # forms of a source
     source_options: str = ""  # options of each form, in full
     outputs: str = ""  # suffixes that can be written
-    analyses: str = ""  # names of analyses, with their options
     environment: str = ENVIRONMENT_HELP.format(secrets="")
     details: str = ""  # further lines on decode options
 
@@ -122,7 +121,6 @@ def _registered() -> _Registered:
         registered_help.source_list(),
         registered_help.source_help(),
         registered_help.output_list(),
-        registered_help.analysis_list(),
         ENVIRONMENT_HELP.format(secrets="".join(rows)),
         "\n".join(option.details for option in declared_options().values() if option.details),
     )
@@ -203,12 +201,8 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_record(commands.add_parser, about)
     _add_replay(commands.add_parser)
     _add_simulate(commands.add_parser)
-    for made in (
-        add_decode(commands.add_parser, about.outputs),
-        add_analyse(commands.add_parser, about.analyses),
-    ):
-        _add_data(made)
-    for made in add_commands(commands.add_parser):
+    _add_data(add_decode(commands.add_parser, about.outputs))
+    for made in add_commands(commands.add_parser, with_help=with_help):
         _add_data(made)
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)

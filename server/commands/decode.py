@@ -11,7 +11,6 @@ import difflib
 import math
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -21,18 +20,13 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.analysis.recorded_signals import add_computed_signals
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.evidence.content import About
-from imuscope.server.evidence.plots import all_plots
-from imuscope.server.evidence.request import EvidenceRequest
-from imuscope.server.evidence.worker import write
+from imuscope.server.extension import FileOutput, file_outputs
+from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
-from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.printable import printable
 
-EVIDENCE = ".html"  # not an export of samples but a report (server/evidence)
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
 _CELLS = 30
 _EVERY_S = 0.1
@@ -75,7 +69,7 @@ class DecodedPart:
         begin_s, end_s: seconds from the beginning of the file.
         device: "" for all, or for the only one.
         channels: names; () for all.
-        with_position: false: evidence leaves out what tells where it was recorded.
+        with_position: false: an output that can leaves out what tells where it was recorded.
     """
 
     begin_s: float = 0.0
@@ -99,15 +93,7 @@ def decode_file(
     Raises:
         DecodeError: decoding failed; no files are left behind.
     """
-    format = by_suffix(out.suffix)
-    is_evidence = out.suffix.lower() == EVIDENCE
-    if not part.with_position and not is_evidence:
-        raise DecodeError(f"--without-position applies to evidence only; let OUT end with {EVIDENCE}")
-    if format is None and not is_evidence:
-        known = ", ".join([*dict.fromkeys(one.suffix for one in FORMATS.values()), EVIDENCE])
-        raise DecodeError(
-            f"{out.suffix or 'a name without suffix'} is not a valid format; OUT ends with one of: {known}"
-        )
+    format, output = _format_of(out, with_position=part.with_position)
     if not out.parent.is_dir():
         raise DecodeError(f"folder not found: {out.parent}")
     if out.exists() and out.samefile(path):
@@ -118,14 +104,15 @@ def decode_file(
             source = open_file(path, reading.protocol)
             store = Path(folder) / "columns"
             columns = decode(
-                source, store, all_protocols(), reading, lambda share: bar.show(share / 2), compute=add_computed_signals
+                source, store, all_protocols(), reading, lambda share: bar.show(share / 2), compute=compute_signals
             )
             rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
             request = _export_request(columns, path, part)
             step = lambda share: bar.show(0.5 + share / 2)  # noqa: E731
-            if format is None:
-                written = _evidence(request, out, part.with_position, step)
+            if output is not None:
+                written = output.write(request, out, step, with_position=part.with_position)
             else:
+                assert format is not None  # the suffix was checked
                 written = export(format, request, out, step)
     except RecordingError as error:
         if rejected:
@@ -140,23 +127,26 @@ def decode_file(
     return written
 
 
-def _evidence(request: ExportRequest, out: Path, with_position: bool, step: Callable[[float], None]) -> list[Path]:
-    """One HTML file with the plots of a part, its figures, events and settings."""
-    columns = request.columns
-    infos = [
-        info
-        for info in channels_of(columns).values()
-        if request.device in ("", info.device) and (request.channels is None or info.id in request.channels)
-    ]
-    is_part = request.device != "" or request.channels is not None
-    plots = all_plots(infos, len(columns.manifest["devices"])) if is_part else None
-    t0, t1 = (None if math.isinf(time) else time for time in (request.t0, request.t1))
-    asked = EvidenceRequest(t0, t1, plots=plots, with_position=with_position)
-    name = request.title
-    about = About(Path(name).stem, file=name, format=str(columns.manifest.get("format", "")))
-    if not with_position:
-        about.title = "Recording"  # a name may be that of a place
-    return write(columns, about, asked, out, step)
+def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutput | None]:
+    """The export format, or the output of an extension, that a suffix selects: exactly one of both.
+
+    Raises:
+        DecodeError: the suffix selects none, or what it selects always shows positions.
+    """
+    format = by_suffix(out.suffix)
+    outputs = file_outputs()
+    output = outputs.get(out.suffix.lower())
+    if not with_position and not (output is not None and output.hides_position):
+        hiding = [one for one in outputs.values() if one.hides_position]
+        only = f"applies to {', '.join(one.title.partition(':')[0] for one in hiding) or 'no installed output'} only"
+        remedy = f"; let OUT end with {' or '.join(one.suffix for one in hiding)}" if hiding else ""
+        raise DecodeError(f"--without-position {only}{remedy}")
+    if format is None and output is None:
+        known = ", ".join([*dict.fromkeys(one.suffix for one in FORMATS.values()), *outputs])
+        raise DecodeError(
+            f"{out.suffix or 'a name without suffix'} is not a valid format; OUT ends with one of: {known}"
+        )
+    return (None, output) if output is not None else (format, None)
 
 
 def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> ExportRequest:

@@ -12,11 +12,11 @@ from typing import TextIO
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.analysis.recorded_signals import add_computed_signals
 from imuscope.server.commands.decode import Bar
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
+from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
 
 
@@ -39,9 +39,7 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO) -> Iterator[Colum
     try:
         with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
             source = open_file(path, reading.protocol)
-            yield decode(
-                source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=add_computed_signals
-            )
+            yield decode(source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=compute_signals)
     except (RecordingError, DomainError) as error:
         raise DecodedFileError(f"{error.message} {error.hint}".strip()) from None
     except OSError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 
 from imuscope.server.devices.decode_options import url_options
+from imuscope.server.extension import file_outputs
 from imuscope.server.links.registry import LinkDefinition, link_kinds
 
 _COLUMN = 34
@@ -46,24 +47,6 @@ def output_list() -> str:
     titles: dict[str, str] = {}
     for one in FORMATS.values():
         titles.setdefault(one.suffix, one.title)
-    titles[".html"] = "evidence: plots, figures, events and settings in one file"
+    titles |= {one.suffix: one.title for one in file_outputs().values()}
     formats = ", ".join(f"{suffix} ({title})" for suffix, title in titles.items())
     return f"file whose suffix selects the format: {formats}; CSV and Parquet: a file per message, OUT_MESSAGE.csv"
-
-
-def analysis_list() -> str:
-    """Analyses with their options, a line for each."""
-    from imuscope.server.analysis.registry import analyses
-
-    lines = ["analyses, with their options for --option:"]
-    for one in analyses():
-        lines.append(f"  {one.name:<{_COLUMN - 2}}{one.words}")
-        for option in one.options:
-            if option.choices:
-                form, limits = f"{option.name}={option.choices[int(option.default)]}", ", ".join(option.choices)
-            else:
-                form = f"{option.name}={option.default:g}"
-                limits = f"{option.low:.12g} to {option.high:.12g} {option.unit}".strip()
-            lines.append(f"    {form:<{_COLUMN - 4}}{option.doc} {limits}.")
-        lines += [f"    --format {name}" for name in one.formats]
-    return "\n".join(lines) + "\n"

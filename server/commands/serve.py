@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from imuscope.server import logging_setup
-from imuscope.server.analysis.registry import load_analyses
 from imuscope.server.commands.common import (
     UsageError,
     check_sources,
@@ -149,7 +148,7 @@ def _print_addresses(config: Config, access: Access, url: str, fingerprint: str,
         print(f"SHA-256 of the certificate: {fingerprint}", flush=True)
     for name in short_tokens(config):
         logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
-    for problem in (*problems(), *load_analyses(), *extension_problems()):
+    for problem in (*problems(), *extension_problems()):
         logging_setup.print_or_log(problem)
     if is_robot and not config.sources:
         shown = [simulator.words for simulator in simulators().values() if simulator.usual]

@@ -44,7 +44,8 @@ from imuscope.server.devices.sessions import Sessions
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest, SavedMemory
 from imuscope.server.library.compaction_worker import CompactionWorker
-from imuscope.server.library.recording_session import ComputedDefinitions, RecordingSession
+from imuscope.server.library.recording_session import RecordingSession
+from imuscope.server.library.signal_definitions import SignalDefinitions
 from imuscope.server.library.standing_recording import StandingRecording
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.version import VERSION
@@ -103,12 +104,12 @@ class Recorder:
         packer: CompactionWorker | None,
         wall_ns: Callable[[], int] | None = None,
         memory: ByteMemory | None = None,
-        signals: ComputedDefinitions | None = None,
+        signals: SignalDefinitions | None = None,
     ) -> None:
         self.plan = plan
         self.waiting: Callable[[], Collection[Path]] = lambda: ()
         """Recordings to be uploaded first, which the quota deletes only when the disk is short. For any thread."""
-        self._signals = signals
+        self.signals = signals
         self._wall_ns = wall_ns
         self._bus = bus
         self._sessions = sessions
@@ -350,7 +351,7 @@ class Recorder:
             ask_head=ask_head,
             memory=self._memory,
             since=since,
-            signals=self._signals,
+            signals=self.signals,
         )
 
     def _new_writer(self, words: str, title: str, path: Path | None, before_s: float) -> RecordingWriter:

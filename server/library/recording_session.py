@@ -23,7 +23,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.recordings.mcap_writer import Direction
@@ -36,6 +36,7 @@ from imuscope.server.devices.member import address_of
 from imuscope.server.devices.session import Session
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.log_header import LogHeaderRequest
+from imuscope.server.library.signal_definitions import SignalDefinitions
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.bus import TelemetryBus
 
@@ -44,26 +45,6 @@ WAYS: tuple[Direction, ...] = ("rx", "tx")
 MARKER = "Marker"  # text of a marker without one
 RATE_S = 10.0  # averaging time of the rate for `seconds_left`
 METADATA_FIELDS = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
-
-
-class ComputedDefinition(Protocol):
-    """Definition of a computed signal."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def expression(self) -> str: ...
-
-
-class ComputedDefinitions(Protocol):
-    """Definitions of computed signals (server/analysis/signal_definitions.py)."""
-
-    def of(self, device: wire.DeviceInfo) -> Sequence[ComputedDefinition]:
-        """Those of a device."""
-
-    def on_change(self, listener: Callable[[], None]) -> Callable[[], None]:
-        """Call a function after each change; what is returned ends that."""
 
 
 class RecordingSession:
@@ -89,7 +70,7 @@ class RecordingSession:
         ask_head: bool,
         memory: ByteMemory | None = None,
         since: float | None = None,
-        signals: ComputedDefinitions | None = None,
+        signals: SignalDefinitions | None = None,
     ) -> None:
         self.writer = writer
         self.title = title

@@ -14,9 +14,10 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from imuscope.protocols.plugins import protocol_plugins
+from imuscope.protocols.plugins import plugins_of, protocol_plugins
 
 PACKAGE = Path(__file__).absolute().parents[2]
+COMPUTED_SIGNALS = "imuscope.computed_signals"  # see computed_signals.py, which is too large to import here
 BEGIN = "imuscope.server.decode_worker"
 DATA = (".txt", ".json")
 _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n]+)|import ([\w., ]+))", re.MULTILINE)
@@ -51,7 +52,8 @@ def _sources_of_others() -> Iterator[Path]:
 def decoding_sources() -> list[Path]:
     """Source files imported by the decoding process, sorted."""
     found: dict[str, Path] = {}
-    waiting = [BEGIN, *(plugin.module for plugin in protocol_plugins())]
+    computing = (plugin.module for plugin in plugins_of(COMPUTED_SIGNALS) if plugin.is_there)
+    waiting = [BEGIN, *computing, *(plugin.module for plugin in protocol_plugins())]
     while waiting:
         module = waiting.pop()
         path = _path(module)

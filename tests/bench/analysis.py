@@ -22,11 +22,11 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from imuscope.server.analysis.companions import Companions  # noqa: E402
-from imuscope.server.analysis.registry import analysis_named  # noqa: E402
-from imuscope.server.analysis.report import figures_of, in_parallel  # noqa: E402
-from imuscope.server.analysis.signals import Signal  # noqa: E402
-from imuscope.server.analysis.triads import Samples  # noqa: E402
+from imuscope.server.extensions.analysis.companions import Companions  # noqa: E402
+from imuscope.server.extensions.analysis.registry import analysis_named  # noqa: E402
+from imuscope.server.extensions.analysis.report import figures_of, in_parallel  # noqa: E402
+from imuscope.server.extensions.analysis.signals import Signal  # noqa: E402
+from imuscope.server.extensions.analysis.triads import Samples  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 RATE = 1000.0

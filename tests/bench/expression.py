@@ -17,11 +17,11 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from imuscope.server.analysis.expression_functions import Context  # noqa: E402
-from imuscope.server.analysis.expression_syntax import parse  # noqa: E402
-from imuscope.server.analysis.expressions import evaluate  # noqa: E402
-from imuscope.server.analysis.quantities import Quantity  # noqa: E402
-from imuscope.server.analysis.units import Unit  # noqa: E402
+from imuscope.server.extensions.analysis.expression_functions import Context  # noqa: E402
+from imuscope.server.extensions.analysis.expression_syntax import parse  # noqa: E402
+from imuscope.server.extensions.analysis.expressions import evaluate  # noqa: E402
+from imuscope.server.extensions.analysis.quantities import Quantity  # noqa: E402
+from imuscope.server.extensions.analysis.units import Unit  # noqa: E402
 from tests.bench.analysis import RATE, best_s  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 

@@ -22,4 +22,5 @@ EXTENSION = Extension(
     parts="imuscope.server.extensions.alarms.service",
     routes=("imuscope.server.extensions.alarms.routes",),
     jobs=("imuscope.server.extensions.alarms.preview",),
+    requires=("analysis",),
 )

@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 
 from imuscope.server import wire
-from imuscope.server.analysis.live_expression import RateUnknownError
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.conditions import ExpressionJudge, FlagJudge, Rows, SampleCondition
 from imuscope.server.extensions.alarms.definitions import (
@@ -23,6 +22,7 @@ from imuscope.server.extensions.alarms.definitions import (
 )
 from imuscope.server.extensions.alarms.figures import HealthJudge, behind_words
 from imuscope.server.extensions.alarms.machine import UNKNOWN, AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
+from imuscope.server.extensions.analysis.live_expression import RateUnknownError
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.wire import ChannelInfo
 

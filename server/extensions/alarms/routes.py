@@ -8,9 +8,6 @@ from fastapi import APIRouter, Depends, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from imuscope.server.analysis.channel_rates import ChannelRates
-from imuscope.server.analysis.expression_syntax import ExpressionError
-from imuscope.server.api.analysis import recording_of, response_of
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.errors import DomainError
@@ -26,6 +23,9 @@ from imuscope.server.extensions.alarms.preview import (
 )
 from imuscope.server.extensions.alarms.service import AlarmService
 from imuscope.server.extensions.alarms.webhooks import shown_url
+from imuscope.server.extensions.analysis.channel_rates import ChannelRates
+from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
+from imuscope.server.extensions.analysis.routes import recording_of, response_of
 from imuscope.server.library.recording_detail import channels_of
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])

@@ -17,8 +17,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from imuscope.server import wire
-from imuscope.server.analysis.channel_rates import ChannelRates, have_changed
-from imuscope.server.analysis.live_expression import RateUnknownError
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.alarm_file import AlarmFile, lasting_name
 from imuscope.server.extensions.alarms.conditions import Rows, checked
@@ -26,6 +24,8 @@ from imuscope.server.extensions.alarms.definitions import AlarmDefinition, Expre
 from imuscope.server.extensions.alarms.instance import AlarmInstance, AlarmState, compiled
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url, shown_url
+from imuscope.server.extensions.analysis.channel_rates import ChannelRates, have_changed
+from imuscope.server.extensions.analysis.live_expression import RateUnknownError
 from imuscope.server.library.recorder import Recorder
 from imuscope.server.parts import ServicePart
 from imuscope.server.prometheus_text import PrometheusText

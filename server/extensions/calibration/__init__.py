@@ -18,4 +18,5 @@ EXTENSION = Extension(
         ),
     ),
     jobs=("imuscope.server.extensions.calibration.stretch",),
+    requires=("analysis",),
 )

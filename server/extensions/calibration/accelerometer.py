@@ -17,8 +17,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
-from imuscope.server.analysis.triads import NO_SAMPLES, Floats, Samples
+from imuscope.server.extensions.analysis.stillness import (
+    RestRun,
+    StepMeans,
+    mean_and_uncertainty,
+    step_means,
+    stillness,
+    within,
+)
+from imuscope.server.extensions.analysis.triads import NO_SAMPLES, Floats, Samples
 from imuscope.server.extensions.calibration.directions import AXES, AXIS_VECTORS
 from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,

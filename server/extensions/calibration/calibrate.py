@@ -10,11 +10,11 @@ from typing import Any, TextIO
 import numpy as np
 
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.analysis.signals import SignalColumn, recorded_samples
-from imuscope.server.analysis.triads import Samples, finite
 from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
+from imuscope.server.extensions.analysis.triads import Samples, finite
 from imuscope.server.extensions.calibration.export import FORMATS, exported
 from imuscope.server.extensions.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
 from imuscope.server.extensions.calibration.mounting import VerticalAxis

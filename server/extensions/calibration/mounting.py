@@ -17,8 +17,15 @@ from typing import Literal
 import numpy as np
 
 from imuscope.protocols.euler import euler_columns
-from imuscope.server.analysis.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
-from imuscope.server.analysis.triads import Floats, Samples
+from imuscope.server.extensions.analysis.stillness import (
+    RestRun,
+    StepMeans,
+    mean_and_uncertainty,
+    step_means,
+    stillness,
+    within,
+)
+from imuscope.server.extensions.analysis.triads import Floats, Samples
 from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,

@@ -14,14 +14,15 @@ from pydantic import BaseModel, ConfigDict, Field
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.column_store import Base
-from imuscope.server.analysis.jobs import RecordedSource, SampleSource, copied
-from imuscope.server.analysis.signals import SignalColumn, live_samples
-from imuscope.server.analysis.triads import Triad
-from imuscope.server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import responses
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.jobs import RecordedSource, SampleSource, copied
+from imuscope.server.extensions.analysis.routes import AHEAD_S, MAX_TIME, recording_of, time_range
+from imuscope.server.extensions.analysis.service import AnalysisService
+from imuscope.server.extensions.analysis.signals import SignalColumn, live_samples
+from imuscope.server.extensions.analysis.triads import Triad
 from imuscope.server.extensions.calibration.export import FORMATS, exported
 from imuscope.server.extensions.calibration.kinds import (
     HINT,
@@ -191,7 +192,7 @@ async def calibrate_stretch(
     async def job() -> CalibrationJob:
         return CalibrationJob(kind, triads, options, await source())
 
-    found = await while_connected(request, services.analyses.content(user_of(request), job))
+    found = await while_connected(request, services.parts.get(AnalysisService).content(user_of(request), job))
     if found is None:
         return Response(status_code=CLIENT_GONE)
     report = CalibrationReport.model_validate_json(found.body)

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.analysis.triads import Samples, Triad, finite
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.triads import Samples, Triad, finite
 from imuscope.server.extensions.calibration.kinds import (
     CalibrationInputs,
     CalibrationMethod,

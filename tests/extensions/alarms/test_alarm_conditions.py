@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.analysis.expression_functions import FUNCTIONS
-from imuscope.server.analysis.expression_syntax import ExpressionError
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.conditions import ExpressionJudge, FlagJudge
 from imuscope.server.extensions.alarms.definitions import ExpressionCondition, FlagCondition
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
+from imuscope.server.extensions.analysis.expression_functions import FUNCTIONS
+from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 

@@ -12,18 +12,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imuscope.server.analysis.expression_functions import Context
-from imuscope.server.analysis.expression_syntax import parse
-from imuscope.server.analysis.expressions import evaluate
-from imuscope.server.analysis.live_expression import RateUnknownError
-from imuscope.server.analysis.quantities import Quantity
-from imuscope.server.analysis.signals import Floats, columns_named
-from imuscope.server.analysis.units import Unit
 from imuscope.server.extensions.alarms.conditions import ExpressionJudge
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
 from imuscope.server.extensions.alarms.instance import AlarmState
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
 from imuscope.server.extensions.alarms.service import RATES_EVERY, AlarmService
+from imuscope.server.extensions.analysis.expression_functions import Context
+from imuscope.server.extensions.analysis.expression_syntax import parse
+from imuscope.server.extensions.analysis.expressions import evaluate
+from imuscope.server.extensions.analysis.live_expression import RateUnknownError
+from imuscope.server.extensions.analysis.quantities import Quantity
+from imuscope.server.extensions.analysis.signals import Floats, columns_named
+from imuscope.server.extensions.analysis.units import Unit
 from imuscope.server.streaming.channels import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo

@@ -16,10 +16,10 @@ import yaml
 
 from imuscope.protocols.simulator.setups import HARD_IRON, SOFT_IRON, SensorSetup
 from imuscope.server import wire
-from imuscope.server.analysis.service import AnalysisService
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.service import AnalysisService
 from imuscope.server.extensions.calibration.kinds import CalibrationInputs
 from imuscope.server.extensions.calibration.session import MAX_SAMPLES, SampleCollector
 from imuscope.server.extensions.calibration.stretch import CalibrationJob

@@ -1,6 +1,6 @@
 /**
  * Figures of a column between two moments, from a ring that holds all of its samples there. The definitions are those of
- * server/analysis/methods/statistics.py, so that both give the same numbers: samples with t0 ≤ t ≤ t1; an angle that wraps has a
+ * server/extensions/analysis/methods/statistics.py, so that both give the same numbers: samples with t0 ≤ t ≤ t1; an angle that wraps has a
  * circular mean and σ, is unwrapped for slope and peak to peak, and has no integral.
  */
 import type { Ring } from "./ring-buffer";

@@ -1625,12 +1625,6 @@ export interface Routes {
     readonly body: Defaulted<ExportJobRequest, "device" | "t0" | "t1" | "channels" | "base">;
     readonly answer: ExportJob;
   };
-  /** Begin to make evidence: one HTML file with plots, figures, notes, events and settings; a job like an export. */
-  "POST /api/recordings/{recording}/evidence": {
-    readonly path: { readonly recording: string };
-    readonly body: EvidenceRequest;
-    readonly answer: ExportJob;
-  };
   /** Estimated sizes of exports, from writing a sample of each. */
   "POST /api/recordings/{recording}/export-sizes": {
     readonly path: { readonly recording: string };
@@ -1735,29 +1729,6 @@ export interface Routes {
     readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined };
     readonly answer: Blob | ChannelTable;
   };
-  /** Analyses with their options. */
-  "GET /api/analysis": { readonly answer: readonly AnalysisInfo[]; };
-  /** Pairs of two signals at the same moments, for a plot of one over the other. */
-  "POST /api/analysis/pairs": {
-    readonly body: PairsRequest;
-    readonly answer: PairsInfo;
-  };
-  /** Analyse signals of a recording, or of a live device as far as memory holds them. */
-  "POST /api/analysis/{name}": {
-    readonly path: { readonly name: string };
-    readonly body: AnalysisRequest;
-    readonly answer: readonly SignalFigures[] | Blob;
-  };
-  /** Compare signals of two sources, or of two ranges of one, aligned in time. */
-  "POST /api/comparison": {
-    readonly body: ComparisonRequest;
-    readonly answer: ComparisonAnswer;
-  };
-  /** Compare settings of two sides: as recorded, or of a live device as last read. `left` is A, `right` is B. */
-  "POST /api/comparison/settings": {
-    readonly body: SettingsRequest;
-    readonly answer: Difference;
-  };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };
   /** A workspace with its content. */
@@ -1804,6 +1775,29 @@ export interface Routes {
     readonly path: { readonly z: number; readonly x: number; readonly y: number };
     readonly answer: Blob;
   };
+  /** Analyses with their options. */
+  "GET /api/analysis": { readonly answer: readonly AnalysisInfo[]; };
+  /** Pairs of two signals at the same moments, for a plot of one over the other. */
+  "POST /api/analysis/pairs": {
+    readonly body: PairsRequest;
+    readonly answer: PairsInfo;
+  };
+  /** Analyse signals of a recording, or of a live device as far as memory holds them. */
+  "POST /api/analysis/{name}": {
+    readonly path: { readonly name: string };
+    readonly body: AnalysisRequest;
+    readonly answer: readonly SignalFigures[] | Blob;
+  };
+  /** Compare signals of two sources, or of two ranges of one, aligned in time. */
+  "POST /api/comparison": {
+    readonly body: ComparisonRequest;
+    readonly answer: ComparisonAnswer;
+  };
+  /** Compare settings of two sides: as recorded, or of a live device as last read. `left` is A, `right` is B. */
+  "POST /api/comparison/settings": {
+    readonly body: SettingsRequest;
+    readonly answer: Difference;
+  };
   /** Functions and units of expressions, for completion. */
   "GET /api/signals/words": { readonly answer: ExpressionWords; };
   /** Computed signals of a device. */
@@ -1821,6 +1815,46 @@ export interface Routes {
   "DELETE /api/devices/{device}/signals/{name}": {
     readonly path: { readonly device: string; readonly name: string };
     readonly answer: undefined;
+  };
+  /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
+  "GET /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly answer: Corrections;
+  };
+  /** Forward this stream in place of the previous one. */
+  "PUT /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly body: CorrectionsRequest;
+    readonly answer: Corrections;
+  };
+  /** Stop forwarding; returns the final counters. */
+  "DELETE /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly answer: Corrections;
+  };
+  /** The recording for a Rerun viewer, sent while it is converted; static data first. */
+  "GET /api/recordings/{recording}/recording.rrd": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly most?: number | undefined };
+    readonly answer: Blob;
+  };
+  /** Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device. */
+  "GET /api/recordings/{recording}/amount": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
+    readonly answer: ViewerQuery;
+  };
+  /** The publisher, its topics and their subscribers; figures are renewed once a second. */
+  "GET /api/ros2": { readonly answer: RosState; };
+  /** Publish a topic, or no longer; the choice outlasts the server. */
+  "PATCH /api/ros2/topics": {
+    readonly body: SwitchTopicRequest;
+    readonly answer: RosState;
+  };
+  /** Begin a 3D scene; returns its address as soon as it can be opened. */
+  "GET /api/views/scene": {
+    readonly query?: { readonly device?: string | undefined };
+    readonly answer: SceneAddress;
   };
   /** All alarms with their states. */
   "GET /api/alarms": { readonly answer: readonly AlarmInfo[]; };
@@ -1894,45 +1928,11 @@ export interface Routes {
     readonly body: CalibrationRequest;
     readonly answer: CalibrationReport | string;
   };
-  /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
-  "GET /api/devices/{device}/corrections": {
-    readonly path: { readonly device: string };
-    readonly answer: Corrections;
-  };
-  /** Forward this stream in place of the previous one. */
-  "PUT /api/devices/{device}/corrections": {
-    readonly path: { readonly device: string };
-    readonly body: CorrectionsRequest;
-    readonly answer: Corrections;
-  };
-  /** Stop forwarding; returns the final counters. */
-  "DELETE /api/devices/{device}/corrections": {
-    readonly path: { readonly device: string };
-    readonly answer: Corrections;
-  };
-  /** The recording for a Rerun viewer, sent while it is converted; static data first. */
-  "GET /api/recordings/{recording}/recording.rrd": {
+  /** Begin to make evidence: one HTML file with plots, figures, notes, events and settings; a job like an export. */
+  "POST /api/recordings/{recording}/evidence": {
     readonly path: { readonly recording: string };
-    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly most?: number | undefined };
-    readonly answer: Blob;
-  };
-  /** Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device. */
-  "GET /api/recordings/{recording}/amount": {
-    readonly path: { readonly recording: string };
-    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
-    readonly answer: ViewerQuery;
-  };
-  /** The publisher, its topics and their subscribers; figures are renewed once a second. */
-  "GET /api/ros2": { readonly answer: RosState; };
-  /** Publish a topic, or no longer; the choice outlasts the server. */
-  "PATCH /api/ros2/topics": {
-    readonly body: SwitchTopicRequest;
-    readonly answer: RosState;
-  };
-  /** Begin a 3D scene; returns its address as soon as it can be opened. */
-  "GET /api/views/scene": {
-    readonly query?: { readonly device?: string | undefined };
-    readonly answer: SceneAddress;
+    readonly body: EvidenceRequest;
+    readonly answer: ExportJob;
   };
   /** The store of this server, its limits, and the questions of this client that wait or run. */
   "GET /api/query": { readonly answer: QueryState; };

@@ -1,4 +1,4 @@
-/** Content of the file: read from its JSON and binary blocks (server/evidence/series.py writes them). */
+/** Content of the file: read from its JSON and binary blocks (server/extensions/evidence/series.py writes them). */
 import { decimalsOf } from "../../../ui/format";
 
 interface BlockRef {
@@ -72,7 +72,7 @@ export interface Plot {
 const TICKS = 2 ** 32 - 1;
 const LEAST_TICK_S = 1e-7;
 
-/** Length of a tick, as in server/evidence/series.py. */
+/** Length of a tick, as in server/extensions/evidence/series.py. */
 export function tickOf(span: number): number {
   const least = Math.max(span / TICKS, LEAST_TICK_S);
   const power = 10 ** Math.floor(Math.log10(least));

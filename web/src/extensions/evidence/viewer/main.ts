@@ -1,4 +1,4 @@
-/** Entry of the viewer in an evidence file: a bundle of its own, put into the file (server/evidence/document.py). */
+/** Entry of the viewer in an evidence file: a bundle of its own, put into the file (server/extensions/evidence/document.py). */
 import "../../../ui/tokens.css";
 import "./evidence.css";
 import { type Content, plotsOf } from "./content";

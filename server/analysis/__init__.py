@@ -1,1 +1,0 @@
-"""Analyses of signals, live and recorded alike: pure functions over columns (`methods/`), found by a registry."""

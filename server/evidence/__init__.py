@@ -1,9 +1,0 @@
-"""Evidence: a range of a recording with all that belongs to it, as one HTML file that opens without a network.
-
-    request.py   what a person chose ──┐
-    series.py    samples, thinned ─────┼──> content.py ──> position.py: left out? ──> document.py ──> FILE.html
-    settings, events, notes, versions ─┘                                               + server/page/evidence/viewer.js
-
-Figures are those of every sample (server/analysis). Times in notes lead to the plots (note_times.py). The file is
-written in a subprocess (worker.py) as a job of server/library/export_jobs.py.
-"""

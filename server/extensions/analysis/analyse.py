@@ -1,0 +1,159 @@
+"""`imuscope analyse FILE NAME --signal …`: figures of signals of any file that `decode` reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any, TextIO
+
+from imuscope.protocols.plural import counted
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analysis_named
+from imuscope.server.extensions.analysis.report import Figures, figures_of, in_parallel
+from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
+from imuscope.server.library.recording_detail import channels_of, products_of
+
+BELOW = ("notes", "obstacles", "unchecked")  # sentences, printed below the table
+
+
+class AnalyseError(Exception):
+    """An error that the user can correct, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnalyseRequest:
+    """Request for an analysis of a file.
+
+    Args:
+        analysis: its name.
+        signals: names (server/extensions/analysis/signals.py).
+        begin_s, end_s: seconds from the beginning of the file.
+        options: of the analysis, as NAME=VALUE.
+    """
+
+    analysis: str
+    signals: Sequence[str]
+    begin_s: float = 0.0
+    end_s: float | None = None
+    options: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SignalReport:
+    """Figures of one signal, and the units of those that have one."""
+
+    name: str
+    unit: str
+    figures: Figures
+    units: Mapping[str, str]
+
+
+def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, notes: TextIO) -> list[SignalReport]:
+    """Analyse signals of a file.
+
+    Args:
+        reading: decode options; without a protocol it is detected.
+        notes: stream for the progress bar.
+
+    Raises:
+        AnalyseError: the file cannot be decoded, or the request cannot be fulfilled.
+    """
+    try:
+        with decoded(path, reading, notes) as store:
+            return _reports(store, path.name, request)
+    except DecodedFileError as error:
+        raise AnalyseError(str(error)) from None
+
+
+def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:
+    analysis = analysis_named(request.analysis)
+    given = {}
+    for option in request.options:
+        key, equals, value = option.partition("=")
+        if not equals:
+            raise AnalyseError(f"--option {option!r:.60} is not NAME=VALUE")
+        given[key] = value
+    settings = analysis.settings(given)
+    t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
+
+    def reports(one: SignalColumn | ExpressionSignal) -> list[SignalReport]:
+        found = one.signals(lambda column: recorded_samples(store, column, t0, t1))
+        return [SignalReport(signal.name, signal.unit, *figures_of(analysis, signal, settings)) for signal in found]
+
+    requested = requested_signals(
+        channels_of(store).values(),
+        request.signals,
+        zero_phase=True,
+        product=products_of(store),
+        companions=analysis.companions,
+    )
+    return list(chain(*in_parallel(reports, requested)))
+
+
+def print_text(analysis: str, name: str, reports: Sequence[SignalReport], out: TextIO) -> None:
+    """A format that the analysis has.
+
+    Raises:
+        AnalyseError: it has no such format, or it cannot be made of these signals.
+    """
+    try:
+        signals = [FiguresOfSignal(one.name, one.unit, one.figures) for one in reports]
+        out.write(analysis_named(analysis).text(name, signals))
+    except DomainError as error:
+        raise AnalyseError(f"{error.message} {error.hint}".strip()) from None
+
+
+def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:
+    """One signal: an object of its figures; several: such objects by name of the signal."""
+    body = {report.name: report.figures for report in reports}
+    shown = next(iter(body.values())) if len(body) == 1 else body
+    out.write(json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def print_table(reports: Sequence[SignalReport], out: TextIO) -> None:
+    """A column for each signal, a line for each figure. Of a list, its length is shown; --json has all of it."""
+    lines = [["", *(report.name for report in reports)]]
+    flat = [_flattened(report.figures) for report in reports]
+    for name in flat[0]:
+        shown = [_cell(of.get(name), report.units.get(name, "")) for of, report in zip(flat, reports, strict=True)]
+        lines.append([name, *shown])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for first, *others in lines:
+        cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        out.write("  ".join(cells).rstrip() + "\n")
+    for report in reports:
+        for sentence in _sentences(report.figures):
+            out.write(f"{report.name}: {sentence}\n")
+
+
+def _sentences(figures: Mapping[str, Any]) -> list[str]:
+    """Obstacles, notes, and what was not looked at."""
+    prevented = [f"{one['message']} {one['hint']}" for one in figures.get("obstacles", ())]
+    return [*prevented, *figures.get("notes", ()), *filter(None, [figures.get("unchecked", "")])]
+
+
+def _flattened(figures: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Figures of objects by the names of both, with a point between them; sentences are printed below the table."""
+    flat: dict[str, Any] = {}
+    for name, value in figures.items():
+        if isinstance(value, Mapping):
+            flat |= _flattened(value, f"{within}{name}.")
+        elif name not in BELOW:
+            flat[within + name] = value
+    return flat
+
+
+def _cell(value: Any, unit: str) -> str:
+    if isinstance(value, list):
+        return counted(len(value), "value")
+    if value is None:
+        return "—"
+    shown = f"{value:.7g}" if isinstance(value, float) else str(value)
+    return f"{shown} {unit}" if unit else shown

@@ -1,0 +1,145 @@
+"""Arguments of `imuscope analyse`, its help, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from imuscope.server.commands.common import (
+    UsageError,
+    checked_protocol,
+    decode_options_of,
+    prepare_decoders,
+    readable,
+    seekable,
+    size_of,
+)
+from imuscope.server.devices.decode_options import DecodeOptions
+
+_COLUMN = 34
+
+
+def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    """Add `imuscope analyse`."""
+    command = add_parser("analyse", help="print figures of signals of a recording, log or capture")
+    command.add_argument(
+        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
+    )
+    command.add_argument("analysis", metavar="ANALYSIS", help="name of an analysis, see below; or comparison")
+    command.add_argument(
+        "--signal",
+        action="append",
+        required=True,
+        metavar="NAME",
+        help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… if there are several; may be repeated",
+    )
+    command.add_argument(
+        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
+    )
+    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
+    command.add_argument(
+        "--option", action="append", metavar="NAME=VALUE", help="option of the analysis; may be repeated"
+    )
+    command.add_argument(
+        "--format",
+        default="table",
+        metavar="FORMAT",
+        help="table for people (the default), json for programs, or a format of the analysis; see below",
+    )
+    command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
+    group = command.add_argument_group("comparison of FILE, which is A, with another file")
+    group.add_argument("--with", dest="other", type=Path, metavar="B", help="the other file")
+    group.add_argument(
+        "--signal-b", action="append", metavar="NAME", help="signal of B for each --signal (default: the same names)"
+    )
+    group.add_argument("--from-b", type=float, metavar="S", help="start in B (default: that of --from)")
+    group.add_argument("--to-b", type=float, metavar="S", help="end in B (default: that of --to)")
+    group.add_argument(
+        "--align",
+        choices=("offset", "start", "correlation"),
+        default="offset",
+        help="offset: by the clock, B moved by --offset (default); start: the first samples coincide; correlation: "
+        "where the signals fit best",
+    )
+    group.add_argument("--offset", type=float, default=0.0, metavar="S", help="s to add to the times of B (default 0)")
+    group.add_argument(
+        "--search", type=float, metavar="S", help="correlation searches as far as this on both sides of --offset"
+    )
+    return command
+
+
+def analysis_list() -> str:
+    """Analyses with their options, a line for each."""
+    from imuscope.server.extensions.analysis.registry import analyses
+
+    lines = ["analyses, with their options for --option:"]
+    for one in analyses():
+        lines.append(f"  {one.name:<{_COLUMN - 2}}{one.words}")
+        for option in one.options:
+            if option.choices:
+                form, limits = f"{option.name}={option.choices[int(option.default)]}", ", ".join(option.choices)
+            else:
+                form = f"{option.name}={option.default:g}"
+                limits = f"{option.low:.12g} to {option.high:.12g} {option.unit}".strip()
+            lines.append(f"    {form:<{_COLUMN - 4}}{option.doc} {limits}.")
+        lines += [f"    --format {name}" for name in one.formats]
+    return "\n".join(lines) + "\n"
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run it."""
+    file = readable(str(options.file))
+    decode_options = decode_options_of(options)
+    prepare_decoders(options.data, size_of(file))
+    from imuscope.server.extensions.analysis.analyse import (
+        AnalyseError,
+        AnalyseRequest,
+        analyse_file,
+        print_json,
+        print_table,
+        print_text,
+    )
+
+    decode_options = checked_protocol(decode_options)
+    if options.analysis == "comparison":
+        _compare(options, file, decode_options)
+        return
+    if options.other is not None:
+        raise UsageError("--with belongs to the comparison of two files: imuscope analyse A comparison --with B")
+    request = AnalyseRequest(options.analysis, options.signal, options.begin, options.end, options.option or ())
+    try:
+        with seekable(file) as path:
+            reports = analyse_file(path, decode_options, request, sys.stderr)
+        if options.format not in ("table", "json"):
+            print_text(request.analysis, options.format, reports, sys.stdout)
+            return
+    except AnalyseError as error:
+        raise UsageError(str(error)) from None
+    (print_json if options.format == "json" else print_table)(reports, sys.stdout)
+
+
+def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOptions) -> None:
+    from imuscope.server.extensions.analysis.analyse import AnalyseError
+    from imuscope.server.extensions.analysis.compare import FileComparison, compare_files, print_comparison, print_json
+
+    if options.other is None:
+        raise UsageError("a comparison needs two files; give the other one with --with B")
+    if options.option or options.format not in ("table", "json"):
+        raise UsageError("a comparison has no --option, and --format is table or json")
+    if options.search is not None and not options.search > 0:
+        raise UsageError(f"--search {options.search:g} is not a valid time, in seconds; it must be more than 0")
+    range_a = (options.begin, options.end)
+    range_b = (
+        options.begin if options.from_b is None else options.from_b,
+        options.end if options.to_b is None else options.to_b,
+    )
+    sides = (options.signal, options.signal_b or (), range_a, range_b)
+    request = FileComparison(*sides, options.align, options.offset, options.search)
+    try:
+        with seekable(file) as a, seekable(readable(str(options.other))) as b:
+            answer = compare_files(a, b, decode_options, request, sys.stderr)
+    except AnalyseError as error:
+        raise UsageError(str(error)) from None
+    (print_json if options.format == "json" else print_comparison)(answer, sys.stdout)

@@ -1,0 +1,108 @@
+"""`imuscope analyse A comparison --with B --signal …`: compare signals of two files on one axis of time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.extensions.analysis.analyse import AnalyseError
+from imuscope.server.extensions.analysis.signal_request import requested_signals
+from imuscope.server.extensions.analysis.signals import recorded_samples
+from imuscope.server.extensions.analysis.two_sides import (
+    Alignment,
+    ComparedSignal,
+    ComparisonAnswer,
+    ComparisonOptions,
+    ComparisonSide,
+    compared,
+)
+from imuscope.server.library.recording_detail import channels_of, products_of
+
+NAME = "comparison"
+FIGURES = ("n", "mean", "sigma", "rms", "min", "max", "low", "high", "mounting", "remaining")
+
+
+FileRange = tuple[float, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class FileComparison:
+    """Request for a comparison of two files.
+
+    Args:
+        signals, signals_b: names in A and B, in the same order; without names of B those of A.
+        range_a, range_b: begin and end of the compared parts, s from the beginning of the file; end None: its end.
+        align, offset, search: as of ComparisonOptions.
+    """
+
+    signals: Sequence[str]
+    signals_b: Sequence[str] = ()
+    range_a: FileRange = (0.0, None)
+    range_b: FileRange = (0.0, None)
+    align: Alignment = "offset"
+    offset: float = 0.0
+    search: float | None = None
+
+
+def compare_files(a: Path, b: Path, reading: DecodeOptions, request: FileComparison, notes: TextIO) -> ComparisonAnswer:
+    """Compare B with A.
+
+    Raises:
+        AnalyseError: a file cannot be decoded, or the request cannot be fulfilled.
+    """
+    names = (request.signals, request.signals_b or request.signals)
+    if len(names[0]) != len(names[1]):
+        raise AnalyseError("--signal and --signal-b differ in number; name one signal of B for each of A")
+    try:
+        with decoded(a, reading, notes) as first, decoded(b, reading, notes) as second:
+            sides = [
+                _side(first, a.name, names[0], request.range_a),
+                _side(second, b.name, names[1], request.range_b),
+            ]
+            return compared(sides, sides, ComparisonOptions(request.align, request.offset, request.search))
+    except DecodedFileError as error:
+        raise AnalyseError(str(error)) from None
+
+
+def _side(store: ColumnStore, name: str, words: Sequence[str], part: FileRange) -> ComparisonSide:
+    t0, t1 = time_range_of(store, name, *part)
+    found = requested_signals(channels_of(store).values(), words, zero_phase=True, product=products_of(store))
+    return ComparisonSide(found, lambda column: recorded_samples(store, column, t0, t1))
+
+
+def print_comparison(answer: ComparisonAnswer, out: TextIO) -> None:
+    """The offset, and a line for each signal with the figures of B − A."""
+    offset = f"offset {answer.offset:+.6f} s"
+    if answer.uncertainty is not None:
+        offset += f" ± {answer.uncertainty:.2g} s"
+    if answer.correlation is not None:
+        offset += f", correlation {answer.correlation:.4f}"
+    out.write(f"{offset} (added to the times of B)\n")
+    shown = [name for name in FIGURES if any(one.figures.get(name) is not None for one in answer.signals)]
+    rows = [["B − A", *shown, "unit"], *(_cells(one, shown) for one in answer.signals)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for first, *others in rows:
+        cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        out.write("  ".join(cells).rstrip() + "\n")
+    for note in answer.notes:
+        out.write(f"{note}\n")
+    for one in answer.signals:
+        for note in one.notes:
+            out.write(f"{one.signal}: {note}\n")
+
+
+def _cells(one: ComparedSignal, shown: Sequence[str]) -> list[str]:
+    name = one.signal if one.signal == one.signal_b else f"{one.signal_b} − {one.signal}"
+    values = [one.figures.get(figure) for figure in shown]
+    return [name, *("—" if value is None else f"{value:.6g}" for value in values), one.unit]
+
+
+def print_json(answer: ComparisonAnswer, out: TextIO) -> None:
+    """As `POST /api/comparison` answers."""
+    out.write(json.dumps(answer.model_dump(), ensure_ascii=False, allow_nan=False) + "\n")

@@ -1,0 +1,79 @@
+"""Statistics of a signal: mean, spread, extremes, slope, integral, rate and gaps.
+
+An angle that wraps has a circular mean and σ (recordings/statistics.py). It is unwrapped for slope, peak to peak and
+the ends `min` and `max` of the arc that it covers (none if it goes all the way round), and has no rms and no integral.
+`slope` is that of the least-squares line, `integral` by the trapezoidal rule over the sample times, so both hold for
+unevenly spaced samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from imuscope.recordings.statistics import statistics_of
+from imuscope.server.extensions.analysis.registry import Analysis, AnalysisOption, Result, register_analysis
+from imuscope.server.extensions.analysis.signals import Floats, Signal
+
+NAN = float("nan")
+
+
+def run(signal: Signal, options: Mapping[str, float]) -> Result:
+    """The figures of one signal; see the module docstring."""
+    time, values = signal.time, signal.values
+    plain = statistics_of(lambda: iter((values,)), signal.period)
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else NAN
+    duration = float(time[-1] - time[0])
+    unwrapped = np.unwrap(values, period=signal.period) if signal.period else values
+    low, high = _arc(unwrapped, signal.period) if signal.period else (plain.min, plain.max)
+    return {
+        "n": plain.n,
+        "mean": plain.mean,
+        "sigma": plain.sigma,
+        "rms": NAN if signal.period else float(np.sqrt(np.square(values).mean())),
+        "min": low,
+        "max": high,
+        "peak_to_peak": float(np.ptp(unwrapped)),
+        "slope": slope(time, unwrapped),
+        "integral": NAN if signal.period else float(np.trapezoid(values, time)),
+        "duration": duration,
+        "rate": (plain.n - 1) / duration if duration > 0 else NAN,
+        "gaps": int(np.count_nonzero(steps > options["gap"] * usual)) if usual > 0 else 0,
+    }
+
+
+def _arc(unwrapped: Floats, period: float) -> tuple[float, float]:
+    """Both ends of the arc of an angle, in −period/2 to period/2; NaN if it goes all the way round."""
+    low, high = float(unwrapped.min()), float(unwrapped.max())
+    if high - low >= period:
+        return NAN, NAN
+    return low - period * round(low / period), high - period * round(high / period)
+
+
+def slope(time: Floats, values: Floats) -> float:
+    """Slope of the least-squares line, per second; NaN if all samples share one time."""
+    t = time - time.mean()
+    square = float(np.dot(t, t))
+    return float(np.dot(t, values - values.mean())) / square if square > 0 else NAN
+
+
+SAME = "{unit}"
+register_analysis(
+    Analysis(
+        "statistics",
+        "Statistics",
+        "mean, spread, extremes, slope, integral, rate and gaps",
+        run,
+        {
+            **dict.fromkeys(("mean", "sigma", "rms", "min", "max", "peak_to_peak"), SAME),
+            "slope": "{unit}/s",
+            "integral": "{unit}·s",
+            "duration": "s",
+            "rate": "Hz",
+        },
+        (AnalysisOption("gap", 1.5, 1.0, 1000.0, doc="A step longer than this many usual ones is a gap."),),
+        order=0,
+    )
+)

@@ -1,0 +1,208 @@
+"""Signals as a request names them: columns of channels, or expressions over them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.companions import companions_in
+from imuscope.server.extensions.analysis.data_sheet import Product, data_sheet_of, unknown_product
+from imuscope.server.extensions.analysis.expression_functions import Context, SampleBudget, euler_angles
+from imuscope.server.extensions.analysis.expression_syntax import ExpressionError, Name, Node, parse
+from imuscope.server.extensions.analysis.expressions import evaluate, names_in, notes_of
+from imuscope.server.extensions.analysis.quantities import Quantity
+from imuscope.server.extensions.analysis.signals import (
+    Floats,
+    ReadSamples,
+    Signal,
+    SignalColumn,
+    addressed_device,
+    angles_named,
+    columns_named,
+    finite_signal,
+    temperature_of,
+)
+from imuscope.server.extensions.analysis.units import NO_UNIT, Unit
+from imuscope.server.wire import ChannelInfo
+
+SIGNS = frozenset("()+-*/^<>=!,")
+WORDS = (" and ", " or ", "not ")
+
+
+@dataclass(frozen=True, slots=True)
+class ExpressionSignal:
+    """An expression over columns.
+
+    Attributes:
+        text: as requested; the name of its signal.
+        node: its tree.
+        named: columns of each name in it.
+        context: whether filters may look ahead.
+        angles: names of Euler angles that are computed from a quaternion, and which of them.
+    """
+
+    text: str
+    node: Node
+    named: dict[str, list[SignalColumn]]
+    context: Context
+    angles: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def columns(self) -> list[SignalColumn]:
+        """The columns that are read for it."""
+        return [column for columns in self.named.values() for column in columns]
+
+    @property
+    def device(self) -> str:
+        """Its device; "" if it has none or several."""
+        devices = {column.device for column in self.columns}
+        return devices.pop() if len(devices) == 1 else ""
+
+    def quantity(self, read: ReadSamples) -> Quantity:
+        """Its samples, undefined ones (NaN) included.
+
+        Raises:
+            ExpressionError: a function or a unit does not fit.
+        """
+        axes: dict[int, Floats] = {}
+
+        def resolve(name: str) -> Quantity:
+            columns = self.named[name]
+            info = columns[0].info
+            own = [info.columns[column.at] for column in columns]
+            pairs = [read(column) for column in columns]
+            time = axes.setdefault(info.id, pairs[0][0])
+            parts = tuple(values for _, values in pairs)
+            if name in self.angles:
+                return euler_angles(Quantity(parts, NO_UNIT, time, tuple(one.name for one in own)), self.angles[name])
+            if len({one.unit for one in own}) > 1:
+                hint = f"Name one: {', '.join(column.name for column in columns):.400}."
+                raise DomainError("bad-expression", f"The columns of {name} differ in their units.", hint)
+            names = tuple(one.name for one in own) if len(own) > 1 else ("",)
+            return Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period)
+
+        value = evaluate(self.node, resolve, self.context)
+        if value.time is None:
+            hint = "Name a signal in it."
+            raise DomainError("bad-expression", f"{self.text:.80} is the number {value.number:g}, no signal.", hint)
+        return value
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on how it is computed."""
+        return tuple(notes_of(self.node, self.context))
+
+    def signals(self, read: ReadSamples) -> list[Signal]:
+        """Its samples; of a vector a signal for each column.
+
+        Raises:
+            ExpressionError: a function or a unit does not fit.
+        """
+        value = self.quantity(read)
+        assert value.time is not None  # it is no number
+        found = []
+        for name, part in zip(value.names, value.parts, strict=True):
+            title = f"({self.text}).{name}" if name else self.text
+            plain = finite_signal(title, str(value.unit), value.period, value.time, part)
+            found.append(replace(plain, notes=(*self.notes, *plain.notes)))
+        return found
+
+
+def requested_signals(
+    infos: Iterable[ChannelInfo],
+    words: Sequence[str],
+    *,
+    zero_phase: bool,
+    product: Product = unknown_product,
+    device: str = "",
+    others: Sequence[ChannelInfo] = (),
+    companions: bool = False,
+) -> list[SignalColumn | ExpressionSignal]:
+    """Signals that the words name: a column, a channel with all its columns, or an expression over them.
+
+    Args:
+        zero_phase: filters and moving windows of expressions may look ahead.
+        product: of a device.
+        device: whose signals are meant by names without a device, as in `columns_named`.
+        others: channels that have to be named with their device: `2/Acceleration`.
+        companions: columns are read with the other sensors of their device.
+
+    Raises:
+        DomainError: "not-found", "which-device" or "bad-expression".
+    """
+    known = list(infos)
+    context = Context(zero_phase, SampleBudget())
+    found: list[SignalColumn | ExpressionSignal] = []
+    beside = functools.cache(functools.partial(companions_in, [*known, *others]))
+    for word in words:
+        try:
+            columns = columns_named(_meant(known, others, word), [word], device)
+            found += [
+                replace(
+                    one,
+                    data_sheet=data_sheet_of(one.info, one.at, product),
+                    temperature=temperature_of([*known, *others], one),
+                    companions=beside(one.device) if companions else None,
+                    axes="" if product is unknown_product else product(one.device)[1].axes,
+                )
+                for one in columns
+            ]
+        except DomainError:
+            if angles_named(_meant(known, others, word), word, device) is not None:
+                found.append(replace(expression_over(known, f'"{word}"', context, device, others), text=word))
+                continue
+            if not _may_be_expression(word, [*known, *others]):
+                raise
+            found.append(expression_over(known, word, context, device, others))
+    return found
+
+
+def expression_over(
+    infos: Sequence[ChannelInfo], text: str, context: Context, device: str, others: Sequence[ChannelInfo] = ()
+) -> ExpressionSignal:
+    """An expression over channels; `device` and `others`: as for `requested_signals`.
+
+    Raises:
+        ExpressionError: a mistake in it, or a name that is none of these; says where.
+    """
+    node = parse(text)
+    named: dict[str, list[SignalColumn]] = {}
+    angles: dict[str, str] = {}
+    for name in names_in(node):
+        if name.name in named:
+            continue
+        there = _meant(infos, others, name.name)
+        if found := _angles(there, name, device):
+            named[name.name], angles[name.name] = found
+        else:
+            named[name.name] = _columns(there, name, device)
+    return ExpressionSignal(text, node, named, context, angles)
+
+
+def _may_be_expression(word: str, infos: Sequence[ChannelInfo]) -> bool:
+    """Whether a word that is no signal can be an expression: `2/RateOfTurn.z` names device 2, where there is one."""
+    if addressed := addressed_device(infos, word):
+        word = word.removeprefix(f"{addressed}/")
+    return bool(SIGNS.intersection(word)) or any(one in word for one in WORDS)
+
+
+def _meant(infos: Sequence[ChannelInfo], others: Sequence[ChannelInfo], word: str) -> Sequence[ChannelInfo]:
+    """The channels among which a name is looked up."""
+    device, slash, _ = word.partition("/")
+    return [info for info in others if slash and info.device == device] or infos
+
+
+def _angles(infos: Sequence[ChannelInfo], name: Name, device: str) -> tuple[list[SignalColumn], str] | None:
+    try:
+        return angles_named(infos, name.name, device)
+    except DomainError as error:
+        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
+
+
+def _columns(infos: Sequence[ChannelInfo], name: Name, device: str) -> list[SignalColumn]:
+    try:
+        return columns_named(infos, [name.name], device)
+    except DomainError as error:
+        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None

@@ -1,0 +1,26 @@
+"""Evidence: a range of a recording with all that belongs to it, as one HTML file that opens without a network.
+
+    request.py   what a person chose ──┐
+    series.py    samples, thinned ─────┼──> content.py ──> position.py: left out? ──> document.py ──> FILE.html
+    settings, events, notes, versions ─┘                                               + server/page/evidence/viewer.js
+
+Figures are those of every sample (server/extensions/analysis). Times in notes lead to the plots (note_times.py). The
+file is written in a subprocess (worker.py) as a job of server/library/export_jobs.py.
+"""
+
+from imuscope.server.extension import Extension, FileOutput
+
+EXTENSION = Extension(
+    "evidence",
+    "Evidence",
+    routes=("imuscope.server.extensions.evidence.routes",),
+    outputs=(
+        FileOutput(
+            ".html",
+            "evidence: plots, figures, events and settings in one file",
+            "imuscope.server.extensions.evidence.output:write_part",
+            hides_position=True,
+        ),
+    ),
+    requires=("analysis",),
+)

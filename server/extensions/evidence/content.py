@@ -1,0 +1,308 @@
+"""Content of evidence: everything that the file says and shows, as plain data.
+
+{"title", "t0", "t1", "made", "plots": [{"title", "unit", "series": [{"label", …, "t", "v", "figures"}]}],
+ "cursors", "devices", "losses", "events", "notes", "left_out", "versions"}
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from imuscope.recordings.column_store import VERSION as COLUMNS_VERSION
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.registry import analysis_named
+from imuscope.server.extensions.analysis.report import figures_of
+from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.extensions.analysis.signals import Signal, SignalColumn, recorded_samples
+from imuscope.server.extensions.evidence.plots import all_plots
+from imuscope.server.extensions.evidence.position import (
+    Scrubber,
+    reveals_position,
+    scrubbed,
+    scrubber_of,
+    tells_position,
+)
+from imuscope.server.extensions.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
+from imuscope.server.extensions.evidence.series import Blocks, embedded, intervals_for
+from imuscope.server.library.api_models import RecordedSetting
+from imuscope.server.library.recorded_settings import settings_of
+from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.library.sources import decoding_mark
+from imuscope.server.version import VERSION
+from imuscope.server.wire import ChannelInfo
+
+FORMAT = 1  # of the embedded data
+MOST_EVENTS = 2000
+EventRow = dict[str, Any]
+Step = Callable[[float], None]
+
+
+class EvidenceError(Exception):
+    """Evidence that is not possible: one sentence, and what to do."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.message, self.hint = message, hint
+
+
+@dataclass(slots=True)
+class About:
+    """Facts about the recording that are not in its columns.
+
+    Args:
+        notes: text of the recording as a whole.
+        markers: those added later: time, kind, text, device.
+        file, format: name and kind of its file.
+    """
+
+    title: str
+    notes: str = ""
+    tags: list[str] = field(default_factory=list)
+    markers: list[dict[str, Any]] = field(default_factory=list)
+    file: str = ""
+    format: str = ""
+
+
+@dataclass(slots=True)
+class _Curve:
+    plot: int
+    asked: EvidenceSeries
+    signal: SignalColumn | ExpressionSignal
+
+
+def content_of(
+    store: ColumnStore, about: About, asked: EvidenceRequest, room: int, step: Step
+) -> tuple[dict[str, Any], Blocks]:
+    """The content of a file, and its binary blocks.
+
+    Args:
+        room: bytes for the samples.
+
+    Raises:
+        EvidenceError: the range has no samples of any plot.
+    """
+    infos = list(channels_of(store).values())
+    scrub = Scrubber() if asked.with_position else scrubber_of(store, infos)
+    t0, t1 = _range(store, asked)
+    plots = asked.plots if asked.plots is not None else all_plots(infos, len(store.manifest["devices"]))
+    left_out: list[str] = []
+    curves = list(_curves(plots, infos, asked.with_position, left_out))
+    n_position = sum(1 for why in left_out if why == "")
+    blocks = Blocks()
+    shown = [{**asdict(plot), "series": []} for plot in plots]
+    intervals = intervals_for(_sizes(store, curves, t0, t1, asked), room)
+    for number, curve in enumerate(curves):
+        signal = _read(store, curve, t0, t1, asked)
+        if signal is None:
+            left_out.append(f"{curve.asked.signal}: no samples in the range.")
+        else:
+            row = _series(curve, signal, (t0, t1), intervals, blocks, asked)
+            shown[curve.plot]["series"].append(row)
+        step((number + 1) / len(curves))
+    kept = [plot for plot in shown if plot["series"]]
+    if not kept:
+        raise EvidenceError(
+            "This range contains nothing to show.",
+            "Choose a longer range or other plots." if n_position == 0 else "Choose plots without positions.",
+        )
+    devices, n_settings = _devices(store, asked.with_position, about.file)
+    events = _events(store, t0, t1)
+    content = {
+        "title": about.title,
+        "file": about.file if asked.with_position else "",
+        "tags": about.tags,
+        "plots": kept,
+        "devices": devices,
+        "notes": {"text": about.notes, "times": _notes(store, about, t0, t1)},
+        "events": events[:MOST_EVENTS],
+        "not_shown": [why for why in left_out if why],
+    }
+    if not asked.with_position:
+        content = scrubbed(content, scrub)
+    return content | {
+        "format": FORMAT,
+        "t0": t0,
+        "t1": t1,
+        "recorded": [store.manifest["started"], store.manifest["ended"]],
+        "base": asked.base,
+        "cursors": {"a": asked.cursor_a, "b": asked.cursor_b},
+        "made": time.time(),
+        "events_left_out": int(store.manifest.get("events_left_out") or 0) + len(events[MOST_EVENTS:]),
+        "damage": [one.get("words", "") for one in store.manifest.get("damage", [])],
+        "position": None
+        if asked.with_position
+        else {"signals": n_position, "settings": n_settings, "numbers": scrub.removed},
+        "versions": {
+            "imuscope": VERSION,
+            "decoders": decoding_mark()[:12],
+            "columns": COLUMNS_VERSION,
+            "recording": about.format or store.manifest.get("format", ""),
+        },
+    }, blocks
+
+
+def _range(store: ColumnStore, asked: EvidenceRequest) -> tuple[float, float]:
+    first, last = store.span(base=asked.base) or (0.0, 0.0)
+    t0 = first if asked.t0 is None else max(asked.t0, first)
+    t1 = last if asked.t1 is None else min(asked.t1, last)
+    if not t0 < t1:
+        raise EvidenceError("This range contains nothing to show.", "Choose a range within the recording.")
+    return t0, t1
+
+
+def _curves(
+    plots: list[EvidencePlot], infos: list[ChannelInfo], with_position: bool, left_out: list[str]
+) -> Iterator[_Curve]:
+    """The curves that can be read; others are added to `left_out`, with "" for one that tells the position."""
+    for number, plot in enumerate(plots):
+        for series in plot.series:
+            try:
+                found = requested_signals(infos, [series.signal], zero_phase=True)
+            except DomainError as error:
+                left_out.append(error.message if with_position or not tells_position(series.signal) else "")
+                continue
+            is_one = isinstance(found[0], ExpressionSignal) or len(found) <= series.part
+            signal = found[0] if is_one else found[series.part]
+            if not with_position and any(
+                reveals_position(one.info, one.info.columns[one.at]) for one in signal.columns
+            ):
+                left_out.append("")
+                continue
+            yield _Curve(number, series, signal)
+
+
+def _sizes(
+    store: ColumnStore, curves: list[_Curve], t0: float, t1: float, asked: EvidenceRequest
+) -> list[tuple[int, int]]:
+    """Samples, and bytes of their values, of curves that share their times."""
+    widths: dict[tuple[int, int], int] = {}
+    for number, curve in enumerate(curves):
+        own = isinstance(curve.signal, SignalColumn)
+        column = curve.signal.columns[0]
+        key = (column.info.id, -1 if own else number)
+        width = 8 if column.info.columns[column.at].dtype in ("f8", "i8", "u8") else 4
+        widths[key] = widths.get(key, 0) + width
+    found = []
+    for key, width in widths.items():
+        lo, hi = store.between(key[0], t0, t1, asked.base)
+        found.append((hi - lo, width))
+    return found
+
+
+def _read(store: ColumnStore, curve: _Curve, t0: float, t1: float, asked: EvidenceRequest) -> Signal | None:
+    try:
+        signals = curve.signal.signals(lambda column: recorded_samples(store, column, t0, t1, asked.base))
+    except DomainError:
+        return None
+    signal = signals[curve.asked.part if curve.asked.part < len(signals) else 0]
+    if isinstance(curve.signal, SignalColumn):
+        signal = signals[0]
+    if not len(signal.time):
+        return None
+    values = signal.values * curve.asked.factor + curve.asked.offset
+    return Signal(signal.name, signal.unit, curve.asked.period or signal.period, signal.time, values, signal.notes)
+
+
+def _series(
+    curve: _Curve, signal: Signal, span: tuple[float, float], intervals: int, blocks: Blocks, asked: EvidenceRequest
+) -> dict[str, Any]:
+    found = {
+        "name": signal.name,
+        "label": curve.asked.label or signal.name,
+        "colour": curve.asked.colour or "axis-n",
+        "dash": curve.asked.dash,
+        "decimals": curve.asked.decimals,
+        "unit": signal.unit,
+        "period": signal.period,
+        "notes": list(signal.notes),
+        "figures": _figures(signal),
+    }
+    a, b = asked.cursor_a, asked.cursor_b
+    if a is not None and b is not None:
+        low, high = min(a, b), max(a, b)
+        part = (signal.time >= low) & (signal.time <= high)
+        between = Signal(signal.name, signal.unit, signal.period, signal.time[part], signal.values[part])
+        found["between"] = _figures(between) if part.any() else {"n": 0}
+    return found | embedded(signal.time, signal.values, span, intervals, blocks)
+
+
+def _figures(signal: Signal) -> dict[str, Any]:
+    analysis = analysis_named("statistics")
+    figures, _ = figures_of(analysis, signal, analysis.settings({}))
+    return {name: value for name, value in figures.items() if name != "notes"}
+
+
+def _devices(store: ColumnStore, with_position: bool, file: str) -> tuple[list[dict[str, Any]], int]:
+    """Identity, counts and settings of the devices; and the number of settings left out."""
+    found, removed = [], 0
+    for device in store.manifest["devices"]:
+        counted = store.manifest.get("figures", {}).get(device["id"], {})
+        snapshot = store.manifest.get("snapshots", {}).get(device["id"])
+        settings = settings_of(snapshot).settings if isinstance(snapshot, Mapping) else []
+        kept = []
+        for one in settings:
+            rows = _rows(one, with_position)
+            removed += len(one.rows) - len(rows)
+            if rows:
+                kept.append({"title": one.title, "group": one.group, "rows": rows})
+        device = {**device}
+        if not with_position:  # a capture that does not tell its device is called after its file, which may be a place
+            for key in ("name", "source"):
+                if file and file in str(device.get(key, "")):
+                    device[key] = f"device {device['id']}" if key == "name" else ""
+        found.append(
+            {
+                **{name: device.get(name, "") for name in ("id", "name", "product", "serial_number", "firmware")},
+                "protocol": device.get("protocol", ""),
+                "source": device.get("source", ""),
+                "bytes": counted.get("bytes"),
+                "lost": counted.get("lost"),
+                "gaps": counted.get("gaps"),
+                "rejects": counted.get("rejects"),
+                "messages": sum(counted.get("messages", {}).values()) if counted else None,
+                "settings": kept,
+            }
+        )
+    return found, removed
+
+
+def _rows(setting: RecordedSetting, with_position: bool) -> list[list[str]]:
+    rows = [[row.title, row.words] for row in setting.rows]
+    if with_position:
+        return rows
+    if tells_position(f"{setting.name} {setting.title}"):
+        return []
+    return [row for row in rows if not tells_position(f"{row[0]} {row[1]}")]
+
+
+def _notes(store: ColumnStore, about: About, t0: float, t1: float) -> list[dict[str, Any]]:
+    markers = [*store.manifest.get("markers", []), *about.markers]
+    return sorted(
+        (
+            {"time": one["time"], "kind": one.get("kind", "marker"), "text": one.get("text", "")}
+            for one in markers
+            if t0 <= one.get("time", math.nan) <= t1
+        ),
+        key=lambda one: float(one["time"]),
+    )
+
+
+def _events(store: ColumnStore, t0: float, t1: float) -> list[EventRow]:
+    """Events that concern the range, in order of time."""
+    found = []
+    for event in store.manifest.get("events", []):
+        begin = event.get("t0") if event.get("t0") is not None else event.get("time")
+        end = event.get("t1") if event.get("t1") is not None else event.get("time")
+        if begin is None or end is None or end < t0 or begin > t1:
+            continue
+        row = {name: event.get(name) for name in ("time", "device", "kind", "level", "text", "t0", "t1", "samples")}
+        found.append(row | {"time": event.get("time", begin)})
+    found.sort(key=lambda one: float(np.nan_to_num(one["time"])))
+    return found

@@ -1,0 +1,27 @@
+"""Route of evidence."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+
+from imuscope.server import wire
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.exports import check_range, check_time
+from imuscope.server.extensions.evidence.job import evidence_work
+from imuscope.server.extensions.evidence.request import EvidenceRequest
+
+router = APIRouter(prefix="/api/recordings", tags=["exports"])
+
+
+@router.post("/{recording}/evidence", status_code=202, responses=responses(404, 409, 422))
+async def add_evidence(recording: str, body: EvidenceRequest, services: TheServices) -> wire.ExportJob:
+    """Begin to make evidence: one HTML file with plots, figures, notes, events and settings; a job like an export."""
+    check_range(body.t0, body.t1)
+    for name, cursor in (("cursor_a", body.cursor_a), ("cursor_b", body.cursor_b)):
+        check_time(name, cursor)
+    try:
+        info, markers = services.catalogue.info(recording), services.catalogue.markers(recording)
+        return services.exports.add_work(recording, evidence_work(info, markers, body))
+    except KeyError:
+        raise unknown_recording(recording) from None

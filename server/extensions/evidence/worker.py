@@ -1,0 +1,75 @@
+"""Subprocess that writes evidence, for server/library/export_jobs.py.
+
+    python -m imuscope.server.extensions.evidence.worker
+
+The request comes on standard input, one JSON object: store, out, about (content.py) and request (request.py); the
+output is as that of server/library/export_worker.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.extensions.evidence.content import About, EvidenceError, content_of
+from imuscope.server.extensions.evidence.document import document
+from imuscope.server.extensions.evidence.request import EvidenceRequest, request_of
+from imuscope.server.library.export_worker import run
+from imuscope.server.page_files import FOLDER
+
+MOST_BYTES = 20_000_000  # of a file: what mail and ticket systems take
+PER_BYTE = 3 / 4  # of base64
+TRIES = 4
+SPARE = 0.95  # of the room: sizes are known exactly only afterwards
+
+
+def write(
+    store: ColumnStore, about: About, request: EvidenceRequest, out: Path, step: Callable[[float], None]
+) -> list[Path]:
+    """Write the file.
+
+    Raises:
+        RecordingError: there is nothing to show, or the page has not been built.
+    """
+    script, style = _viewer("viewer.js"), _viewer("viewer.css")
+    room = MOST_BYTES - len(script.encode()) - len(style.encode())
+    share = SPARE
+    for _ in range(TRIES):
+        try:
+            content, blocks = content_of(store, about, request, round(room * share * PER_BYTE), step)
+        except EvidenceError as error:
+            raise RecordingError(error.message, error.hint) from None
+        pieces = [piece.encode() for piece in document(content, blocks, script, style)]
+        size = sum(map(len, pieces))
+        if size <= MOST_BYTES:
+            break
+        share *= SPARE * (room * share) / (room * share + size - MOST_BYTES) if blocks.size else 0.5
+    else:
+        raise RecordingError("The file would exceed 20 MB.", "Choose a shorter range or fewer plots.")
+    with out.open("wb") as file:
+        file.writelines(pieces)
+    return [out]
+
+
+def _viewer(name: str) -> str:
+    try:
+        return (FOLDER / "evidence" / name).read_text(encoding="utf-8")
+    except OSError:
+        raise RecordingError("The page has not been built.", "Run python web/build.py.") from None
+
+
+def _work(message: dict[str, Any], step: Callable[[float], None]) -> list[Path]:
+    return write(
+        ColumnStore(Path(message["store"])),
+        About(**message["about"]),
+        request_of(message["request"]),
+        Path(message["out"]),
+        step,
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(_work))

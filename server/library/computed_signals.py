@@ -1,0 +1,49 @@
+"""Door for what computes signals of recordings: an entry point, so that decoding knows no expressions.
+
+    [project.entry-points."imuscope.computed_signals"]
+    analysis = "imuscope.server.extensions.analysis.recorded_signals:COMPUTED"      a SignalComputation of that name
+
+Definitions are recorded with the bytes of a device; a decoded recording has their channels, as any others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from imuscope.protocols.plugins import plugins_of
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.server.library.collector import RecordingSink
+from imuscope.server.library.decode import ComputeSignals
+
+GROUP = "imuscope.computed_signals"
+
+
+@dataclass(frozen=True, slots=True)
+class SignalComputation:
+    """One way to compute signals.
+
+    Args:
+        name: of its entry point.
+        compute: adds the channels of the definitions that it knows.
+    """
+
+    name: str
+    compute: ComputeSignals
+
+
+def compute_signals(store: ColumnStore, definitions: Mapping[str, Any], sink: RecordingSink) -> None:
+    """Add the channels of computed signals to a decoded recording (server/library/decode.py, ComputeSignals).
+
+    If nothing installed computes them, an event says how many are left out.
+    """
+    computing = [plugin.load(SignalComputation) for plugin in plugins_of(GROUP) if plugin.is_there]
+    for one in computing:
+        one.compute(store, definitions, sink)
+    if computing:
+        return
+    for device, rows in definitions.items():
+        if isinstance(rows, list) and rows:
+            words = f"Computed signals are left out ({len(rows)}): the analysis extension is not installed."
+            sink.event(device, "device", "warning", words, data={"reason": "computed", "count": len(rows)})
