@@ -110,7 +110,7 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "server/test_settings_diff.py": ({"wait": 1}, "the device's up-time goes on"),
     "server/test_stream.py": ({"clock": 5, "limit": 1}, "the end of patience; a stamp is of today"),
     "server_process.py": ({"clock": 2, "wait": 1}, "the end of patience; a look now and then"),
-    "synthetic_fleet.py": ({"clock": 1, "wait": 1}, "a fleet for benchmarks"),
+    "extensions/fleet/synthetic_fleet.py": ({"clock": 1, "wait": 1}, "a fleet for benchmarks"),
     "waiting.py": ({"clock": 7, "wait": 2}, "the end of patience; a look now and then, that costs little"),
     "wire_scenes.py": ({"clock": 2, "limit": 2}, PACE),
 }

@@ -87,7 +87,8 @@ def test_a_server_starts_without_an_extension(tree: Path, tmp_path: Path, left_o
             assert status_of(url) == 200
             assert status_of(f"{url}api/devices") == 200
             assert status_of(f"{url}metrics") == 200
-            assert status_of(f"{url}openapi.json") == 200
+            if left_out == NAMES:  # takes a second
+                assert status_of(f"{url}openapi.json") == 200
             for name, path in ROUTES.items():
                 assert (status_of(url.rstrip("/") + path) == 404) == (name in gone), path
     finally:

@@ -30,7 +30,7 @@ import zenoh
 from imuscope.server.extensions.fleet.access import RouterSettings
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
 from tests.bench.report import report
-from tests.fleet_robot import FleetRobot
+from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
 from tests.timeouts import get, http_client

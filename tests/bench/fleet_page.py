@@ -2,8 +2,8 @@
 
     python tests/bench/fleet_page.py [--robots 1000] [--seconds 10] [--save]
 
-The robots are those of tests/synthetic_fleet.py, through a real server and its route; nearly all of them change each
-second. In headless Chromium with software rendering, at 1440 × 900, each of
+The robots are those of tests/extensions/fleet/synthetic_fleet.py, through a real server and its route; nearly all of
+them change each second. In headless Chromium with software rendering, at 1440 × 900, each of
 
     still       nothing but figures that change
     scroll      the list scrolled by half a row with each frame
@@ -119,7 +119,7 @@ def main() -> None:
     path = chromium.find()
     if path is None:
         sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
-    command = tied([sys.executable, "-m", "tests.synthetic_fleet", "--robots", str(options.robots)])
+    command = tied([sys.executable, "-m", "tests.extensions.fleet.synthetic_fleet", "--robots", str(options.robots)])
     found: dict[str, dict[str, float]] = {}
     with (
         subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as server,

@@ -34,7 +34,7 @@ from imuscope.server.wire.frames import OPCODE_SAMPLES
 from tests.bench.cpu import seconds_of
 from tests.bench.fanout import FanoutReader, bare
 from tests.bench.report import percentile, report
-from tests.fleet_robot import FleetRobot
+from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
 from tests.timeouts import get

@@ -30,9 +30,9 @@ from imuscope.server.extensions.fleet.upload import upload
 from tests import chromium
 from tests.chromium import until
 from tests.conftest import READY
+from tests.extensions.fleet.synthetic_fleet import SyntheticFleet
 from tests.recordings.recorded_drive import drive
 from tests.server_process import ROOT, ServerProcess
-from tests.synthetic_fleet import SyntheticFleet
 from tests.timeouts import PATIENCE_S
 
 FOLDER = ROOT / "docs" / "guide" / "images"

@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, fits, serious, small_targets
 from tests.chromium import until
-from tests.synthetic_fleet import SyntheticFleet
+from tests.extensions.fleet.synthetic_fleet import SyntheticFleet
 from tests.waiting import block_until
 
 ROWS = "[...document.querySelectorAll('.fleet-row')]"

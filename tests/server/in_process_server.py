@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from types import TracebackType
 from typing import Any
@@ -16,8 +16,6 @@ from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sessions import OpenLink
-from imuscope.server.extensions.fleet.fleet_server import FleetServer
-from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.page_files import Files
 from imuscope.server.services import Services
 from imuscope.server.timings import ViewerTimings
@@ -29,6 +27,7 @@ class InProcessServer:
     """`with InProcessServer(config, open_link) as running:` serves on a free port until the block ends.
 
     Args:
+        brought, has_devices: as of `create_app`.
         loop: makes its event loop, for a test that turns its clock (tests/turned_loop.py).
     """
 
@@ -41,8 +40,8 @@ class InProcessServer:
         page_files: Files | None = None,
         timings: ViewerTimings | None = None,
         limits: ConnectionLimits | None = None,
-        robots: Robots | None = None,
-        fleet_server: FleetServer | None = None,
+        brought: Sequence[object] = (),
+        has_devices: bool = True,
         loop: Callable[[], asyncio.AbstractEventLoop] = asyncio.SelectorEventLoop,
     ) -> None:
         self._app = create_app(
@@ -52,8 +51,8 @@ class InProcessServer:
             protocol_set=protocol_set,
             page_files=page_files,
             timings=timings,
-            brought=[one for one in (robots, fleet_server) if one is not None],
-            has_devices=robots is None and fleet_server is None,
+            brought=brought,
+            has_devices=has_devices,
         )
         self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)

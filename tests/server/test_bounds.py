@@ -29,12 +29,8 @@ from imuscope.recordings import bounds
 from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, McapReader
 from imuscope.recordings.probe import probe
 from imuscope.server import http_server, wire
-from imuscope.server.api.devices import check_path
 from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits
-from imuscope.server.errors import DomainError
-from imuscope.server.extensions.corrections.manager import CorrectionManager
-from imuscope.server.extensions.corrections.stream import file_of
 from imuscope.server.library import range_query
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings
@@ -285,32 +281,6 @@ def test_a_small_chunk_that_unpacks_to_much_is_damage(tmp_path: Path) -> None:
         assert list(recording.blocks()) == []
         assert "it claims" in recording.damage[0].words
     assert LARGEST_CHUNK <= 64 << 20
-
-
-def test_corrections_are_read_from_explicit_files_only(tmp_path: Path) -> None:
-    """They were a second door to any file of the server's user: one learned what is there, and a device was sent it."""
-    secret, named = tmp_path / "base.rtcm3", tmp_path / "captures" / "base.rtcm3"
-    named.parent.mkdir()
-    for file in (secret, named):
-        file.write_bytes(b"")
-    (named.parent / "link").symlink_to(secret)
-    folders = [named.parent]
-    for refused in (secret, "/etc/passwd", f"file://{secret}", named.parent / "link", named.parent / ".." / "x"):
-        file_there = file_of(str(refused))
-        assert file_there is not None
-        with pytest.raises(DomainError, match="configured folders"):
-            check_path(file_there, folders)
-    allowed = file_of(f"file://{named}")
-    assert allowed is not None
-    check_path(allowed, folders)
-    assert file_of("tcp://127.0.0.1:2101") is None
-
-
-def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(CorrectionManager, "accepts", lambda *_: True)
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
-        answer = running.client.put("/api/devices/1/corrections", json={"source": "/etc/passwd"})
-        assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
 
 
 @each_row("piece", ["", " "])

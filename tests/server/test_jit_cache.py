@@ -11,7 +11,6 @@ import pytest
 from imuscope.protocols import jit
 from imuscope.server import jit_cache
 from imuscope.server.config import Config
-from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.version import VERSION
 from tests.server.fakes import FakeLink
@@ -74,12 +73,12 @@ def test_nothing_is_compiled_in_the_event_loop_while_a_server_starts(
         assert may_load == [False]
 
 
-def test_a_fleet_server_compiles_when_it_gets_a_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_without_devices_compiles_with_its_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It never loaded in the background, so its first device loaded in the event loop."""
     monkeypatch.setattr(jit, "automatic", True)
     loads: list[str] = []
     monkeypatch.setattr(jit_cache, "load", lambda **_: loads.append(threading.current_thread().name))
-    with InProcessServer(Config(data=tmp_path), FakeLink, robots=Robots()) as running:
+    with InProcessServer(Config(data=tmp_path), FakeLink, has_devices=False) as running:
         assert (jit.automatic, loads) == (False, [])
         for source in ("one", "two"):
             running.call(running.services.sessions.add, source)

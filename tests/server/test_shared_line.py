@@ -27,7 +27,6 @@ from imuscope.server.configuration.preview import fit, preview_setting
 from imuscope.server.configuration.risk_check import SHARED, plan_changes
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.corrections.manager import CorrectionManager
 from imuscope.server.library.decode import decode
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import LinkError, open_link
@@ -35,7 +34,6 @@ from imuscope.server.links.simulated_device import SharedLine, SimulatorOptions,
 from imuscope.server.links.source_url import SourceUrl
 from tests.each_row import each_row
 from tests.server.control_harness import house, outputs, over
-from tests.server.correction_messages import NUMBERS, STREAM
 from tests.server.shared_line import SOURCE, both
 from tests.transaction_player import PlayedWire, play
 from tests.waiting import until
@@ -306,44 +304,6 @@ def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool
                 assert (await here.read(first)).state == "done"
 
     run(check())
-
-
-def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            first, further = await both(here, f"{SOURCE}&product=MTi-680G")
-            for desk in (first, further):
-                assert (await here.read(desk)).state == "done"
-            sent: list[bytes] = []
-            first.session.on_sent(lambda data, time: sent.append(data))
-            heard: list[tuple[DeviceController, str]] = []
-            for desk in (first, further):
-                desk.session.listen(
-                    lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
-                )
-            corrections = CorrectionManager(here.sessions)
-            assert corrections.accepts(further.session)
-            tasks = len(asyncio.all_tasks())
-            base = await asyncio.start_server(_corrections, "127.0.0.1", 0)
-            source = f"tcp://127.0.0.1:{base.sockets[0].getsockname()[1]}"
-            await corrections.begin(further.session, source, further.log.streamed)
-            await until(lambda: len(heard) == len(sent) == len(NUMBERS), "each is acknowledged")
-            assert corrections.state(further.session).refused == 0
-            assert {(data[1], data[2]) for data in sent} == {(int(further.context.device), 0xE2)}
-            assert set(heard) == {(further, "ForwardGnssDataAck")}
-            assert any("Corrections from" in entry.text for entry in further.log.tail())
-            assert not any("Corrections from" in entry.text for entry in first.log.tail())
-            await corrections.close()
-            base.close()
-            await until(lambda: len(asyncio.all_tasks()) <= tasks, "it has ended")
-
-    run(check())
-
-
-async def _corrections(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    writer.write(STREAM)
-    await reader.read()  # until the other side goes
-    writer.close()
 
 
 def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) -> None:

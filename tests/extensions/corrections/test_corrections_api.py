@@ -12,7 +12,14 @@ import pytest
 from httpx import Client
 
 from imuscope.recordings.sources import McapSource
+from imuscope.server.api.devices import check_path
+from imuscope.server.config import Config
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.corrections.manager import CorrectionManager
+from imuscope.server.extensions.corrections.stream import file_of
 from tests.server.correction_messages import NUMBERS, STREAM
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -111,3 +118,29 @@ def test_invalid_requests_are_answered_with_a_reason(client: Client) -> None:
     none = client.put("/api/devices/2/corrections", json={"source": "tcp://127.0.0.1:1"})
     assert (none.status_code, none.json()["kind"]) == (409, "no-receiver")
     assert client.get("/api/devices/99/corrections").status_code == 404
+
+
+def test_corrections_are_read_from_explicit_files_only(tmp_path: Path) -> None:
+    """They were a second door to any file of the server's user: one learned what is there, and a device was sent it."""
+    secret, named = tmp_path / "base.rtcm3", tmp_path / "captures" / "base.rtcm3"
+    named.parent.mkdir()
+    for file in (secret, named):
+        file.write_bytes(b"")
+    (named.parent / "link").symlink_to(secret)
+    folders = [named.parent]
+    for refused in (secret, "/etc/passwd", f"file://{secret}", named.parent / "link", named.parent / ".." / "x"):
+        file_there = file_of(str(refused))
+        assert file_there is not None
+        with pytest.raises(DomainError, match="configured folders"):
+            check_path(file_there, folders)
+    allowed = file_of(f"file://{named}")
+    assert allowed is not None
+    check_path(allowed, folders)
+    assert file_of("tcp://127.0.0.1:2101") is None
+
+
+def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(CorrectionManager, "accepts", lambda *_: True)
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+        answer = running.client.put("/api/devices/1/corrections", json={"source": "/etc/passwd"})
+        assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")

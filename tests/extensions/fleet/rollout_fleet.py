@@ -152,7 +152,7 @@ class RolloutFleet:
         server.open()
         self.rollouts = server.rollouts
         self._server = self._open.enter_context(
-            InProcessServer(config, open_link, all_protocols(), fleet_server=server)
+            InProcessServer(config, open_link, all_protocols(), brought=[server], has_devices=False)
         ).client
 
     def kill(self) -> None:

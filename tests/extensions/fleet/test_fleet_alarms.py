@@ -20,7 +20,7 @@ from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 from imuscope.server.fleet_settings import FleetServerSettings
 from tests.each_row import each_row
-from tests.fleet_robot import FleetRobot
+from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, get

@@ -26,7 +26,7 @@ from imuscope.server.extensions.fleet.access import (
 from imuscope.server.extensions.fleet.bus import BusCredentials, open_bus
 from imuscope.server.extensions.fleet.reports import RobotReport, RobotStatus, encode
 from tests.each_row import each_row
-from tests.fleet_robot import FleetRobot
+from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get

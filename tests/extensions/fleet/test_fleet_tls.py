@@ -15,7 +15,7 @@ from cryptography.x509.oid import NameOID
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.bus import BusCredentials
 from imuscope.server.extensions.fleet.reports import RobotReport, RobotStatus, encode
-from tests.fleet_robot import FleetRobot
+from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
 from tests.timeouts import get

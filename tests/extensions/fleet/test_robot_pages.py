@@ -20,6 +20,7 @@ from imuscope.server.extensions.fleet.bus import BusCredentials
 from imuscope.server.extensions.fleet.page_messages import Open, encode
 from imuscope.server.extensions.fleet.publisher import FleetSettingsError, allowed_pages
 from imuscope.server.fleet_settings import FleetSettings
+from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.extensions.fleet.robot_with_pages import (
     CONTROL,
     PASSWORDS,
@@ -30,7 +31,6 @@ from tests.extensions.fleet.robot_with_pages import (
     summary,
     token,
 )
-from tests.fleet_robot import FleetRobot
 from tests.server.control_harness import at_rate, bench
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, get, http_client

@@ -166,7 +166,9 @@ def test_more_robots_than_the_limit_are_refused() -> None:
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(data=tmp_path, sources=("fake",)), FakeLink, robots=Robots()) as running:
+    with InProcessServer(
+        Config(data=tmp_path, sources=("fake",)), FakeLink, brought=[Robots()], has_devices=False
+    ) as running:
         yield running
 
 

@@ -1,6 +1,6 @@
 """A made-up fleet for pages, pictures and benchmarks: robots whose figures wobble, and some in each kind of trouble.
 
-    python -m tests.synthetic_fleet --robots 1000     serves its page until interrupted
+    python -m tests.extensions.fleet.synthetic_fleet --robots 1000     serves its page until interrupted
 
 `RobotMaker(count)` makes the same robots each time; `changed()` gives all of them a second later.
 """
@@ -136,7 +136,9 @@ class SyntheticFleet:
     def __init__(self, count: int, folder: Path) -> None:
         self.robots = Robots()
         self.maker = RobotMaker(count)
-        self.server = InProcessServer(Config(data=folder, sources=("fake",)), FakeLink, robots=self.robots)
+        self.server = InProcessServer(
+            Config(data=folder, sources=("fake",)), FakeLink, brought=[self.robots], has_devices=False
+        )
         self.url = f"{self.server.url}/"
         self.tell(self.maker.robots)
 
