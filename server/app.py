@@ -8,31 +8,8 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
-from imuscope.server.api import (
-    capabilities,
-    commands,
-    configure,
-    description,
-    devices,
-    errors,
-    exports,
-    forms,
-    map_tiles,
-    packets,
-    ports,
-    recorder,
-    recording_data,
-    recordings,
-    reference,
-    replay,
-    shares,
-    snapshots,
-    static_files,
-    status,
-    unicode_guard,
-    websocket,
-    workspaces,
-)
+from imuscope.server.api import description, errors, static_files, unicode_guard
+from imuscope.server.api.routers import ROUTERS
 from imuscope.server.auth import Access, Guard
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_detection import ProtocolSet
@@ -46,33 +23,6 @@ from imuscope.server.security_headers import Heads
 from imuscope.server.services import build_services
 from imuscope.server.timings import ViewerTimings
 from imuscope.server.version import VERSION
-
-ROUTED = (
-    devices,
-    configure,
-    forms,
-    commands,
-    snapshots,
-    shares,
-    packets,
-    recorder,
-    replay,
-    exports,
-    recordings,
-    recording_data,
-    workspaces,
-    ports,
-    status,
-    capabilities,
-    map_tiles,
-    websocket,
-    reference,
-)
-"""Modules whose routes are served, before those of extensions. The page comes last: it matches every remaining path.
-
-The routes are added directly: `include_router` would build every route and its validators again for each application,
-at the first request, which would take a second longer.
-"""
 
 
 def create_app(
@@ -124,7 +74,7 @@ def create_app(
     app.add_middleware(RateLimiter)
     app.add_middleware(Heads)
     app.add_middleware(PreviousPaths)
-    for router in (*(module.router for module in ROUTED), *install_extensions(services), static_files.router):
+    for router in (*ROUTERS, *install_extensions(services), static_files.router):
         app.router.routes.extend(router.routes)
     description.install(app, errors.responses(401, 403, 411, 413, 415, 429, 500))  # every route can answer with these
     return Guard(app, access)

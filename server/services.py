@@ -15,7 +15,6 @@ from pathlib import Path
 from imuscope.recordings.library import Library
 from imuscope.server import shutdown
 from imuscope.server.auth import Access
-from imuscope.server.capabilities import Capabilities
 from imuscope.server.capability_list import list_capabilities
 from imuscope.server.config import Config
 from imuscope.server.configuration.controllers import ControllerRegistry
@@ -56,11 +55,9 @@ class Services:
 
     Args:
         reading: default decode options of sources and recordings.
-        scan_lock: held during a port scan, because a port can be opened only once.
         has_devices: False for a server of other robots, which has none of its own unless it is told.
         brought: objects that a command made for its extension, which takes them over.
         parts: what extensions bring; complete before the server is started.
-        history_lock: held while history is sent to a browser, so that several pages are served one after the other.
     """
 
     config: Config
@@ -68,8 +65,6 @@ class Services:
     reading: DecodeOptions
     telemetry: Telemetry
     metrics: Metrics
-    event_logger: EventLogger
-    byte_memory: ByteMemory
     sessions: Sessions
     controllers: ControllerRegistry
     shares: PortShares
@@ -80,17 +75,13 @@ class Services:
     tiles: TileSource
     page_files: Files
     reference: ReferencePages
-    capabilities: Capabilities
     timings: ViewerTimings
     folder_lock: DataFolderLock
     workspaces: WorkspaceStore
-    compactor: CompactionWorker
     has_devices: bool = True
     brought: tuple[object, ...] = ()
     parts: Parts = field(default_factory=Parts)
     protocols: Callable[[], dict[str, str]] = installed_protocols
-    scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
-    history_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
 
     @property
     def source_folders(self) -> list[Path]:
@@ -153,19 +144,19 @@ def build_services(
     wall_ns = now_ns or time.time_ns
     now_ns = now_ns or steady_clock()
     reading = config.reading()
-    capabilities = list_capabilities()
     byte_memory = ByteMemory(round(config.bytes_limit_mb * 1024 * 1024), config.history_s)
     telemetry = Telemetry.create(
         lambda: now_ns() / 1e9,
         history_s=config.history_s,
         budget=config.memory_mb * 1024 * 1024,
         reserved=lambda: byte_memory.nbytes,
-        capabilities=capabilities,
+        capabilities=list_capabilities(),
     )
     bus = telemetry.bus
+    EventLogger(bus)
     sessions = Sessions(
         bus,
-        open_link,
+        lambda source, settings: shares.shared(open_link(source, settings)),
         protocol_set or all_protocols(),
         LinkSettings(now_ns=now_ns),
         sequences=SequenceStore(config.data),
@@ -176,7 +167,6 @@ def build_services(
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
     shares = PortShares(bus, sessions, controllers, config.shares)
-    sessions.shared = shares.shared
     library = Library(config.data / FOLDER)
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
@@ -189,8 +179,6 @@ def build_services(
         reading=reading,
         telemetry=telemetry,
         metrics=Metrics(bus),
-        event_logger=EventLogger(bus),
-        byte_memory=byte_memory,
         sessions=sessions,
         controllers=controllers,
         shares=shares,
@@ -201,11 +189,9 @@ def build_services(
         tiles=TileSource(config.map),
         page_files=page_files,
         reference=ReferencePages(),
-        capabilities=capabilities,
         timings=timings,
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),
-        compactor=compactor,
         has_devices=has_devices,
         brought=brought,
     )

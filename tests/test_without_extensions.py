@@ -9,22 +9,26 @@ import sys
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+from imuscope.protocols.plugins import protocol_plugins
 from imuscope.server.extension import extensions
+from imuscope.server.services import Services
 from tests.each_row import each_row
 from tests.server_process import tied
-from tests.source_files import PACKAGE, ROOT, facts_of, python_files
+from tests.source_files import PACKAGE, ROOT, facts_of, python_files, text_of
 from tests.timeouts import PATIENCE_S
 
 NAMES = sorted(path.name for path in (ROOT / "server" / "extensions").iterdir() if (path / "__init__.py").is_file())
-COPIED = ("protocols", "recordings", "server", PACKAGE, "pyproject.toml")
+FOLDERS = ("protocols", "recordings", "server")
+TESTS_OF_THE_HEART = ("server", "links", "protocols", "recordings")
+COPIED = (*FOLDERS, PACKAGE, "pyproject.toml")
 ROUTES = {
     "alarms": "/api/alarms",
     "analysis": "/api/analysis",
-    "evidence": "/api/recordings/0/evidence",
     "fleet": "/api/uploads",
     "calibration": "/api/devices/1/calibration",
     "viser": "/api/views/scene",
@@ -100,7 +104,7 @@ def test_nothing_outside_imports_an_extension() -> None:
     inside = ROOT / "server" / "extensions"
     requires = {one.name: one.requires for one in extensions()}
     wrong = []
-    for path in python_files("protocols", "recordings", "server"):
+    for path in python_files(*FOLDERS):
         own = path.relative_to(inside).parts[0] if path.is_relative_to(inside) else ""
         for line, module in facts_of(path).imports:
             parts = module.split(".")
@@ -110,4 +114,31 @@ def test_nothing_outside_imports_an_extension() -> None:
                 and parts[2] not in (own, *requires.get(own, ()))
             ):
                 wrong.append(f"{path.relative_to(ROOT)}:{line} imports {module}")
+    assert not wrong, "\n".join(wrong)
+
+
+MOST_LINES = 61_800
+"""Of Python without families and extensions: 60 % of what there was before there were extensions."""
+MOST_SERVICES = MOST_IMPORTS = 25
+
+
+def test_the_heart_stays_small() -> None:
+    families = [ROOT.joinpath(*plugin.module.split(".")[1:-1]) for plugin in protocol_plugins() if not plugin.package]
+    apart = (*families, ROOT / "server" / "extensions")
+    heart = [path for path in python_files(*FOLDERS) if not any(path.is_relative_to(folder) for folder in apart)]
+    lines = sum(len(text_of(path).splitlines()) for path in heart)
+    assert lines <= MOST_LINES
+    assert len(fields(Services)) <= MOST_SERVICES
+    named = {ROOT.joinpath(*name.split(".")) for _, name in facts_of(ROOT / "server" / "app.py").imports}
+    imported = [path for path in named if path.with_suffix(".py").is_file()]
+    assert len(imported) <= MOST_IMPORTS, imported
+
+
+def test_tests_of_the_heart_use_no_extension() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}"
+        for path in python_files(*(f"tests/{name}" for name in TESTS_OF_THE_HEART))
+        for line, name in facts_of(path).imports
+        if name.startswith(("server.extensions", "tests.extensions"))
+    ]
     assert not wrong, "\n".join(wrong)

@@ -13,4 +13,4 @@ router = APIRouter(prefix="/api/capabilities", tags=["build"])
 @router.get("")
 async def get_capabilities(services: TheServices) -> Capabilities:
     """Everything that is registered, as sent to the page in `hello`."""
-    return services.capabilities
+    return services.telemetry.clients.capabilities

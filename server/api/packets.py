@@ -57,7 +57,7 @@ async def live_frames(
     as `imuscope inspect` lists it, with the meaning of each byte.
     """
     device = session.info.id
-    link = services.byte_memory.of(device)
+    link = services.sessions.memory_of(device)
     span = link.span if link is not None else None
     if link is None or span is None:
         raise DomainError(

@@ -41,7 +41,7 @@ async def scan_ports(services: TheServices, body: ScanPortsRequest | None = None
 
     One scan at a time: a second one waits for the first, because a port can be read by only one.
     """
-    async with services.scan_lock:
+    async with services.sessions.scan_lock:
         known = {info.device for info in await asyncio.to_thread(list_ports)}
         wanted = None if body is None or body.ports is None else [port for port in body.ports if port in known]
         return await scan(wanted, _in_use(services.sessions))

@@ -54,7 +54,7 @@ async def get_memory(services: TheServices) -> list[HeldBytes]:
     found = []
     for session in services.sessions.all:
         device = session.info.id
-        link = services.byte_memory.of(device)
+        link = services.sessions.memory_of(device)
         if link is not None and (span := link.span) is not None:
             found.append(HeldBytes(device, span[0] / 1e9, span[1] / 1e9, link.nbytes))
     return found

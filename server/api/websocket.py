@@ -152,7 +152,7 @@ async def live(socket: WebSocket, services: TheServices) -> None:
     _log(sender, f"is connected, from {sender.peer or 'an unknown peer'}.", logging.INFO)
     tasks = [
         asyncio.create_task(_listen(socket, clients, sender.queue), name="browser: receive"),
-        asyncio.create_task(sender.run(services.history_lock), name="browser: send"),
+        asyncio.create_task(sender.run(clients.history_lock), name="browser: send"),
         asyncio.create_task(_watch(sender, clients), name="browser: watch"),
     ]
     try:

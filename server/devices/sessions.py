@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from imuscope.server import wire
-from imuscope.server.devices.byte_memory import ByteMemory
+from imuscope.server.devices.byte_memory import ByteMemory, LinkMemory
 from imuscope.server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
 from imuscope.server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
 from imuscope.server.devices.device_names import DeviceNames
@@ -50,6 +50,9 @@ class Sessions:
         shedding: what is left out while decoding is behind.
         byte_memory: keeps the last bytes of every session; None: they are not kept.
         names: ids and names of devices in earlier runs; None: there were none.
+
+    Attributes:
+        scan_lock: held during a port scan, because a port can be opened only once.
     """
 
     def __init__(
@@ -83,9 +86,13 @@ class Sessions:
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
         self._ticks = 0
+        self.scan_lock = asyncio.Lock()
         self._shedding, self._processor = shedding or Shedding(), ProcessorUse()
-        self.shared: Callable[[Link], Link] = lambda link: link
         """The link of a source whose port is shared (server/configuration/port_shares.py)."""
+
+    def memory_of(self, device: str) -> LinkMemory | None:
+        """The last bytes of the link of a device; None if none are kept."""
+        return self._byte_memory.of(device) if self._byte_memory is not None else None
 
     def start(self) -> None:
         """Start checking the sessions."""
@@ -120,7 +127,7 @@ class Sessions:
         if len(self._sessions) >= MAX_DEVICES:
             raise LinkError("full", f"The maximum of {MAX_DEVICES} devices is open.", "Remove one first.")
         settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
-        link = self.shared(self._open_link(source, settings))
+        link = self._open_link(source, settings)
         device = self.names.id_of(source, self._used)
         self._used.add(device)
         session = self._sessions[device] = Session(

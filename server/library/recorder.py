@@ -88,7 +88,7 @@ class Recorder:
 
     Args:
         controllers: for known settings and for requests to an Xsens device; None without configuration.
-        packer: None: files are not compacted.
+        compactor: None: files are not compacted.
         wall_ns: the wall clock. Recordings use its time, because the bus clock never steps and would stay wrong if the
             host's clock was set after the server started.
         memory: of the bytes of live links; None for none.
@@ -101,7 +101,7 @@ class Recorder:
         sessions: Sessions,
         controllers: ControllerRegistry | None,
         plan: RecordingOptions,
-        packer: CompactionWorker | None,
+        compactor: CompactionWorker | None,
         wall_ns: Callable[[], int] | None = None,
         memory: ByteMemory | None = None,
         signals: SignalDefinitions | None = None,
@@ -114,7 +114,7 @@ class Recorder:
         self._bus = bus
         self._sessions = sessions
         self._controllers = controllers
-        self._packer = packer
+        self.compactor = compactor
         self._memory = memory
         self._now: RecordingSession | None = None
         self._last = wire.RecorderState(running=False)
@@ -293,14 +293,14 @@ class Recorder:
 
     async def resume(self) -> None:
         """Compact recordings that a previous run left uncompacted."""
-        if self._packer is not None:
-            await self._packer.resume(self.plan.folder, self.path)
+        if self.compactor is not None:
+            await self.compactor.resume(self.plan.folder, self.path)
 
     async def close(self) -> None:
         """Stop the recording at the end of the server; compaction is left to the next start."""
         self._standing.drop()
-        if self._packer is not None:
-            await self._packer.close()
+        if self.compactor is not None:
+            await self.compactor.close()
         async with self._starting:
             if self._now is not None:
                 await self._end(self._now)
@@ -422,8 +422,8 @@ class Recorder:
 
     def _part_done(self, path: Path) -> None:
         """Handle a finished file."""
-        if self._packer is not None:
-            self._packer.add(path)
+        if self.compactor is not None:
+            self.compactor.add(path)
         self._bus.library_changed()
 
     # ── while it runs ────────────────────────────────────────────────────────────────────────────────────────────────

@@ -58,6 +58,10 @@ class ClientFanout:
         bus: source of the topics sent to them.
         store, log: samples and events for clients that connect later.
         shedding: what is left out while decoding is behind.
+
+    Attributes:
+        capabilities: of this server, sent to clients.
+        history_lock: held while history is sent to a browser, so that several pages are served one after the other.
     """
 
     def __init__(
@@ -69,7 +73,8 @@ class ClientFanout:
         shedding: Shedding | None = None,
     ) -> None:
         self.shedding = shedding or Shedding()
-        self._bus, self._store, self._log, self._capabilities = bus, store, log, capabilities
+        self._bus, self._store, self._log, self.capabilities = bus, store, log, capabilities
+        self.history_lock = asyncio.Lock()
         self._queues: set[SendQueue] = set()
         self._browser_count = 0
         self._attached = 0  # including third-party viewers
@@ -249,7 +254,7 @@ class ClientFanout:
         self._queues.add(queue)
         bus = self._bus
         for message in (
-            wire.Hello(VERSION, bus.now(), platform.node(), bus.run, self._store.history_s, self._capabilities),
+            wire.Hello(VERSION, bus.now(), platform.node(), bus.run, self._store.history_s, self.capabilities),
             wire.Devices(list(bus.devices.latest.values())),
             wire.Channels([channel.info for channel in self._store.all]),
             *map(wire.Events, self._log.for_late()),

@@ -60,11 +60,11 @@ def settled(running: InProcessServer) -> RecorderState:
 
 @asynccontextmanager
 async def recorder(
-    data: Path, plan: RecordingOptions | None = None, packer: CompactionWorker | None = None, **options: Any
+    data: Path, plan: RecordingOptions | None = None, compactor: CompactionWorker | None = None, **options: Any
 ) -> AsyncIterator[tuple[ControlHarness, Recorder]]:
     async with house(data, **options) as made:
         recorder = Recorder(
-            made.telemetry.bus, made.sessions, made.desks, plan or RecordingOptions(data / "recordings"), packer
+            made.telemetry.bus, made.sessions, made.desks, plan or RecordingOptions(data / "recordings"), compactor
         )
         try:
             yield made, recorder

@@ -29,15 +29,15 @@ def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
 
     monkeypatch.setattr(Worker, "create_process", staticmethod(counted))
     packed: list[Path] = []
-    packer = CompactionWorker(packed.append)
+    compactor = CompactionWorker(packed.append)
     for name in "abcde":
         recording(tmp_path / f"{name}.mcap", frames(0, 500))
     whole = (tmp_path / "c.mcap").read_bytes()
     (tmp_path / "c.mcap").write_bytes(whole[:4000] + bytes(3000) + whole[7000:])
 
     async def check() -> None:
-        await packer.resume(tmp_path)
-        await until(lambda: not packer.is_busy, "all are seen to")
+        await compactor.resume(tmp_path)
+        await until(lambda: not compactor.is_busy, "all are seen to")
 
     asyncio.run(check())
     assert [path.stem for path in packed] == ["a", "b", "d", "e"]

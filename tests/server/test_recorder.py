@@ -341,7 +341,7 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
 @in_a_loop
 async def test_a_finished_recording_is_compacted_in_a_subprocess(tmp_path: Path) -> None:
     packed: list[Path] = []
-    async with recorder(tmp_path, packer=CompactionWorker(packed.append)) as (made, one):
+    async with recorder(tmp_path, compactor=CompactionWorker(packed.append)) as (made, one):
         await made.add("sim:xbus")
         state = await one.start()
         await until(lambda: one.state.bytes > 1000, "something is recorded")

@@ -18,8 +18,9 @@ from imuscope.server.services import Services
 
 def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
-    config = services.config
-    uploads = UploadService(config, services.catalogue, services.compactor, services.telemetry.bus)
+    config, compactor = services.config, services.recorder.compactor
+    assert compactor is not None  # that of a server has one
+    uploads = UploadService(config, services.catalogue, compactor, services.telemetry.bus)
     services.recorder.waiting = uploads.waiting_paths
 
     def start_uploads() -> None:
