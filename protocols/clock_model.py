@@ -53,7 +53,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.clock_rows import host_times
+from imuscope.protocols.clock_kernels import host_times
 from imuscope.protocols.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]

@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.clock_kernels import decreases, delays_of
 from imuscope.protocols.clock_model import ClockModel
-from imuscope.protocols.clock_rows import decreases, delays_of
 from imuscope.protocols.delay_stats import FEWEST, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.missing_numbers import count_missing
+from imuscope.protocols.sequence_gaps import count_missing
 from imuscope.protocols.tick_unwrap import (
     ARRIVAL,
     LATE_RUN,

@@ -23,7 +23,7 @@ from imuscope.protocols.mounting import MountingSetting
 from imuscope.protocols.schema import Message
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.protocols.simulator.family import SimulatorInfo
-from imuscope.protocols.support import SupportTable
+from imuscope.protocols.support_tables import SupportTable
 from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Transaction, Values
 
 

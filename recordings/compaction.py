@@ -25,13 +25,13 @@ import numpy as np
 
 from imuscope.protocols.framing import Ints
 from imuscope.recordings import atomic_write, file_lock
-from imuscope.recordings.bounds import TooLong, bounded, bounded_by
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
 from imuscope.recordings.mcap_records import message
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 
 MEMORY = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
 TEMPORARY_SUFFIX = ".packing"  # suffix of the temporary file beside the other

@@ -13,7 +13,7 @@ Three dangers, three checks, all before a route is reached:
 A view token can read, a control token can also change things. Some requests are POST only because they carry values
 (preview, fit rates, compare, analysis, comparison, calibration of a stretch, check and preview of an alarm, a question
 about the store): they change nothing, and a view token may send them. At a fleet server, the same holds for requests to
-a robot below /robots/NAME; the robot compares them with its own rules again (server/extensions/fleet/page_server.py).
+a robot below /robots/NAME; the robot compares them with its own rules again (extensions/fleet/http_tunnel_robot.py).
 
 Wrong tokens are rate-limited: server/login_throttle.py explains how, and why a valid token is not locked out.
 

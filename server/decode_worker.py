@@ -15,16 +15,16 @@ import sys
 from pathlib import Path
 
 from imuscope.protocols import jit
-from imuscope.recordings.bounds import TooLong, bounded, bounded_by
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 from imuscope.server import jit_cache
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.library.cache_provenance import write_source
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
-from imuscope.server.library.store_source import write_source
 
 STEP = 0.005
 

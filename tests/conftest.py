@@ -97,7 +97,7 @@ def pytest_before_workers() -> None:
     forked from.
     """
     from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
-    from imuscope.server.library.sources import decoding_mark
+    from imuscope.server.library.decoder_fingerprint import decoding_mark
 
     jit.load(checked=True)
     decoding_mark()

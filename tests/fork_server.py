@@ -204,7 +204,9 @@ def _learn_to_serve() -> None:
     from imuscope.server.commands.common import prepare_decoders
 
     prepare_decoders(ROOT / "artifacts")  # first, because it sets the folder of compiled code
-    importlib.import_module("imuscope.server.library.sources").decoding_mark()  # of the sources as they are now
+    importlib.import_module(
+        "imuscope.server.library.decoder_fingerprint"
+    ).decoding_mark()  # of the sources as they are now
     _learn(*LEARNT, *WORKERS)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from imuscope.protocols.idtp.messages import MESSAGES, MODE_NAMES
 from imuscope.protocols.schema import Field
-from imuscope.protocols.support import SupportTable
+from imuscope.protocols.support_tables import SupportTable
 
 CHECKS = {0: "CRC-8", 1: "CRC-32", 2: "HMAC-SHA256; requires the device's key"}
 

@@ -1,7 +1,7 @@
 """Driver of Inertial Sense devices: requests, writes, refusals and silence.
 
     ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      silence: retry, then NoReplyError
-           (not for data sets that stream, as it would end the stream: protocols/isb/undisturbed.py)
+           (not for data sets that stream, as it would end the stream: protocols/isb/stream_restore.py)
     write  SET_DATA              ──>   ACK                 NACK: refused      silence: retry, then NoReplyError
            GET_DATA              ──>   DATA: the present value, compared with the requested one
     do     system command: ACK; a reset may happen before the ACK is sent, so its silence is not a failure
@@ -53,13 +53,13 @@ from imuscope.protocols.isb.encoder import (
     touched,
 )
 from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
-from imuscope.protocols.isb.harm import harm
 from imuscope.protocols.isb.messages import COMMANDS, SET_PREFIX
 from imuscope.protocols.isb.settings_diff import SAVED, differences
+from imuscope.protocols.isb.settings_warnings import harm
 from imuscope.protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from imuscope.protocols.isb.stream_discovery import ListeningTimes, to_wire
+from imuscope.protocols.isb.stream_restore import undisturbed
 from imuscope.protocols.isb.streams import STREAMS
-from imuscope.protocols.isb.undisturbed import undisturbed
 from imuscope.protocols.json_values import jsonable
 from imuscope.protocols.schema import Command, Setting
 from imuscope.protocols.transactions import (

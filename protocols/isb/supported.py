@@ -10,7 +10,7 @@ from imuscope.protocols.isb.device_info import FAMILIES
 from imuscope.protocols.isb.messages import ROWS
 from imuscope.protocols.isb.stored_settings import STORED
 from imuscope.protocols.isb.streams import STREAMS
-from imuscope.protocols.support import SupportTable
+from imuscope.protocols.support_tables import SupportTable
 
 RESERVED = ("DID_NULL", "DID_UNUSED")
 

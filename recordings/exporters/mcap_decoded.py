@@ -6,7 +6,7 @@
                    /<device>/<message>/arrival: its arrival;
                    /<device>/<message>/bytes: undescribed payloads, base64 according to their schema
     log time       device time mapped to the host's clock; its arrival if it has none (or if the base is arrival)
-    message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/well_known.py)
+    message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/standard_schemas.py)
 
 Missing values, and those that JSON cannot represent (NaN, infinity), are left out.
 
@@ -31,7 +31,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from imuscope.protocols.framing import Ints
-from imuscope.recordings import well_known
+from imuscope.recordings import standard_schemas
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.column_store import ExactRows
 from imuscope.recordings.exporters.message_table import windows
@@ -144,11 +144,11 @@ def _streams(request: ExportRequest) -> list[DecodedTopic]:
         name, device = names.get(info["device"], info["device"]), devices[info["device"]]
         stream(topic_of(name, info, taken), info, _json(schema_of(info)), partial(_plain, request, info))
         if device.attitude and device.attitude.channel == info["id"]:
-            topic = named(name, well_known.ATTITUDE, taken=taken)
-            stream(topic, info, _protobuf(well_known.FrameTransform), partial(_transforms, request, device))
+            topic = named(name, standard_schemas.ATTITUDE, taken=taken)
+            stream(topic, info, _protobuf(standard_schemas.FrameTransform), partial(_transforms, request, device))
         if device.position and device.position.kind == "place" and device.position.channel == info["id"]:
-            topic = named(name, well_known.POSITION, taken=taken)
-            stream(topic, info, _protobuf(well_known.LocationFix), partial(_fixes, request, device))
+            topic = named(name, standard_schemas.POSITION, taken=taken)
+            stream(topic, info, _protobuf(standard_schemas.LocationFix), partial(_fixes, request, device))
     chosen |= {info["id"] for info in request.clocks if request.columns.rows(info["id"])}
     for info in request.clocks:
         what = "utc" if [column["name"] for column in info["columns"]] == ["utc"] else "clock"
@@ -224,7 +224,7 @@ def _bytes(request: ExportRequest, topic: int, rows: ExactRows) -> Messages:
 def _transforms(request: ExportRequest, device: DeviceEntity, topic: int, rows: ExactRows) -> Messages:
     assert device.attitude is not None
     times = _times(request, rows)
-    made = well_known.transforms(device.name, device.attitude, rows.columns, times)
+    made = standard_schemas.transforms(device.name, device.attitude, rows.columns, times)
     return _of(topic, times, made)
 
 
@@ -238,8 +238,8 @@ def _fixes(request: ExportRequest, device: DeviceEntity, topic: int, rows: Exact
         lo = max(request.columns.row_at(place.height, float(key[0])), 0)
         hi = max(request.columns.row_at(place.height, float(key[-1])) + 1, lo + 1)
         height_rows = request.columns.exact(place.height, lo, hi)
-        height = well_known.heights(_times(request, height_rows), height_rows.columns[0], times)
-    return _of(topic, times, well_known.fixes(device.name, place, rows.columns, height, times))
+        height = standard_schemas.heights(_times(request, height_rows), height_rows.columns[0], times)
+    return _of(topic, times, standard_schemas.fixes(device.name, place, rows.columns, height, times))
 
 
 def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
@@ -259,9 +259,9 @@ def _events(request: ExportRequest, topic: int, target: ChunkedFile) -> None:
         for event in manifest.get("events", [])
         if "text" in event and request.t0 <= event["time"] <= request.t1 and request.device in ("", event["device"])
     ]
-    target.write_channels({topic: McapChannel(topic, EVENTS, **_protobuf(well_known.Log))})
+    target.write_channels({topic: McapChannel(topic, EVENTS, **_protobuf(standard_schemas.Log))})
     if inside:
-        made = [well_known.logged(event, names.get(event["device"], "")) for event in inside]
+        made = [standard_schemas.logged(event, names.get(event["device"], "")) for event in inside]
         log = np.array([time for time, _ in made], np.int64)
         body = pa.array([data for _, data in made], pa.large_binary())
         _put(target, [Messages(np.full(len(made), topic, np.uint16), log, body)], 1 << 20)

@@ -17,17 +17,17 @@ from imuscope.server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_device
 from imuscope.server.configuration.api_models import ApplyRequest, RawRequest, ReadRequest, RunRequest
-from imuscope.server.configuration.controllers import ControllerRegistry
-from imuscope.server.configuration.dangers import Risk
-from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.configuration.products import mismatch
-from imuscope.server.configuration.risk_check import (
+from imuscope.server.configuration.change_plan import (
     ChangeRequest,
     discarded,
     plan_changes,
     plan_command,
     risks_of_bytes,
 )
+from imuscope.server.configuration.controllers import ControllerRegistry
+from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.products import mismatch
+from imuscope.server.configuration.risks import Risk
 from imuscope.server.configuration.sensor_check import doubts, sensor_of
 from imuscope.server.configuration.value_format import numbers
 from imuscope.server.errors import DomainError

@@ -21,12 +21,12 @@ from imuscope.server.configuration.api_models import (
     SnapshotInfo,
 )
 from imuscope.server.configuration.budget import overload
+from imuscope.server.configuration.change_plan import dangers_of
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.products import mismatch
-from imuscope.server.configuration.reading import plain_values
-from imuscope.server.configuration.risk_check import dangers_of
 from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
+from imuscope.server.configuration.settings_reader import plain_values
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, from_text
 from imuscope.server.errors import DomainError
 from imuscope.server.wire_codec import to_json_safe

@@ -22,7 +22,7 @@ from imuscope.protocols.schema import Field
 from imuscope.server.commands.compose import composers
 from imuscope.server.configuration.value_format import entry_title
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.library.reject_words import explained_rejects
+from imuscope.server.library.reject_reasons import explained_rejects
 from imuscope.server.printable import printable
 
 LONGEST_WORD = 64  # characters of a text or of bytes; jsonl has all of them

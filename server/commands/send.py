@@ -38,7 +38,7 @@ from imuscope.protocols.transactions import (
     Values,
 )
 from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, names_elements, parse
-from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.configuration.value_format import value_at
 from imuscope.server.devices.decode_options import DecodeOptions

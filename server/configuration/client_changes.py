@@ -20,8 +20,8 @@ from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.transactions import Values
 from imuscope.server.configuration.api_models import DifferenceRow
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
-from imuscope.server.configuration.reading import plain_values
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.configuration.settings_reader import plain_values
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 
 MOST_KEPT = 5

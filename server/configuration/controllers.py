@@ -18,11 +18,11 @@ from imuscope.server import previous_names
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.jobs import Jobs
 from imuscope.server.configuration.put_back import PutBackStore
-from imuscope.server.configuration.reading import SettingsReader
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
+from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.snapshots import Snapshots
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.member import AnyDevice, Member
+from imuscope.server.devices.link_member import AnyDevice, Member
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.links.base import LinkError

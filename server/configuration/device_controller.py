@@ -43,7 +43,7 @@ from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.traffic_log import TrafficLog
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.devices.device_demux import QuietReason
-from imuscope.server.devices.member import AnyDevice, address_of, explain_silence, name_of, state_of
+from imuscope.server.devices.link_member import AnyDevice, address_of, explain_silence, name_of, state_of
 from imuscope.server.errors import DomainError
 from imuscope.server.links.base import LinkError
 from imuscope.server.streaming.bus import TelemetryBus

@@ -27,16 +27,16 @@ from imuscope.protocols.transactions import (
     Values,
     WriteResult,
 )
-from imuscope.server.configuration import commanding, cut_off, settings_procedures
+from imuscope.server.configuration import recovery, run_command, settings_procedures
 from imuscope.server.configuration.budget import overload_error
 from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
-from imuscope.server.configuration.reading import SettingsReader
 from imuscope.server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
 from imuscope.server.configuration.sensor_check import check_sensor
+from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
 from imuscope.server.configuration.value_format import field_at, title_at, value_at, words
-from imuscope.server.devices.member import address_of, name_of
+from imuscope.server.devices.link_member import address_of, name_of
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire_codec import to_json_safe
 
@@ -207,13 +207,15 @@ class Jobs:
             JobError: the device did not accept everything, or did not return; then the rollback record stays on disk.
         """
         controller.cut_off = record.new if record is not None else {}
-        back = await cut_off.read_back(controller, task, list(todo), self._timings)
+        back = await recovery.read_back(controller, task, list(todo), self._timings)
         controller.cut_off = {}
-        written = cut_off.merged(todo, written, back)
+        written = recovery.merged(todo, written, back)
         task.job.outcomes = settings_procedures.outcomes(controller.driver, controller.rows, written)
         if task.job.outcomes:
-            words = cut_off.summary(controller, written)
-            raise JobError(f"The device stopped answering while it was written. Read back: {words}", cut_off.AGAIN_HINT)
+            words = recovery.summary(controller, written)
+            raise JobError(
+                f"The device stopped answering while it was written. Read back: {words}", recovery.AGAIN_HINT
+            )
         controller.log.add_note(
             "The device stopped answering while it was written; read back, it has the requested values."
         )
@@ -228,7 +230,7 @@ class Jobs:
             await controller.run(controller.driver.store_and_restart(controller.context))
         except NoReplyError as error:  # a lost answer to a reset is normal
             controller.log.add_note(str(error))
-        if not await commanding.answers(controller, self._timings.rounds):
+        if not await run_command.answers(controller, self._timings.rounds):
             hint = "Wait a few seconds and read its settings; if it stays silent, switch it off and on."
             raise JobError("The device does not answer after its restart.", hint)
         names = [one.setting for one in written]
@@ -310,7 +312,7 @@ class Jobs:
         controller.bus.event(controller.device, "device", "info", f"{titles}: {job.message}", data=data)
         if refused and not good:
             if any(one.actual is None and not one.refused for one in written):
-                raise JobError("The device could not be read back.", cut_off.AWAY_HINT)
+                raise JobError("The device could not be read back.", recovery.AWAY_HINT)
             raise JobError(f"The device refused: {refused[0].reason}.", "The previous values are unchanged.")
 
     # ── other jobs ───────────────────────────────────────────────────────────────────────────────────────────────────
@@ -325,8 +327,8 @@ class Jobs:
         restarts: bool = False,
         sensor: str = "",
     ) -> Callable[[QueuedJob], Awaitable[None]]:
-        """Run one command; see server/configuration/commanding.py."""
-        return commanding.run(
+        """Run one command; see server/configuration/run_command.py."""
+        return run_command.run(
             *(self._reader, self._timings, controller, command, values),
             changes=changes,
             restarts=restarts,
@@ -335,7 +337,7 @@ class Jobs:
 
     def raw(self, controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
         """Send raw bytes."""
-        return commanding.raw(controller, data)
+        return run_command.raw(controller, data)
 
     def restore(self, controller: DeviceController) -> Callable[[QueuedJob], Awaitable[None]]:
         """Restore a device that does not answer at any baud rate; an unfinished rollback is completed."""
@@ -371,7 +373,7 @@ class Jobs:
         """Read all settings of a device that is found again, because values read before are uncertain. Settings that
         cannot be read are marked; the job still succeeds.
         """
-        controller.invalidate(list(controller.values), commanding.NOT_SINCE.format(task.job.title))
+        controller.invalidate(list(controller.values), run_command.NOT_SINCE.format(task.job.title))
         try:
             await self._reader.read_settings(controller, task, None)
         except (NoReplyError, DeviceRejectedError, LinkError) as error:
@@ -437,7 +439,7 @@ async def _call_device(
             return await controller.run(driver.restore_communication(known))
         except LinkError as gone:
             controller.step(task, "Its port is gone: switch the device on again")
-            while not await cut_off.reopened(controller):
+            while not await recovery.reopened(controller):
                 if time.monotonic() > end:
                     raise gone from None
                 await asyncio.sleep(timings.reopen_s)

@@ -21,8 +21,8 @@ from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.errors import DomainError
 from imuscope.server.holder.arbiter import SERVER
-from imuscope.server.holder.places import runtime_folder
 from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.holder.socket_paths import runtime_folder
 from imuscope.server.links.base import Link, LinkError
 from imuscope.server.links.held import ClientData, HeldLink, is_held
 from imuscope.server.links.serial import SerialLink

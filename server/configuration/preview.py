@@ -24,9 +24,9 @@ from imuscope.server.configuration.api_models import (
     LoadInfo,
     PreviewResult,
 )
-from imuscope.server.configuration.checks import problems_of, sentence, unlike
-from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
+from imuscope.server.configuration.value_checks import problems_of, sentence, unlike
 from imuscope.server.configuration.value_format import numbers
 from imuscope.server.wire_codec import to_json_safe
 

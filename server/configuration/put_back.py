@@ -26,7 +26,7 @@ from imuscope.recordings import atomic_write
 from imuscope.recordings.regular_file import read_regular
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.member import link_of
+from imuscope.server.devices.link_member import link_of
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire import Level
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import time
 
 from imuscope.protocols.transactions import DeviceContext, DeviceDriver
-from imuscope.server.configuration.dangers import Risk
 from imuscope.server.configuration.device_controller import DeviceController, JobError
+from imuscope.server.configuration.risks import Risk
 
 
 def sensor_of(controller: DeviceController, name: str) -> str:

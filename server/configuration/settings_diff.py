@@ -25,8 +25,8 @@ from typing import Any
 from imuscope.protocols.schema import Field, Setting
 from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
 from imuscope.server.configuration.api_models import Difference, DifferenceRow, FieldProblem
-from imuscope.server.configuration.checks import problems_of
 from imuscope.server.configuration.form_builder import flat
+from imuscope.server.configuration.value_checks import problems_of
 from imuscope.server.configuration.value_format import (
     OFF,
     entry_title,

@@ -12,13 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from imuscope.protocols.events import Batch, Doubts, Event, Remarks, Reply
+from imuscope.server.devices.decode_budget import Slices
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
 from imuscope.server.devices.device_state import short_source
 from imuscope.server.devices.ingest import LinkTiming
 from imuscope.server.devices.protocol_detection import ProtocolDetector, ProtocolSet, unknown_hint
-from imuscope.server.devices.restarts import Restarts
-from imuscope.server.devices.slices import Slices
+from imuscope.server.devices.sequence_restarts import Restarts
 from imuscope.server.links.base import CHUNK_COST, Chunk, Link
 from imuscope.server.streaming.sink import TelemetrySink
 
@@ -151,7 +151,7 @@ class DecodePipeline:
 
     @property
     def has_slice(self) -> bool:
-        """Whether a whole slice was put, which must be decoded first (server/devices/slices.py)."""
+        """Whether a whole slice was put, which must be decoded first (server/devices/decode_budget.py)."""
         return self._slices.is_full
 
     async def wait_for_room(self) -> None:

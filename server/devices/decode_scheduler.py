@@ -1,6 +1,6 @@
 """Scheduler of decoding: soon after bytes arrive, in turns that leave time for the event loop.
 
-    bytes arrive ─> request ──interval──> turn: a slice of each session (server/devices/slices.py) ─> rows on the bus
+    bytes arrive ─> request ──interval──> turn: a slice of each session (decode_budget.py) ─> rows on the bus
                                             │ more is waiting
                                             └─ pause as long as the turn took, some passes of the loop, next turn
 
@@ -17,7 +17,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from imuscope.server.devices.slices import Drain, Turns
+from imuscope.server.devices.decode_budget import Drain, Turns
 
 UNWATCHED_S = 0.1  # without viewers, decoding at longer intervals saves most of the work
 PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request

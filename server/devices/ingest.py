@@ -26,13 +26,13 @@ from imuscope.protocols.clock_sync import ClockSync, TimedRows
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from imuscope.protocols.family import OutputChanges
 from imuscope.protocols.framing import REFUSED
+from imuscope.protocols.host_timestamps import StampClock
 from imuscope.protocols.nmea_quantities import NmeaQuantities
 from imuscope.protocols.plural import counted
-from imuscope.protocols.stamp_clock import StampClock
-from imuscope.server.devices.dating import Dating
 from imuscope.server.devices.event_reporter import EventReporter, LossCause
 from imuscope.server.devices.jitter_causes import cause_of
 from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.devices.utc_time import Dating
 from imuscope.server.links.base import Link
 from imuscope.server.links.line_timing import byte_time_ns, holds_ns, port_of
 from imuscope.server.links.registry import is_network

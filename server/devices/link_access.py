@@ -3,8 +3,8 @@
     device_controller.py, rollback.py …  ──send, reopen, check_rate, suppress_timeout──>  LinkAccess  ──>  Link
     port_shares.py                       ──use_link──────────────────────────────────>  (Session)
 
-A caller that talks to the device holds `turn` (audience.py), so that no other one does meanwhile; `wait_idle` waits for
-those that do.
+A caller that sends to the device holds `turn` (session_listeners.py), so that no other one does at the same time;
+`wait_idle` waits for those that do.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from __future__ import annotations
 import asyncio
 from abc import abstractmethod
 
-from imuscope.server.devices.audience import Audience
 from imuscope.server.devices.decode_pipeline import DecodePipeline
 from imuscope.server.devices.device_demux import LinkDevices
+from imuscope.server.devices.session_listeners import Audience
 from imuscope.server.devices.silence_watchdog import SilenceWatchdog
 from imuscope.server.links.base import Link
 from imuscope.server.streaming.sink import TelemetrySink

@@ -30,12 +30,12 @@ from imuscope.server.devices.decode_watchdog import DecodeWatchdog, undecodable_
 from imuscope.server.devices.device_demux import LinkDevices
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.device_state import DeviceState, short_source
+from imuscope.server.devices.dropped_bytes import LeftOut
 from imuscope.server.devices.identify import IdentifyRequest
-from imuscope.server.devices.left_out import LeftOut
 from imuscope.server.devices.link_access import LinkAccess
 from imuscope.server.devices.outage import Outage
 from imuscope.server.devices.protocol_detection import ProtocolSet
-from imuscope.server.devices.restarts import Restarts
+from imuscope.server.devices.sequence_restarts import Restarts
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics

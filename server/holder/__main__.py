@@ -14,10 +14,10 @@ import syslog
 import traceback
 from collections.abc import Callable
 
-from imuscope.server.holder.places import failure_of, log_of
 from imuscope.server.holder.process import Holder
 from imuscope.server.holder.settings import HolderSettings
 from imuscope.server.holder.shares import ShareError
+from imuscope.server.holder.socket_paths import failure_of, log_of
 
 READY = b"ready"
 MOST_LOG = 1 << 16  # bytes, beyond which the log is begun anew

@@ -23,7 +23,7 @@ from imuscope.server.holder.event_loop import READ, WRITE, EventLoop
 from imuscope.server.holder.messages import MessageKind
 from imuscope.server.holder.port import Port, PortError
 from imuscope.server.holder.requests import carry_out
-from imuscope.server.holder.server_side import ServerSide
+from imuscope.server.holder.server_session import ServerSide
 from imuscope.server.holder.settings import HolderSettings
 from imuscope.server.holder.shares import ShareError
 from imuscope.server.holder.sharing import Sharing

@@ -30,14 +30,14 @@ from pathlib import Path
 from imuscope.recordings.column_store import VERSION, ColumnStore
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.library.sources import decoding_mark
-from imuscope.server.library.store_source import is_stale
+from imuscope.server.library.cache_provenance import is_stale
+from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.columns")
 
 KEPT_OPEN = 16
-AT_ONCE = 2  # recordings decoded at a time: each may use a large part of the memory (recordings/bounds.py)
+AT_ONCE = 2  # recordings decoded at a time: each may use a large part of the memory (recordings/resource_limits.py)
 CACHE_BYTES = 20 << 30
 SHARE_OF_DISK = 4  # the cache takes at most one part in so many of what the disk has besides
 ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened

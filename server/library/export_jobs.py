@@ -29,7 +29,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
-from imuscope.server.library.one_file import one_file
+from imuscope.server.library.zip_download import one_file
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.workers import Worker
 

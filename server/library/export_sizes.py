@@ -22,13 +22,13 @@ from pathlib import Path
 
 import numpy as np
 
-from imuscope.recordings.bounds import TooLong, bounded
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.priority import lower_priority
+from imuscope.recordings.resource_limits import TooLong, bounded
 from imuscope.server.library.export_worker import request_of
-from imuscope.server.library.one_file import one_file
+from imuscope.server.library.zip_download import one_file
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)
 WHOLE = 12_000  # rows of channels up to which everything is written

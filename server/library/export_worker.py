@@ -15,13 +15,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from imuscope.recordings.bounds import TooLong, bounded
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.priority import lower_priority
+from imuscope.recordings.resource_limits import TooLong, bounded
 
 STEP = 0.005
 

@@ -25,7 +25,7 @@ from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.recordings.sources import Source
 from imuscope.server.devices.byte_memory import ByteRun, LinkMemory
 from imuscope.server.library.range_query import stored_values
-from imuscope.server.library.reject_words import explained_rejects
+from imuscope.server.library.reject_reasons import explained_rejects
 from imuscope.server.streaming.channel_store import StoredChannel
 from imuscope.server.wire_codec import to_json_safe
 

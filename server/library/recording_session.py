@@ -32,7 +32,7 @@ from imuscope.server import wire, wire_codec
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.devices.byte_memory import LATEST_NS, ByteMemory, Follower, Take
-from imuscope.server.devices.member import address_of
+from imuscope.server.devices.link_member import address_of
 from imuscope.server.devices.session import Session
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.log_header import LogHeaderRequest

@@ -32,9 +32,9 @@ from imuscope.server.holder.messages import (
     json_message,
     message,
 )
-from imuscope.server.holder.places import cause_of_end, log_of, socket_of
 from imuscope.server.holder.settings import HolderSettings
 from imuscope.server.holder.shares import ShareAddress
+from imuscope.server.holder.socket_paths import cause_of_end, log_of, socket_of
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
 from imuscope.server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
 from imuscope.server.links.serial import PARITIES, SerialLink, cannot_open, latency_notices

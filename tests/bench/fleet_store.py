@@ -44,8 +44,8 @@ sys.path.insert(0, str(ROOT))
 from imuscope.protocols.xbus.simulator.device import XbusSimulator  # noqa: E402
 from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from imuscope.server.devices.decode_options import DecodeOptions  # noqa: E402
+from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS  # noqa: E402
 from imuscope.server.extensions.fleet.query import ask  # noqa: E402
-from imuscope.server.extensions.fleet.questions import QUESTIONS  # noqa: E402
 from imuscope.server.extensions.fleet.store import location  # noqa: E402
 from imuscope.server.extensions.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
 from imuscope.server.extensions.fleet.upload import upload  # noqa: E402

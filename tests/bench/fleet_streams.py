@@ -4,7 +4,7 @@
 
     robots (a process, a session each) ─> imuscope fleet (a process, router too) ── a WebSocket for each page ──> here
 
-A robot's end of the line is that of the product (page_server.py); in place of a device it has frames of
+A robot's end of the line is that of the product (http_tunnel_robot.py); in place of a device it has frames of
 ten values, made as often as a server sends them. Each robot is watched once, so a browser has some pages open.
 
 Figures: p50 and p99 from the moment at which a robot made a frame to its arrival in the browser, samples that were
@@ -28,7 +28,7 @@ from typing import Any
 from websockets.asyncio.client import connect
 
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
-from imuscope.server.extensions.fleet.page_server import PageServer
+from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.wire import HEADER, SUBPROTOCOL
 from imuscope.server.wire.frames import OPCODE_SAMPLES
 from tests.bench.cpu import seconds_of

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.holder.arbiter import QUIET_S
-from imuscope.server.holder.places import socket_of
+from imuscope.server.holder.socket_paths import socket_of
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.held import ClientData, HeldLink, is_held
 from tests.each_row import each_row

@@ -20,13 +20,13 @@ from pathlib import Path
 import pytest
 
 from imuscope.protocols.xbus.frames import build
-from imuscope.server.holder import server_side, sharing
+from imuscope.server.holder import server_session, sharing
 from imuscope.server.holder.arbiter import QUIET_S
 from imuscope.server.holder.messages import MessageKind, MessageReader, message
-from imuscope.server.holder.places import log_of, socket_of
 from imuscope.server.holder.process import Holder
 from imuscope.server.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
 from imuscope.server.holder.shares import ShareError
+from imuscope.server.holder.socket_paths import log_of, socket_of
 from imuscope.server.links import held
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.held import ROOT, HeldLink, holder_settings
@@ -76,7 +76,7 @@ async def in_process(port: DevicePort, *shares: str) -> AsyncIterator[HeldLink]:
 @pytest.fixture
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "MOST_WAIT_S", 0.3)
-    monkeypatch.setattr(server_side, "MOST_WAIT_S", 0.3)
+    monkeypatch.setattr(server_session, "MOST_WAIT_S", 0.3)
 
 
 def test_the_server_waits_until_a_client_has_configured_the_device(port: DevicePort, tmp_path: Path) -> None:

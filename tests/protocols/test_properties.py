@@ -336,7 +336,13 @@ def test_without_compilation(tmp_path: Path) -> None:
 
 
 INTERPRETED = (
-    *("test_xbus_decoder.py", "test_isb_decoder.py", "test_idtp_decoder.py", "test_counters.py", "test_clock_rows.py"),
+    *(
+        "test_xbus_decoder.py",
+        "test_isb_decoder.py",
+        "test_idtp_decoder.py",
+        "test_counters.py",
+        "test_clock_kernels.py",
+    ),
     *("test_chunk_boundaries.py", "test_properties.py::test_like_the_oracle"),
 )
 

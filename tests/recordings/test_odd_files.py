@@ -76,7 +76,7 @@ def test_a_server_starts_lists_and_ends_beside_them(odd: Path) -> None:
 
 
 OPENS_ITS_OWN = {
-    "recordings/bounds.py": "of the kernel",
+    "recordings/resource_limits.py": "of the kernel",
     "recordings/column_store.py": "in a folder of ours",
     "recordings/payloads.py": "in a folder of ours",
     "recordings/regular_file.py": "the one place",

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 from imuscope.server.library import column_cache
+from imuscope.server.library.cache_provenance import write_source
 from imuscope.server.library.column_cache import ColumnCache
-from imuscope.server.library.store_source import write_source
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
 

@@ -19,7 +19,7 @@ from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.sources import McapSource
 from imuscope.recordings.tabular import TableSource
 from imuscope.server.config import Config
-from imuscope.server.library.one_file import one_file
+from imuscope.server.library.zip_download import one_file
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink

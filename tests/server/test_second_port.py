@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.server.configuration.risk_check import plan_changes
+from imuscope.server.configuration.change_plan import plan_changes
 from imuscope.server.links import LinkError, open_link
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
 from imuscope.server.links.source_url import SourceUrl

@@ -22,9 +22,9 @@ from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.sources import McapSource
 from imuscope.server.cli import main
 from imuscope.server.configuration.budget import overload
+from imuscope.server.configuration.change_plan import SHARED, plan_changes
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.preview import fit, preview_setting
-from imuscope.server.configuration.risk_check import SHARED, plan_changes
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
 from imuscope.server.library.decode import decode

@@ -17,8 +17,8 @@ from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.recordings import atomic_write
 from imuscope.server.configuration import rollback
+from imuscope.server.configuration.change_plan import plan_changes
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.configuration.risk_check import plan_changes
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.errors import DomainError
 from imuscope.server.links.simulator import SimulatorLink

@@ -8,7 +8,7 @@ from dataclasses import replace
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.member import AnyDevice
+from imuscope.server.devices.link_member import AnyDevice
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.extensions.corrections.log import LogSink, ignore
 from imuscope.server.extensions.corrections.stream import CorrectionForwarder

@@ -35,7 +35,7 @@ from imuscope.protocols.nmea import sentence
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.member import AnyDevice, address_of
+from imuscope.server.devices.link_member import AnyDevice, address_of
 from imuscope.server.devices.position_tracker import Position, PositionTracker
 from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
 from imuscope.server.extensions.corrections.ntrip import (

@@ -32,9 +32,9 @@ from imuscope.server.extensions.evidence.position import (
 from imuscope.server.extensions.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
 from imuscope.server.extensions.evidence.series import Blocks, embedded, intervals_for
 from imuscope.server.library.api_models import RecordedSetting
+from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recording_detail import channels_of
-from imuscope.server.library.sources import decoding_mark
 from imuscope.server.version import VERSION
 from imuscope.server.wire import ChannelInfo
 

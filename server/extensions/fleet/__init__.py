@@ -6,21 +6,21 @@ The store needs `imuscope[fleet]`.
     tables.py      the tables and their columns
     upload.py      a recording into the store: its file, then its rows
     uploads.py     finished recordings of this robot into the store; upload_rules.py, upload_worker.py, upload_log.py
-    content.py     what makes two files the same recording
-    metadata.py, samples.py, minutes.py    the rows of an opened recording; packet_rows.py: those of one packet
+    recording_digest.py    what makes two files the same recording
+    metadata.py, samples.py, minute_statistics.py    rows of an opened recording; packet_rows.py: rows of one packet
     delta_tables.py    appending exactly once
     query.py       SQL over the tables, read-only and limited
-    question_service.py, query_worker.py    questions over HTTP: in turns (fair_queue.py), each in a process of its own
+    query_service.py, query_worker.py    questions over HTTP: in turns (fair_queue.py), each in a process of its own
     query_words.py   what an editor completes
-    questions.py   prepared questions
+    prepared_queries.py    prepared questions
     fetch.py         a recording out of the store
     compact.py       small files joined
     results.py     answers as a table, CSV, JSON or Arrow
 
     keys.py, reports.py    the bus: its keys, and what is published under them
-    later_versions.py      what a newer robot says
+    unknown_fields.py      fields and words of a newer robot
     bus.py, access.py      sessions of Zenoh, and the access rules of the router
-    publisher.py           a robot's side (`--fleet`); device_figures.py and raised_alarms.py are what it tells
+    publisher.py           a robot's side (`--fleet`); device_figures.py and active_alarms.py are in its reports
     device_settings.py     settings of a device and their digest; known_settings.py has those of this robot
     operators.py           persons who may command robots of some groups
     group_profiles.py      how far robots are from the profiles of their groups

@@ -26,7 +26,6 @@ import msgspec
 
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.database import FleetBatch, StoredEvent, StoredRobot
-from imuscope.server.extensions.fleet.later_versions import unknown_parts
 from imuscope.server.extensions.fleet.reports import (
     ReportError,
     RobotReport,
@@ -37,6 +36,7 @@ from imuscope.server.extensions.fleet.reports import (
 from imuscope.server.extensions.fleet.robots import Robots, TooManyRobotsError
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
+from imuscope.server.extensions.fleet.unknown_fields import unknown_parts
 from imuscope.server.printable import printable
 
 ASK_AGAIN_S = 5.0

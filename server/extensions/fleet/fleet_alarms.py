@@ -35,7 +35,7 @@ from imuscope.server.extensions.alarms.machine import (
     AlarmTransition,
 )
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url
-from imuscope.server.extensions.fleet.person import person
+from imuscope.server.extensions.fleet.operator_name import person
 from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
 from imuscope.server.fleet_settings import FleetServerSettings
 

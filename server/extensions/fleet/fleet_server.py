@@ -27,13 +27,13 @@ from imuscope.server.extensions.fleet.collector import Collector
 from imuscope.server.extensions.fleet.database import FleetDatabase, FleetDatabaseError
 from imuscope.server.extensions.fleet.fleet_alarms import FleetAlarms
 from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
-from imuscope.server.extensions.fleet.later_versions import PARTS
+from imuscope.server.extensions.fleet.http_tunnel_server import RobotPages
 from imuscope.server.extensions.fleet.reports import MAX_JOURNAL, ReportError
-from imuscope.server.extensions.fleet.robot_pages import RobotPages
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
 from imuscope.server.extensions.fleet.rollouts import RolloutFiles, Rollouts
 from imuscope.server.extensions.fleet.summaries import RobotSummary
+from imuscope.server.extensions.fleet.unknown_fields import PARTS
 from imuscope.server.prometheus_text import PrometheusText
 
 if TYPE_CHECKING:

@@ -34,7 +34,7 @@ from imuscope.server.extensions.fleet.device_settings import (
     difference,
     encode_settings,
 )
-from imuscope.server.extensions.fleet.person import person
+from imuscope.server.extensions.fleet.operator_name import person
 from imuscope.server.extensions.fleet.reports import ReportError
 from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary, SettingsState
 

@@ -19,9 +19,9 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.auth import is_command
 from imuscope.server.errors import DomainError, status_of
-from imuscope.server.extensions.fleet.page_messages import MAX_BODY, MAX_SAID, End, Head, Open, Part
-from imuscope.server.extensions.fleet.page_server import HEADERS
-from imuscope.server.extensions.fleet.robot_pages import PageStream
+from imuscope.server.extensions.fleet.http_tunnel_protocol import MAX_BODY, MAX_SAID, End, Head, Open, Part
+from imuscope.server.extensions.fleet.http_tunnel_robot import HEADERS
+from imuscope.server.extensions.fleet.http_tunnel_server import PageStream
 from imuscope.server.extensions.fleet.robot_routes import TheFleetServer, fleet_server_of
 from imuscope.server.previous_names import path_of
 from imuscope.server.printable import printable

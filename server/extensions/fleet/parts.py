@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from imuscope.server.extensions.alarms.service import AlarmService
+from imuscope.server.extensions.fleet.active_alarms import raised_alarms
 from imuscope.server.extensions.fleet.fleet_server import FleetServer
 from imuscope.server.extensions.fleet.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.publisher import FleetPublisher
-from imuscope.server.extensions.fleet.question_service import QuestionService
-from imuscope.server.extensions.fleet.raised_alarms import raised_alarms
+from imuscope.server.extensions.fleet.query_service import QuestionService
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.uploads import UploadService
 from imuscope.server.parts import ServicePart

@@ -34,9 +34,9 @@ from imuscope.server.extensions.fleet.bus import (
     open_bus,
 )
 from imuscope.server.extensions.fleet.device_figures import DeviceFigures, clipped
+from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.extensions.fleet.journal import ANSWER_BYTES, FOLDER, Journal
 from imuscope.server.extensions.fleet.known_settings import KnownSettings
-from imuscope.server.extensions.fleet.page_server import PageServer
 from imuscope.server.extensions.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, settled

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import BinaryIO, TextIO
 
-from imuscope.server.extensions.fleet.questions import QUESTIONS
+from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.store import MISSING, StoreError, location
 
 

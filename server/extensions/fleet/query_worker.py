@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.extensions.fleet.query_worker`: answer one question, for question_service.py.
+"""`python -m imuscope.server.extensions.fleet.query_worker`: answer one question, for query_service.py.
 
 The request comes on standard input, one JSON object: store, sql, format, rows, memory_mb, timeout_s; with `words` in
 place of `sql`, the answer is what an editor may complete; with `fetch`, a recording is written to `path`. On standard
@@ -19,9 +19,9 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuscope.recordings.bounds import TooLong, bounded
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.priority import lower_priority
+from imuscope.recordings.resource_limits import TooLong, bounded
 from imuscope.server.extensions.fleet.fetch import NotInStoreError, fetch
 from imuscope.server.extensions.fleet.query import QueryError, QueryLimits, ask
 from imuscope.server.extensions.fleet.query_words import query_words

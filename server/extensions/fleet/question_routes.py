@@ -16,8 +16,8 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, responses
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet.question_service import AskedQuestion, QuestionRequest, QuestionService
-from imuscope.server.extensions.fleet.questions import QUESTIONS
+from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
+from imuscope.server.extensions.fleet.query_service import AskedQuestion, QuestionRequest, QuestionService
 
 router = APIRouter(prefix="/api/query", tags=["query"])
 

@@ -4,7 +4,7 @@
     journal     the answer of a robot to the query of its journal: a map with reports in order of their numbers
 
 docs/fleet.md is the specification. Version 1 can grow: a kind, a level or a state is any short word, and fields that
-this version does not know are kept as text where a page shows them (later_versions.py). A field that is missing has its
+this version does not know are kept as text where a page shows them (unknown_fields.py). A field that is missing has its
 default. What is of another shape, or exceeds a limit, makes the whole report invalid: `decode_report` raises
 ReportError and nothing else, for any bytes.
 """
@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
-from imuscope.server.extensions.fleet.later_versions import MAX_MORE, with_further_fields
+from imuscope.server.extensions.fleet.unknown_fields import MAX_MORE, with_further_fields
 
 VERSION: Literal[1] = 1
 MAX_REPORT = 65_536  # bytes

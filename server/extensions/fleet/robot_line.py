@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from imuscope.server.errors import KINDS, DomainError
-from imuscope.server.extensions.fleet.page_messages import End, Head, Open, Part
-from imuscope.server.extensions.fleet.robot_pages import PageStream, RobotPages
+from imuscope.server.extensions.fleet.http_tunnel_protocol import End, Head, Open, Part
+from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
 from imuscope.server.printable import printable
 
 ANSWER_S = 30.0

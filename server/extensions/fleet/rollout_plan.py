@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from imuscope.protocols.transactions import DeviceDriver
-from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings
 from imuscope.server.extensions.fleet.group_profiles import GroupProfile, GroupProfiles, SettingsCheck

@@ -22,9 +22,9 @@ from imuscope.recordings import atomic_write
 from imuscope.recordings.regular_file import read_regular
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
-from imuscope.server.extensions.fleet.person import person
+from imuscope.server.extensions.fleet.http_tunnel_server import RobotPages
+from imuscope.server.extensions.fleet.operator_name import person
 from imuscope.server.extensions.fleet.robot_line import RobotLine
-from imuscope.server.extensions.fleet.robot_pages import RobotPages
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.rollout_models import (
     BAD,

@@ -23,7 +23,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from imuscope.server.config import Config
-from imuscope.server.extensions.fleet.limited_line import LimitedLine
+from imuscope.server.extensions.fleet.bandwidth_proxy import LimitedLine
 from imuscope.server.store_settings import STORE_FORMS
 
 RETRY_S = 60

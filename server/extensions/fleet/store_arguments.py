@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from imuscope.server.extensions.fleet.questions import QUESTIONS
+from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.store_settings import STORE_FORMS
 
 

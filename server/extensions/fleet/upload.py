@@ -32,12 +32,12 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.probe import RecordingProbe, probe
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.extensions.fleet.content import as_recording, checksum_of, is_mcap, recording_id
+from imuscope.server.extensions.fleet.bandwidth_proxy import Pace
 from imuscope.server.extensions.fleet.delta_dataset import dataset_of
 from imuscope.server.extensions.fleet.delta_tables import append_once, as_schema, create_table, has_rows, open_table
-from imuscope.server.extensions.fleet.limited_line import Pace
 from imuscope.server.extensions.fleet.metadata import RecordingKey, StoredFile, arrow_rows, small_tables, start_of
-from imuscope.server.extensions.fleet.minutes import minute_rows
+from imuscope.server.extensions.fleet.minute_statistics import minute_rows
+from imuscope.server.extensions.fleet.recording_digest import as_recording, checksum_of, is_mcap, recording_id
 from imuscope.server.extensions.fleet.samples import sample_reader, sample_rows, sample_schema
 from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, told
 from imuscope.server.extensions.fleet.tables import MINUTES, RECORDINGS, SAMPLES, TABLES

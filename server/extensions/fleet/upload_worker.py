@@ -19,14 +19,14 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.bounds import TooLong, bounded, bounded_by
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.priority import lower_priority
+from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet.content import recording_id
 from imuscope.server.extensions.fleet.fetch import NotInStoreError, verify
+from imuscope.server.extensions.fleet.recording_digest import recording_id
 from imuscope.server.extensions.fleet.store import AGAIN, StoreError, limited, location
 from imuscope.server.extensions.fleet.upload import upload
 

@@ -8,8 +8,8 @@
 
 Every channel becomes a topic of JSON messages (recordings/topics.py), every attitude a foxglove.FrameTransform from
 ENU to the device, every latitude and longitude a foxglove.LocationFix, and every event a foxglove.Log
-(recordings/well_known.py). A channel is requested and encoded only while it has subscribers. The protocol itself is in
-server/extensions/foxglove/protocol_server.py.
+(recordings/standard_schemas.py). A channel is requested and encoded only while it has subscribers. The protocol itself
+is in server/extensions/foxglove/protocol_server.py.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
-from imuscope.recordings import well_known
+from imuscope.recordings import standard_schemas
 from imuscope.recordings.file_names import device_names
 from imuscope.recordings.rrd.entities import Attitude, DeviceEntity, PositionEntity, devices_of
 from imuscope.recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
@@ -110,7 +110,7 @@ class FoxgloveBridge:
         self._topics: dict[int, TopicRegistry] = {}
         self._taken: set[str] = set()
         self._requested: list[int] = []
-        self._log = self._well_known(EVENTS, well_known.Log)
+        self._log = self._well_known(EVENTS, standard_schemas.Log)
         self._next_event = 0
         self._heights: dict[int, SampleFrame | None] = {}  # of positions without height; None: not received yet
 
@@ -169,7 +169,7 @@ class FoxgloveBridge:
                 continue
             self._next_event = event["seq"] + 1
             if self._server.is_wanted(self._log):
-                self._server.send(self._log, *well_known.logged(event, names.get(event["device"], "")))
+                self._server.send(self._log, *standard_schemas.logged(event, names.get(event["device"], "")))
 
     # ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -184,10 +184,10 @@ class FoxgloveBridge:
         """Advertise the well-known forms of an attitude and of a position."""
         topics.attitude, topics.position = device.attitude, device.position
         if device.attitude and device.attitude.channel == info["id"] and not topics.transform:
-            topics.transform = self._named(topics, well_known.ATTITUDE, well_known.FrameTransform)
+            topics.transform = self._named(topics, standard_schemas.ATTITUDE, standard_schemas.FrameTransform)
         place = device.position and device.position.kind == "place" and device.position.channel == info["id"]
         if place and not topics.fix:
-            topics.fix = self._named(topics, well_known.POSITION, well_known.LocationFix)
+            topics.fix = self._named(topics, standard_schemas.POSITION, standard_schemas.LocationFix)
 
     def _well_known(self, topic: str, message: Any) -> int:
         schema = message.get_schema()
@@ -202,7 +202,7 @@ class FoxgloveBridge:
     def _transforms(self, topics: TopicRegistry, samples: SampleFrame) -> None:
         assert topics.attitude is not None
         times = stamps(samples.columns[0], samples.columns[1])
-        for row, body in well_known.transforms(topics.device, topics.attitude, samples.columns[2:], times):
+        for row, body in standard_schemas.transforms(topics.device, topics.attitude, samples.columns[2:], times):
             self._server.send(topics.transform, int(times[row]), body)
 
     def _fixes(self, topics: TopicRegistry, samples: SampleFrame) -> None:
@@ -211,8 +211,8 @@ class FoxgloveBridge:
         frame = self._heights.get(topics.position.height)
         height = np.zeros(samples.n)
         if frame is not None:
-            height = well_known.heights(stamps(frame.columns[0], frame.columns[1]), frame.columns[2], times)
-        for row, body in well_known.fixes(topics.device, topics.position, samples.columns[2:], height, times):
+            height = standard_schemas.heights(stamps(frame.columns[0], frame.columns[1]), frame.columns[2], times)
+        for row, body in standard_schemas.fixes(topics.device, topics.position, samples.columns[2:], height, times):
             self._server.send(topics.fix, int(times[row]), body)
 
     def _subscribe(self) -> None:

@@ -20,10 +20,10 @@ from imuscope.recordings.sources import McapSource
 from imuscope.server.devices import protocol_set
 from imuscope.server.extensions.analysis.recorded_signals import add_computed_signals
 from imuscope.server.library.decode import decode
+from imuscope.server.library.decoder_fingerprint import decoding_sources
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.library.signal_definitions import SignalDefinition, SignalDefinitions
-from imuscope.server.library.sources import decoding_sources
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.recorder_harness import in_a_loop, recorder

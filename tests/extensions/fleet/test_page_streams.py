@@ -14,14 +14,14 @@ import msgspec
 import pytest
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet import page_server, robot_pages
+from imuscope.server.extensions.fleet import http_tunnel_robot, http_tunnel_server
 from imuscope.server.extensions.fleet.access import RouterSettings
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
-from imuscope.server.extensions.fleet.page_messages import MAX_PART, Beat, End, Head, Open, Part, Stop, encode
-from imuscope.server.extensions.fleet.page_server import PageServer
-from imuscope.server.extensions.fleet.page_window import LARGEST, SMALLEST, Window
+from imuscope.server.extensions.fleet.flow_control import LARGEST, SMALLEST, Window
+from imuscope.server.extensions.fleet.http_tunnel_protocol import MAX_PART, Beat, End, Head, Open, Part, Stop, encode
+from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
+from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
 from imuscope.server.extensions.fleet.reports import RobotStatus
-from imuscope.server.extensions.fleet.robot_pages import PageStream, RobotPages
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from tests.each_row import each_row
 from tests.free_ports import free_port
@@ -224,13 +224,13 @@ def test_streams_end_when_the_other_side_is_silent(monkeypatch: pytest.MonkeyPat
         async with line() as there:
             stream = there.ask("/api/wait")
             await until(lambda: there.robot.streams == 1, "it is open")
-            monkeypatch.setattr(robot_pages, "SILENCE_S", -1.0)
+            monkeypatch.setattr(http_tunnel_server, "SILENCE_S", -1.0)
             there.fleet.tick()
             with pytest.raises(DomainError, match="has not answered") as told:
                 await stream.next()
             assert told.value.kind == "gone"
             assert told.value.hint
-            monkeypatch.setattr(page_server, "SILENCE_S", -1.0)
+            monkeypatch.setattr(http_tunnel_robot, "SILENCE_S", -1.0)
             there.robot.tick()
             await until(lambda: there.robot.streams == 0, "the robot has ended it, too")
 
@@ -305,7 +305,7 @@ def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -> None
 def test_requests_at_once_are_limited() -> None:
     async def check() -> None:
         async with line() as there:
-            streams = [there.ask("/api/wait") for _ in range(robot_pages.MAX_STREAMS)]
+            streams = [there.ask("/api/wait") for _ in range(http_tunnel_server.MAX_STREAMS)]
             with pytest.raises(DomainError) as told:
                 there.ask("/api/short")
             assert told.value.kind == "full"

@@ -19,7 +19,7 @@ from deltalake import DeltaTable
 
 from imuscope.server.config import Config
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet.questions import QUESTIONS
+from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.store import location
 from imuscope.server.extensions.fleet.tables import TABLES
 from imuscope.server.extensions.fleet.upload import upload

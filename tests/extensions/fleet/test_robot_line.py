@@ -10,7 +10,7 @@ import pytest
 
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet import robot_line
-from imuscope.server.extensions.fleet.page_messages import End, Head, Open, Part
+from imuscope.server.extensions.fleet.http_tunnel_protocol import End, Head, Open, Part
 from imuscope.server.extensions.fleet.robot_line import LineError, RobotLine
 from tests.each_row import each_row
 from tests.waiting import until

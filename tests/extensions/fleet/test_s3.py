@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet import limited_line
+from imuscope.server.extensions.fleet import bandwidth_proxy
 from imuscope.server.extensions.fleet.store import limited, location
 from imuscope.server.extensions.fleet.upload import upload
 from tests.extensions.fleet.faulty_proxy import FaultyProxy
@@ -106,7 +106,7 @@ def test_an_upload_of_limited_rate_is_whole_and_not_faster(
     commands: Commands, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rate = recording.stat().st_size / 2
-    monkeypatch.setattr(limited_line, "time", slept := SleptTime())
+    monkeypatch.setattr(bandwidth_proxy, "time", slept := SleptTime())
     with limited(location(STORE), rate) as store:
         assert store.proxy
         upload(recording, store, "otter", DecodeOptions("", {}))

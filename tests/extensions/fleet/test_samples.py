@@ -13,7 +13,7 @@ import pytest
 
 from imuscope.recordings.importers import open_file
 from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.extensions.fleet.questions import QUESTIONS
+from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.samples import fields_for, plain_name, sample_rows
 from imuscope.server.extensions.fleet.tables import SAMPLES, SIGNAL, UNIT
 from imuscope.server.library.decode import decode

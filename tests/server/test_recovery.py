@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from imuscope.server.configuration import cut_off
+from imuscope.server.configuration import recovery
 from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
 from imuscope.server.links.simulator import SimulatorLink
 from tests.server.control_harness import ControlHarness, house, outputs, over
@@ -87,7 +87,7 @@ def test_the_rollback_of_an_absent_device_is_remembered(tmp_path: Path) -> None:
             assert job.message == "The device stopped answering while it was written, and did not come back."
             assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["applying"]
             assert not {"LocationID", "OutputConfiguration"} & set(desk.values)
-            assert desk.missing["LocationID"] == cut_off.UNKNOWN
+            assert desk.missing["LocationID"] == recovery.UNKNOWN
             await until(lambda: desk.session.info.status == "live", "it is plugged in again")
             assert (await here.read(desk)).state == "done"
             assert desk.values["LocationID"] == {"location_id": 7}

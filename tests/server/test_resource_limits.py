@@ -25,7 +25,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from imuscope.recordings import bounds
+from imuscope.recordings import resource_limits
 from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, McapReader
 from imuscope.recordings.probe import probe
 from imuscope.server import http_server, wire
@@ -204,7 +204,7 @@ def test_files_are_sources_only_on_the_command_line(tmp_path: Path) -> None:
 
 def test_a_worker_that_uses_too_much_memory_is_stopped() -> None:
     program = """
-from imuscope.recordings.bounds import bounded
+from imuscope.recordings.resource_limits import bounded
 bounded(memory=400 << 20)
 try:
     bytearray(600 << 20)
@@ -246,10 +246,10 @@ raise SystemExit(compaction.main())
 
 
 def test_limits_follow_the_file_and_the_machine() -> None:
-    assert bounds.seconds_for(0) == bounds.MIN_CPU_S
-    assert bounds.seconds_for(6 << 20) < 120
-    assert bounds.seconds_for(1 << 40) == bounds.CPU_S
-    assert bounds.MIN_MEMORY <= bounds.memory_of_one() <= bounds.MEMORY
+    assert resource_limits.seconds_for(0) == resource_limits.MIN_CPU_S
+    assert resource_limits.seconds_for(6 << 20) < 120
+    assert resource_limits.seconds_for(1 << 40) == resource_limits.CPU_S
+    assert resource_limits.MIN_MEMORY <= resource_limits.memory_of_one() <= resource_limits.MEMORY
 
 
 def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:

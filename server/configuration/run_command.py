@@ -14,9 +14,9 @@ from collections.abc import Awaitable, Callable, Collection
 
 from imuscope.protocols.transactions import AT_REST, DeviceRejectedError, NoReplyError, RequiresState, Values
 from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
-from imuscope.server.configuration.reading import SettingsReader
 from imuscope.server.configuration.rollback import RESTORE_HINT
 from imuscope.server.configuration.sensor_check import check_sensor
+from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
 from imuscope.server.links.base import LinkError

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.collector import Collector
 from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.later_versions import MAX_MORE, MAX_TEXT, unknown_parts
 from imuscope.server.extensions.fleet.reports import (
     JournalAnswer,
     ReportError,
@@ -23,6 +22,7 @@ from imuscope.server.extensions.fleet.reports import (
 )
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.summaries import FleetRobots
+from imuscope.server.extensions.fleet.unknown_fields import MAX_MORE, MAX_TEXT, unknown_parts
 from tests.each_row import each_row
 
 BOOT = "0123456789abcdef"

@@ -13,7 +13,7 @@
 
 Each stream has a number that its fleet server gave it, and the messages of a stream are numbered from 0 in each
 direction, so that a lost one is noticed: the stream then ends. A robot sends what is not taken yet up to a window
-(page_window.py). docs/fleet.md is the specification. `decode_ask` and `decode_answer` raise PageMessageError and
+(flow_control.py). docs/fleet.md is the specification. `decode_ask` and `decode_answer` raise PageMessageError and
 nothing else, for any bytes.
 """
 

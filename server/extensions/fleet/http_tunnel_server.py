@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 from imuscope.server.errors import KINDS, DomainError
 from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.inbox import Inbox
-from imuscope.server.extensions.fleet.page_messages import (
+from imuscope.server.extensions.fleet.flow_control import LARGEST
+from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     Answer,
     Ask,
     Beat,
@@ -39,7 +39,7 @@ from imuscope.server.extensions.fleet.page_messages import (
     decode_ask,
     encode,
 )
-from imuscope.server.extensions.fleet.page_window import LARGEST
+from imuscope.server.extensions.fleet.inbox import Inbox
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 from imuscope.server.printable import printable
 from imuscope.server.prometheus_text import PrometheusText

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from imuscope.server.library import sources
+from imuscope.server.library import decoder_fingerprint
 from tests.server_process import ROOT
 
 RUN = """
@@ -19,16 +19,16 @@ print(*(module for module in sys.modules if module.partition(".")[0] == "imuscop
 
 def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
     done = subprocess.run([sys.executable, "-c", RUN], cwd=ROOT, capture_output=True, text=True, check=True)
-    found = set(sources.decoding_sources())
+    found = set(decoder_fingerprint.decoding_sources())
     assert "imuscope.recordings.importers" in done.stdout
     for module in done.stdout.split():
         place = ROOT.joinpath(*module.split("."))
         there = {place.with_suffix(".py"), place / "__init__.py"} & found
-        assert there or sources.is_simulator(module), module
+        assert there or decoder_fingerprint.is_simulator(module), module
 
 
 def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
-    found = {str(path.relative_to(sources.PACKAGE)) for path in sources.decoding_sources()}
+    found = {str(path.relative_to(decoder_fingerprint.PACKAGE)) for path in decoder_fingerprint.decoding_sources()}
     assert found >= {
         *(f"recordings/{name}.py" for name in ("tabular", "importers", "vendor_logs")),
         "protocols/euler.py",

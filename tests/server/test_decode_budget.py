@@ -10,10 +10,10 @@ from typing import cast
 
 import pytest
 
-from imuscope.server.devices import slices
+from imuscope.server.devices import decode_budget
+from imuscope.server.devices.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, Slices, Turns
 from imuscope.server.devices.event_reporter import TEXT_SORTS
 from imuscope.server.devices.link_stats import MAX_MESSAGES
-from imuscope.server.devices.slices import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, Slices, Turns
 from imuscope.server.links import open_link
 from imuscope.server.links.base import CHUNK_COST, Chunk, LinkSettings
 from imuscope.server.links.reader_thread import ANSWER_NS, WAKE_NS, ChunkQueue
@@ -39,7 +39,7 @@ def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
             made.begin()
             clock.now += made.size * byte_s
             made.end()
-        assert made.size == slices.MAX_BYTES or SLICE_S / 2 <= made.size * byte_s <= SLICE_S
+        assert made.size == decode_budget.MAX_BYTES or SLICE_S / 2 <= made.size * byte_s <= SLICE_S
 
     asyncio.run(check())
 

@@ -17,9 +17,9 @@ from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.commands import send
 from imuscope.server.commands.send import SendError
-from imuscope.server.configuration.dangers import dangers_of_write
+from imuscope.server.configuration.change_plan import plan_command
 from imuscope.server.configuration.form_builder import forms_of
-from imuscope.server.configuration.risk_check import plan_command
+from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.devices.decode_options import DecodeOptions
 from tests.each_row import each_row
 from tests.server.control_harness import BRIEFEST, house

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.clock_rows import decreases, delays_of, host_times
+from imuscope.protocols.clock_kernels import decreases, delays_of, host_times
 from imuscope.protocols.framing import StreamBuffer
 from imuscope.protocols.jit import Kernel
 

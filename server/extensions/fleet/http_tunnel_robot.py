@@ -27,8 +27,8 @@ from imuscope.server import wire
 from imuscope.server.auth import is_command
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.inbox import Inbox
-from imuscope.server.extensions.fleet.page_messages import (
+from imuscope.server.extensions.fleet.flow_control import Window
+from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     MAX_OPEN,
     Answer,
     Beat,
@@ -44,7 +44,7 @@ from imuscope.server.extensions.fleet.page_messages import (
     decode_ask,
     encode,
 )
-from imuscope.server.extensions.fleet.page_window import Window
+from imuscope.server.extensions.fleet.inbox import Inbox
 from imuscope.server.extensions.fleet.summaries import PagesAllowed
 from imuscope.server.previous_names import path_of
 from imuscope.server.printable import printable

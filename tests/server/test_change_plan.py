@@ -7,8 +7,8 @@ from typing import Any, cast
 
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.transactions import DeviceContext
+from imuscope.server.configuration.change_plan import plan_command
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.configuration.risk_check import plan_command
 from tests.each_row import each_row
 
 PRESENT = SimpleNamespace(setting_of=lambda command: None)

@@ -13,8 +13,8 @@ import httpx
 import pytest
 
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet import limited_line
-from imuscope.server.extensions.fleet.limited_line import BURST_S, LimitedLine, Pace
+from imuscope.server.extensions.fleet import bandwidth_proxy
+from imuscope.server.extensions.fleet.bandwidth_proxy import BURST_S, LimitedLine, Pace
 from imuscope.server.extensions.fleet.store import StoreError, limited, location
 from imuscope.server.extensions.fleet.upload import upload
 from tests.free_ports import free_port
@@ -28,7 +28,7 @@ RATE = 200_000.0
 def slept(monkeypatch: pytest.MonkeyPatch) -> SleptTime:
     """The time of the line."""
     made = SleptTime()
-    monkeypatch.setattr(limited_line, "time", made)
+    monkeypatch.setattr(bandwidth_proxy, "time", made)
     return made
 
 

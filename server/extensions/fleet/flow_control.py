@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
-from imuscope.server.extensions.fleet.page_messages import MAX_PART
+from imuscope.server.extensions.fleet.http_tunnel_protocol import MAX_PART
 
 SMALLEST, LARGEST = 8 * 1024, 192 * 1024  # bytes
 SLOW_S = 0.5

@@ -15,11 +15,11 @@ from imuscope.protocols.schema import Command, Setting
 from imuscope.protocols.transactions import RequiresState, Values
 from imuscope.server.configuration.api_models import FieldProblem
 from imuscope.server.configuration.budget import overload_error
-from imuscope.server.configuration.checks import problems_of, unlike
-from imuscope.server.configuration.dangers import UNASKED, Risk, dangers_of_write
 from imuscope.server.configuration.device_controller import DeviceController
+from imuscope.server.configuration.risks import UNASKED, Risk, dangers_of_write
+from imuscope.server.configuration.value_checks import problems_of, unlike
 from imuscope.server.configuration.value_format import head_of, numbers
-from imuscope.server.devices.member import shares
+from imuscope.server.devices.link_member import shares
 from imuscope.server.errors import DomainError
 
 SHARED = "Other devices share this line; they cannot be received at another baud rate than theirs."
