@@ -50,7 +50,7 @@ from imuscope.server.security_headers import WEBHOOK_HEADER, with_defaults
 log = logging.getLogger("imuscope.auth")
 
 Role = Literal["view", "control"]
-PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/viser", "/rerun", "/foxglove")
+PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/extensions", "/viser", "/rerun", "/foxglove")
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MAX_BODY = 1024 * 1024

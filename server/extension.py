@@ -16,6 +16,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -129,9 +130,20 @@ class Extension:
     checks: str = ""
     jobs: tuple[str, ...] = ()
     outputs: tuple[FileOutput, ...] = ()
+    page: str = ""
     problems: str = ""
     requires: tuple[str, ...] = ()
     package: str = ""
+
+    @property
+    def page_folder(self) -> Path | None:
+        """The folder of its page's part; None if it has none."""
+        if not self.page:
+            return None
+        package, _, inside = self.page.partition("/")
+        place = find_spec(package)
+        folders = (place.submodule_search_locations if place is not None else None) or ()
+        return next((path for folder in folders if (path := Path(folder, inside)).is_dir()), None)
 
     def check(self, config: Config) -> None:
         """Check a configuration before a server is made.

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
+
+def _is_there(module: str) -> bool:
+    """Whether the extension of a module is there: the heart is tested without any."""
+    return find_spec(module.rpartition(".")[0]) is not None
+
+
 LEARNT = (
     *(
         "imuscope.server.app",
@@ -16,24 +24,28 @@ WORKERS = (
         "imuscope.server.decode_worker",
         "imuscope.server.library.export_worker",
         "imuscope.server.library.export_sizes",
-        "imuscope.server.extensions.evidence.worker",
     ),
-    *(
-        "imuscope.server.extensions.fleet.query_worker",
-        "imuscope.server.extensions.fleet.upload_worker",
-        "imuscope.server.extensions.analysis.worker",
+    *filter(
+        _is_there,
+        (
+            "imuscope.server.extensions.evidence.worker",
+            "imuscope.server.extensions.fleet.query_worker",
+            "imuscope.server.extensions.fleet.upload_worker",
+            "imuscope.server.extensions.analysis.worker",
+        ),
     ),
 )
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
 imuscope.recordings.compaction, which imports little and may have little memory.
 """
-VIEWERS = {
+_FEEDING: dict[str, tuple[str, ...]] = {
     "imuscope.server.extensions.foxglove.worker": (),
     "imuscope.server.extensions.rerun.worker": (),
     "imuscope.server.extensions.ros2.worker": ("zenoh",),
     "imuscope.server.extensions.rerun.stream_worker": ("imuscope.recordings.rrd.writer",),
     "imuscope.server.extensions.viser.worker": ("imuscope.server.extensions.viser.scene",),
 }
+VIEWERS = {module: late for module, late in _FEEDING.items() if _is_there(module)}
 """Processes that feed viewers of others, and what they import late. Their libraries take a second each to import, which
 the nursery does when the first one is asked for.
 """

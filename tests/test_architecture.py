@@ -85,8 +85,9 @@ SERVER: dict[str, set[str]] = {
         ),
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
+    "extension": {"config", "parts", "services"},
     "api": {
-        *("auth", "configuration", "devices", "http_server"),
+        *("auth", "extension", "configuration", "devices", "http_server"),
         *(
             "integrations",
             "library",
@@ -102,7 +103,6 @@ SERVER: dict[str, set[str]] = {
             "workspaces",
         ),
     },
-    "extension": {"config", "parts", "services"},
     "app": {
         *(
             "api",

@@ -20,7 +20,7 @@ LISTED: dict[str, tuple[set[str], str]] = {
     "extension.tsx": ({"extensions"}, "filled while modules are loaded"),
     "main.tsx": ({"store", "app"}, "the page starts here"),
     "pages/route.ts": ({"route"}, "a document has one address"),
-    "panels/registry.ts": ({"panels"}, "filled while modules are loaded"),
+    "panels/registry.ts": ({"panels", "added"}, "filled while modules are loaded: those of packages come later"),
     "plots/canvas-style.ts": ({"hatches"}, "a cache of patterns"),
     "recordings/visible-range.ts": ({"#lastPixels"}, "a first guess, until its plots have a width"),
     "ui/canvas.ts": ({"cache", "cachedTheme"}, "colours of the theme, read once"),

@@ -10,16 +10,18 @@ import subprocess
 import sys
 import tomllib
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Page
 
 from imuscope.protocols.plugins import ProtocolPlugin
 from imuscope.server.extension import GROUP, load_extensions
+from tests.chromium import until
 from tests.server_process import tied
 from tests.source_files import PACKAGE, ROOT
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, status_of
 from tests.waiting import block_until
 
 DOCUMENT = (ROOT / "docs" / "add-an-extension.md").read_text()
@@ -41,6 +43,9 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (folder / "imuscope_total").mkdir()
     for name, text in zip(FILES, blocks, strict=True):
         (folder / "imuscope_total" / name).write_text(text)
+    (folder / "imuscope_total" / "page").mkdir()
+    [module] = re.findall(r"^```js\n(.*?)^```", DOCUMENT, re.M | re.S)
+    (folder / "imuscope_total" / "page" / "index.js").write_text(module)
     return os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])}
 
 
@@ -68,6 +73,34 @@ def test_it_brings_a_part_a_route_and_a_command(url: str, environment: dict[str,
     assert int(printed) >= before
     with urllib.request.urlopen(f"{url}openapi.json", timeout=PATIENCE_S) as answer:
         assert "/api/total" in json.load(answer)["paths"]
+
+
+def test_it_brings_a_panel(url: str, open_page: Callable[..., Page]) -> None:
+    with urllib.request.urlopen(f"{url}api/extensions", timeout=PATIENCE_S) as answer:
+        [total] = [one for one in json.load(answer) if one["package"]]
+    assert total == {
+        "name": "total",
+        "title": "Total",
+        "package": "imuscope-total 1.0",
+        "module": "extensions/total/index.js",
+    }
+    page = open_page(url)
+    until(
+        page,
+        """[...document.querySelectorAll(".foot-note")].some(one => /^[1-9]\\d* samples, \\w/.test(one.textContent))""",
+    )
+    assert page.get_by_role("heading", name="Total", exact=True).is_visible()
+
+
+def test_only_files_of_the_package_are_passed_on(url: str) -> None:
+    for path, status in (
+        ("extensions/total/index.js", 200),
+        ("extensions/total/../counter.py", 404),
+        ("extensions/total/%2e%2e/counter.py", 404),
+        ("extensions/viser/index.js", 404),
+        ("extensions/nothing/index.js", 404),
+    ):
+        assert status_of(f"{url}{path}") == status, path
 
 
 @pytest.mark.parametrize("broken", ["counter.py", "routes.py", "command.py"])

@@ -6,8 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
@@ -20,7 +18,7 @@ from imuscope.server.services import Services
 from tests.each_row import each_row
 from tests.server_process import tied
 from tests.source_files import PACKAGE, ROOT, facts_of, python_files, text_of
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import status_of
 
 NAMES = sorted(path.name for path in (ROOT / "server" / "extensions").iterdir() if (path / "__init__.py").is_file())
 FOLDERS = ("protocols", "recordings", "server")
@@ -62,15 +60,6 @@ def served(tree: Path, data: Path) -> Iterator[str]:
         finally:
             process.terminate()
     assert process.returncode == 0
-
-
-def status_of(url: str) -> int:
-    """Status of the answer."""
-    try:
-        with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
-            return int(answer.status)
-    except urllib.error.HTTPError as error:
-        return error.code
 
 
 def test_every_folder_is_an_extension() -> None:

@@ -8,6 +8,8 @@ talks to a server takes its limit from here.
 from __future__ import annotations
 
 import ssl
+import urllib.error
+import urllib.request
 from functools import partial
 
 import httpx
@@ -26,3 +28,12 @@ _TRUST_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # the world's authoriti
 http_client = partial(httpx.Client, timeout=PATIENCE_S, verify=_TRUST_NOBODY)
 """Asks a server without TLS; with `verify` one that has it."""
 get = partial(httpx.get, timeout=PATIENCE_S, verify=_TRUST_NOBODY)
+
+
+def status_of(url: str) -> int:
+    """Status of the answer."""
+    try:
+        with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return error.code

@@ -8,6 +8,7 @@ from imuscope.server.api import (
     configure,
     devices,
     exports,
+    extension_pages,
     forms,
     map_tiles,
     packets,
@@ -46,6 +47,7 @@ ROUTERS = tuple(
         map_tiles,
         websocket,
         reference,
+        extension_pages,
     )
 )
 """Before those of extensions. The page comes last: it matches every remaining path.

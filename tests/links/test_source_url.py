@@ -80,7 +80,7 @@ def test_each_kind_of_link(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("", ["empty"]),
-        ("http://robot:80", ["http", "serial, tcp, tcp-listen, udp, ros2, foxglove, file, sim"]),
+        ("http://robot:80", ["http", "serial, tcp, tcp-listen, udp", "foxglove, file, sim"]),
         ("seriel:///dev/ttyUSB0", ["seriel", "Did you mean serial?"]),
         ("tcp://", ["nothing follows"]),
         ("tcp://robot", ["port is missing", "tcp://host:port"]),

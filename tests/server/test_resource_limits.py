@@ -222,7 +222,7 @@ def test_packing_is_bounded(tmp_path: Path) -> None:
     program = """
 import sys
 from pathlib import Path
-from imuscope.recordings import bounds, compaction
+from imuscope.recordings import compaction, resource_limits
 
 def hostile(path):
     if path.name == "large":
@@ -231,7 +231,7 @@ def hostile(path):
         pass
 
 compaction.compact = hostile
-bounds.MIN_CPU_S = 1 if sys.argv[1].endswith("slow") else 60
+resource_limits.MIN_CPU_S = 1 if sys.argv[1].endswith("slow") else 60
 sys.argv[1:] = [sys.argv[1]]
 raise SystemExit(compaction.main())
 """

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server import generate_route_types, generate_ts_types, wire, wire_codec
+from imuscope.server import generate_route_types, wire, wire_codec
 from imuscope.server.reference import typescript
 from tests.each_row import each_row
 
@@ -127,11 +127,6 @@ def test_any_text_is_accepted_or_refused(text: str) -> None:
 def test_types_of_the_page_are_not_stale(target: typescript.Target) -> None:
     """Run `python -m imuscope.server.generate_ts_types` when this fails."""
     assert target.path.read_text(encoding="utf-8") == typescript.generate(target)
-
-
-def test_routes_of_the_page_are_not_stale() -> None:
-    """Run `python -m imuscope.server.generate_ts_types` when this fails."""
-    assert generate_ts_types.ROUTES.read_text(encoding="utf-8") == generate_ts_types.generate_routes()
 
 
 def test_every_answer_in_json_has_a_schema() -> None:

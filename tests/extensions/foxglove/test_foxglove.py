@@ -26,8 +26,8 @@ from websockets.exceptions import InvalidStatus
 
 from imuscope.recordings.topics import Encoder, fields_of, schema_of, topic_of
 from imuscope.server.extensions.foxglove.service import MODULE
+from tests.extensions.foxglove.foxglove_client import attached, channel, protobuf
 from tests.forked_workers import workers_of
-from tests.server.foxglove_client import attached, channel, protobuf
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until

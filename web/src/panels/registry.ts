@@ -2,6 +2,7 @@
  * The panels of the page: each file of this folder that has one registers it as it is loaded, and the page shows those that
  * apply, in their order. docs/add-a-panel.md explains how to write one.
  */
+import { signal } from "@preact/signals";
 import type { ComponentChildren, FunctionComponent } from "preact";
 import type { Panel } from "../ui/dom";
 import { protocolAmong } from "../wire/capabilities";
@@ -36,10 +37,13 @@ export interface PanelDefinition {
 }
 
 const panels = new Map<string, PanelDefinition>();
+/** How many there are: those of extension packages are added while the page is shown. */
+const added = signal(0);
 
 export function registerPanel(definition: PanelDefinition): void {
   if (panels.has(definition.id)) throw new Error(`two panels have the id ${definition.id}`);
   panels.set(definition.id, definition);
+  added.value = panels.size;
 }
 
 /** The panels that a workspace arranges, in their default order. Reads signals: call it while a component is rendered. */
@@ -54,6 +58,7 @@ export function arrangedPanels(deps: Deps): readonly PanelDefinition[] {
 export function panelsAt(where: PanelPlace, deps: Deps): readonly PanelDefinition[] {
   const first = protocolAmong(deps.store.devices.value, deps.viewState.device.value)?.panels ?? [];
   const rank = ({ id }: PanelDefinition): number => (first.includes(id) ? first.indexOf(id) : first.length);
+  if (added.value === 0) return [];
   return [...panels.values()]
     .filter((panel) => panel.where === where && (panel.applies?.(deps) ?? true))
     .sort((a, b) => rank(a) - rank(b) || a.order - b.order);

@@ -619,6 +619,14 @@ export interface HealthStatus {
   readonly browsers: number;
 }
 
+/** An installed extension. */
+export interface InstalledExtension {
+  readonly name: string;
+  readonly title: string;
+  readonly package: string;
+  readonly module: string;
+}
+
 /** Availability of a map. */
 export interface MapInfo {
   readonly tiles: boolean;
@@ -1775,6 +1783,8 @@ export interface Routes {
     readonly path: { readonly z: number; readonly x: number; readonly y: number };
     readonly answer: Blob;
   };
+  /** Installed extensions, each after those that it requires. */
+  "GET /api/extensions": { readonly answer: readonly InstalledExtension[]; };
   /** Analyses with their options. */
   "GET /api/analysis": { readonly answer: readonly AnalysisInfo[]; };
   /** Pairs of two signals at the same moments, for a plot of one over the other. */

@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 from imuscope.recordings.topics import Encoder, bodies, stamps, tables
 from imuscope.server.cli import main
 from tests.each_row import each_row
+from tests.extensions.foxglove.foxglove_client import attached, protobuf
 from tests.recordings.store_fixtures import channel, column
-from tests.server.foxglove_client import attached, protobuf
 from tests.server_process import ServerProcess
 from tests.timeouts import get
 

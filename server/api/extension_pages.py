@@ -1,0 +1,63 @@
+"""Routes of the parts of the page that extensions of other packages bring.
+
+    GET /api/extensions              what is installed, and which of it has a part of the page
+    GET /extensions/NAME/index.js    that part; the page imports it after its first picture
+
+imuscope's own extensions are built into the page (web/src/extensions).
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+from fastapi import APIRouter, Request, Response
+from starlette.exceptions import HTTPException
+
+from imuscope.server.api.static_files import serve
+from imuscope.server.extension import extensions
+from imuscope.server.page_files import Files
+
+router = APIRouter(tags=["build"])
+
+MODULE = "index.js"
+
+
+@dataclass(frozen=True, slots=True)
+class InstalledExtension:
+    """An installed extension.
+
+    Args:
+        package: name and version of the distribution that declares it; "" for imuscope's own.
+        module: path of the module that adds its panels to the page; "" if it has none.
+    """
+
+    name: str
+    title: str
+    package: str
+    module: str
+
+
+@router.get("/api/extensions")
+async def list_extensions() -> list[InstalledExtension]:
+    """Installed extensions, each after those that it requires."""
+    return [
+        InstalledExtension(one.name, one.title, one.package, f"extensions/{one.name}/{MODULE}" if one.page else "")
+        for one in extensions()
+    ]
+
+
+@functools.cache
+def _files_of(name: str) -> Files | None:
+    folder = next((one.page_folder for one in extensions() if one.name == name), None)
+    return Files(folder) if folder is not None else None
+
+
+@router.get("/extensions/{name}/{path:path}", include_in_schema=False)
+async def get_page_file(request: Request, name: str, path: str) -> Response:
+    """A file of the page's part of an extension."""
+    files = _files_of(name)
+    found = serve(request, files, path) if files is not None else None
+    if found is None:
+        raise HTTPException(404)
+    return found
