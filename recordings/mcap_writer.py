@@ -257,7 +257,7 @@ class McapWriter:
         return not self._closed and self._file.is_shortened()
 
     def copy_to(self, path: Path) -> None:
-        """Write the contents of this file to another one: its own may have no name any more.
+        """Write the contents of this file to another one: the source may be unlinked.
 
         Raises:
             OSError: writing failed.

@@ -66,8 +66,8 @@ def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str,
     return found
 
 
-def way_on(place: str, name: str) -> tuple[str, ...]:
-    """Steps for who wants to see a port that another program has: the program keeps it, through a share.
+def unblock_steps(place: str, name: str) -> tuple[str, ...]:
+    """Instructions for viewing a port that another program holds open: the program keeps it, through a share.
 
     Args:
         name: of the program.

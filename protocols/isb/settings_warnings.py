@@ -1,4 +1,4 @@
-"""Harm of a change of settings, apart from the link.
+"""Warnings about risky settings, apart from those that affect the link.
 
     DID_FLASH_CONFIG    turns or moves the reference frame of all output; ends the measurement
                         periods: shorter than an IMX-5 with GNSS can keep, or than the one they follow; faster streams

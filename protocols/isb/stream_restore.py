@@ -1,4 +1,4 @@
-"""Reading without disturbing streams: streams running before a transaction run after it.
+"""Restoration of streams after a transaction: those running before it run after it.
 
     body      Send GET DID_GPS1_SAT, period 0     Expect its answer
                  │ it streams: not sent              │ the next packet of the stream is the answer

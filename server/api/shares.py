@@ -12,7 +12,7 @@ from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import responses
 from imuscope.server.configuration.port_shares import client_name, speaker_name
 from imuscope.server.devices.session import Session
-from imuscope.server.links.held import HeldLink
+from imuscope.server.links.held import SharedPortLink
 from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/devices/{device}/shares", tags=["shares"])
@@ -95,7 +95,7 @@ def _shared_port(services: Services, session: Session) -> SharedPort:
     return SharedPort(
         why_not=why_not,
         folder=services.shares.folder,
-        holder=link.holder_pid if isinstance(link, HeldLink) and link.is_connected else 0,
+        holder=link.holder_pid if isinstance(link, SharedPortLink) and link.is_connected else 0,
         speaker=speaker_name(link),
         configuring=state.get("configuring") is not None,
         changes=[

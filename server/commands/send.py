@@ -57,7 +57,7 @@ class SendError(Exception):
     """The reason of a failure, in one sentence."""
 
 
-class NullWatcher:
+class NullTrafficListener:
     """A watcher that discards everything; only the page has a traffic log."""
 
     def sent(self, frame: bytes, what: str, written_ns: int | None) -> None: ...
@@ -248,7 +248,7 @@ class _SendContext:
 async def _transact(context: _SendContext, channel: LinkChannel, out: TextIO, notes: TextIO) -> None:
     """Run the transactions of one request."""
     driver, request = context.composer.driver, context.request
-    runner = Runner(channel, NullWatcher())
+    runner = Runner(channel, NullTrafficListener())
 
     async def play(body: Transaction[T]) -> T:
         return await runner.run(driver.within(body, known))

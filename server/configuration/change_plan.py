@@ -17,7 +17,7 @@ from imuscope.server.configuration.api_models import FieldProblem
 from imuscope.server.configuration.budget import overload_error
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.risks import UNASKED, Risk, dangers_of_write
-from imuscope.server.configuration.value_checks import problems_of, unlike
+from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import head_of, numbers
 from imuscope.server.devices.link_member import shares
 from imuscope.server.errors import DomainError
@@ -166,7 +166,7 @@ def plan_command(controller: DeviceController, name: str, values: Mapping[str, A
     defaults = {} if partial else {one.name: one.default for one in row.arguments if one.default is not None}
     values = {**defaults, **numbers(row.arguments, values)}
     reported = controller.values.get(setting_row.name, {}) if setting_row is not None else {}
-    found = unlike(problems_of(row.arguments, values, partial=partial), values, reported)
+    found = without_current_values(problems_of(row.arguments, values, partial=partial), values, reported)
     if found:
         raise DomainError("bad-value", f"{row.title or name}: {found[0].message}", WRONG_HINT)
     if (other := controller.driver.instead(name, values, controller.values, controller.context)) is not None:

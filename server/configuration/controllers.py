@@ -22,7 +22,7 @@ from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.snapshots import Snapshots
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.link_member import AnyDevice, Member
+from imuscope.server.devices.link_member import AnyDevice, LinkMember
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.links.base import LinkError
@@ -103,7 +103,7 @@ class ControllerRegistry:
         session.before_close(removed)
         controller.notify()
         if isinstance(session, Session):
-            session.devices.created.add(lambda sender: self._added(Member(session, sender)))
+            session.devices.created.add(lambda sender: self._added(LinkMember(session, sender)))
 
     def on_link_of(self, device: str) -> list[DeviceController]:
         """The controllers of a device and of the devices that share its link."""

@@ -1,6 +1,6 @@
 """Shares of the ports of devices: which there are, who is at them, and what their clients send.
 
-    session ── HeldLink ── holder ──┬── clients
+    session ── SharedPortLink ── holder ──┬── clients
        ^           │                 └── port
        └───────────┴── events, traffic log and recording of what clients send
 
@@ -24,7 +24,7 @@ from imuscope.server.holder.arbiter import SERVER
 from imuscope.server.holder.shares import ShareAddress, ShareError
 from imuscope.server.holder.socket_paths import runtime_folder
 from imuscope.server.links.base import Link, LinkError
-from imuscope.server.links.held import ClientData, HeldLink, is_held
+from imuscope.server.links.held import ClientData, SharedPortLink, is_held
 from imuscope.server.links.serial import SerialLink
 from imuscope.server.links.tcp import TcpLink
 from imuscope.server.processes import programs_with
@@ -70,13 +70,13 @@ class PortShares:
             return link
         if not isinstance(link, SerialLink | TcpLink):
             raise LinkError("bad-source", f"{link.source} has no port that can be shared.", PORTS)
-        return HeldLink(link, shares, link.settings)
+        return SharedPortLink(link, shares, link.settings)
 
     def _on_added(self, session: Session) -> None:
-        if isinstance(session.link, HeldLink):
+        if isinstance(session.link, SharedPortLink):
             self._follow(session, session.link)
 
-    def _follow(self, session: Session, link: HeldLink) -> None:
+    def _follow(self, session: Session, link: SharedPortLink) -> None:
         known: dict[str, Any] = {"clients": {}, "configuring": None, "turned_away": 0, "unsent": 0}
         off = [
             link.on_state.add(lambda state: self._on_state(session, link, known, state)),
@@ -94,7 +94,9 @@ class PortShares:
 
     # ── what clients do ──────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _on_state(self, session: Session, link: HeldLink, known: dict[str, Any], state: Mapping[str, Any]) -> None:
+    def _on_state(
+        self, session: Session, link: SharedPortLink, known: dict[str, Any], state: Mapping[str, Any]
+    ) -> None:
         """Report clients that came, left or lost bytes, who configures the device, and a rate that a client set."""
         before, now = known["clients"], {one["number"]: one for one in state["clients"]}
         for number, one in now.items():
@@ -132,7 +134,7 @@ class PortShares:
             by = next((link.name_of(one["number"]) for one in now.values() if one["baud"] == state["baud"]), "A client")
             self._report(session, "warning", f"{by} set the port to {state['baud']} Bd.")
 
-    async def _report_new(self, session: Session, link: HeldLink, client: Mapping[str, Any]) -> None:
+    async def _report_new(self, session: Session, link: SharedPortLink, client: Mapping[str, Any]) -> None:
         """Report a client by the name of its program, if that can be found."""
         if client.get("terminal"):
             found = await asyncio.to_thread(programs_with, client["terminal"])
@@ -143,7 +145,7 @@ class PortShares:
         name = link.names.get(client["number"]) or client["peer"]  # it may have left already
         self._report(session, "info", f"{name} is connected to the shared port and {rights}.")
 
-    def _on_configuring(self, session: Session, link: HeldLink, client: int | None) -> None:
+    def _on_configuring(self, session: Session, link: SharedPortLink, client: int | None) -> None:
         if client is not None:
             text = f"{link.name_of(client)} is configuring the device; imuscope waits with what it sends."
             self._report(session, "info", text)
@@ -158,7 +160,7 @@ class PortShares:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    def _on_client_data(self, session: Session, link: HeldLink, sent: ClientData) -> None:
+    def _on_client_data(self, session: Session, link: SharedPortLink, sent: ClientData) -> None:
         session.note_sent(sent.data, sent.arrival_ns)
         device = session.info.id
         try:
@@ -192,7 +194,7 @@ class PortShares:
     def state(self, session: Session) -> tuple[Mapping[str, Any], Sequence[ShareAddress], str]:
         """State of the holder ({} without one), the shares, and why the port cannot be shared ("" if it can)."""
         link = session.link
-        if isinstance(link, HeldLink):
+        if isinstance(link, SharedPortLink):
             shares = [ShareAddress.from_json(one) for one in link.state.get("shares", ())]
             return link.state, shares or link.shares, ""
         if isinstance(link, SerialLink | TcpLink):
@@ -217,12 +219,12 @@ class PortShares:
         if address.kind == "pty":
             await asyncio.to_thread(_check_path, address)
         link = session.link
-        if isinstance(link, HeldLink):
+        if isinstance(link, SharedPortLink):
             await link.request("share", share=address.to_json())
             link.shares.append(address)
             return
         assert isinstance(link, SerialLink | TcpLink)
-        held = HeldLink(link, [address], link.settings)
+        held = SharedPortLink(link, [address], link.settings)
         self._follow(session, held)
         await session.use_link(held)
         try:
@@ -238,7 +240,7 @@ class PortShares:
             DomainError: there is no such share.
         """
         link = session.link
-        if not isinstance(link, HeldLink) or name not in {one.text for one in link.shares}:
+        if not isinstance(link, SharedPortLink) or name not in {one.text for one in link.shares}:
             raise DomainError("not-found", f"Share {name:.80} not found.", "It may have been ended.")
         await link.request("unshare", name=name)
         link.shares[:] = [one for one in link.shares if one.text != name]
@@ -253,7 +255,9 @@ class PortShares:
             DomainError: there is no such client.
         """
         link = session.link
-        if not isinstance(link, HeldLink) or client not in {one["number"] for one in link.state.get("clients", ())}:
+        if not isinstance(link, SharedPortLink) or client not in {
+            one["number"] for one in link.state.get("clients", ())
+        }:
             raise DomainError("not-found", f"Client {client} not found.", "It may have left.")
         await link.request("drop", number=client)
 
@@ -264,8 +268,8 @@ class PortShares:
             DomainError: "confirm" with the name of the program until it is confirmed; "not-now": nobody configures it.
         """
         link = session.link
-        client = link.state.get("configuring") if isinstance(link, HeldLink) else None
-        if not isinstance(link, HeldLink) or client is None:
+        client = link.state.get("configuring") if isinstance(link, SharedPortLink) else None
+        if not isinstance(link, SharedPortLink) or client is None:
             raise DomainError("not-now", "No program is configuring the device now.", "Send what you want to send.")
         name = link.name_of(client) or "A program"
         if not confirmed:
@@ -305,7 +309,7 @@ def log_frames(
     return data
 
 
-async def _opened(session: Session, link: HeldLink) -> None:
+async def _opened(session: Session, link: SharedPortLink) -> None:
     """Wait until the session has opened a link.
 
     Raises:
@@ -319,15 +323,15 @@ async def _opened(session: Session, link: HeldLink) -> None:
 
 def speaker_name(link: Link) -> str:
     """The speaker that has the voice: "imuscope" or a client; "" for nobody."""
-    speaker = link.state.get("speaker") if isinstance(link, HeldLink) else None
-    if speaker is None or not isinstance(link, HeldLink):
+    speaker = link.state.get("speaker") if isinstance(link, SharedPortLink) else None
+    if speaker is None or not isinstance(link, SharedPortLink):
         return ""
     return "imuscope" if speaker == SERVER else link.name_of(speaker)
 
 
 def client_name(link: Link, client: Mapping[str, Any]) -> str:
     """Name of a client, else its address."""
-    return link.name_of(client["number"]) if isinstance(link, HeldLink) else str(client["peer"])
+    return link.name_of(client["number"]) if isinstance(link, SharedPortLink) else str(client["peer"])
 
 
 def _check_path(address: ShareAddress) -> None:

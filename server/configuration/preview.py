@@ -26,7 +26,7 @@ from imuscope.server.configuration.api_models import (
 )
 from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
-from imuscope.server.configuration.value_checks import problems_of, sentence, unlike
+from imuscope.server.configuration.value_checks import problems_of, sentence, without_current_values
 from imuscope.server.configuration.value_format import numbers
 from imuscope.server.wire_codec import to_json_safe
 
@@ -88,7 +88,7 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
     row, driver, known = present.setting(name), present.driver, present.known
     values = numbers(row.fields, values)
     found = problems_of(row.fields, values, partial=row.partial)
-    left = unlike(found, values, present.values.get(name, {}))
+    left = without_current_values(found, values, present.values.get(name, {}))
     held, found = len(left) < len(found), left  # present values may stay, whatever the tables allow
     frames: list[bytes] = []
     if not found:
@@ -118,7 +118,7 @@ def preview_command(present: DevicePresentState, name: str, values: Mapping[str,
     values = numbers(row.arguments, values)
     setting = present.setting_of(name)
     held = present.values.get(setting.name, {}) if setting is not None else {}
-    found = unlike(problems_of(row.arguments, values), values, held)
+    found = without_current_values(problems_of(row.arguments, values), values, held)
     if not found and (other := present.driver.instead(name, values, present.values, present.known)) and other[1]:
         now = present.values.get(other[0], {})
         partial = present.setting(other[0]).partial

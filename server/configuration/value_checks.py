@@ -18,7 +18,7 @@ def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: 
     return [FieldProblem(problem.path, full(problem.message)) for problem in found]
 
 
-def unlike(
+def without_current_values(
     problems: Iterable[FieldProblem], values: Mapping[str, Any], current: Mapping[str, Any]
 ) -> list[FieldProblem]:
     """Problems without those of values that the device already has, which may stay whatever the tables allow."""

@@ -130,7 +130,7 @@ class Slices:
         self.size = int(SHORTER * self._most) if is_limited else self._most
 
 
-class Turns:
+class RoundRobin:
     """Gives each participant slices in turn, until the time is over.
 
     Args:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from imuscope.server.devices.decode_budget import Drain, Turns
+from imuscope.server.devices.decode_budget import Drain, RoundRobin
 
 UNWATCHED_S = 0.1  # without viewers, decoding at longer intervals saves most of the work
 PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request
@@ -32,7 +32,7 @@ class DecodeScheduler:
 
     def __init__(self, interval: Callable[[], float] = lambda: UNWATCHED_S) -> None:
         self._interval = interval
-        self._turns = Turns()
+        self._turns = RoundRobin()
         self._timer: asyncio.Handle | None = None
         self._passes = 0  # of the loop before the next turn
         self._last = float("-inf")  # beginning of the last turn, by the loop's clock

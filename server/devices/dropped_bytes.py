@@ -14,7 +14,7 @@ OVER_S = 10.0  # duration of the notice after the last drop
 NOTICE = "Bytes arrive faster than this host can decode them: the oldest are left out. A recording has them all."
 
 
-class LeftOut:
+class DroppedBytes:
     """Dropped bytes of one session."""
 
     def __init__(self, incidents: EventReporter, figures: LinkStatistics, source: str) -> None:

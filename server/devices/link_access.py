@@ -14,7 +14,7 @@ from abc import abstractmethod
 
 from imuscope.server.devices.decode_pipeline import DecodePipeline
 from imuscope.server.devices.device_demux import LinkDevices
-from imuscope.server.devices.session_listeners import Audience
+from imuscope.server.devices.session_listeners import SessionListeners
 from imuscope.server.devices.silence_watchdog import SilenceWatchdog
 from imuscope.server.links.base import Link
 from imuscope.server.streaming.sink import TelemetrySink
@@ -22,7 +22,7 @@ from imuscope.server.streaming.sink import TelemetrySink
 IDLE_POLL_S = 0.05
 
 
-class LinkAccess(Audience):
+class LinkAccess(SessionListeners):
     """Link of one session; the session itself reads from it, opens it again after a loss, and decodes.
 
     Args:

@@ -1,7 +1,7 @@
 """A further device of a link for its controller: the link's session, with the device's own messages.
 
     Session        the link and the first of its devices
-    Member         the same link, for another of its devices: its name, address, state and answers
+    LinkMember     the same link, for another of its devices: its name, address, state and answers
 
 A device controller (server/configuration/device_controller.py) uses either through the same interface.
 """
@@ -18,7 +18,7 @@ from imuscope.server.devices.device_state import DeviceState
 from imuscope.server.devices.session import Session
 
 
-class Member:
+class LinkMember:
     """A further device of a link.
 
     Args:
@@ -66,7 +66,7 @@ class Member:
         return self.session.capacity
 
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Call `callback` with every event of this device; see Audience.listen."""
+        """Call `callback` with every event of this device; see SessionListeners.listen."""
         return self.session.listen(callback, self.name)
 
     def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
@@ -110,23 +110,23 @@ class Member:
         return self.session.bytes_at(offset, size)
 
 
-AnyDevice = Session | Member
+AnyDevice = Session | LinkMember
 """A device that can be configured."""
 
 
 def name_of(device: AnyDevice) -> str:
     """Name of the device in the stream; "" for the first of its link."""
-    return device.name if isinstance(device, Member) else ""
+    return device.name if isinstance(device, LinkMember) else ""
 
 
 def link_of(device: AnyDevice) -> Session:
     """The session of its link."""
-    return device.session if isinstance(device, Member) else device
+    return device.session if isinstance(device, LinkMember) else device
 
 
 def state_of(device: AnyDevice) -> DeviceState:
     """The published state of the device."""
-    if isinstance(device, Member):
+    if isinstance(device, LinkMember):
         return device.state
     return device.devices.own.state
 

@@ -30,7 +30,7 @@ from imuscope.server.devices.decode_watchdog import DecodeWatchdog, undecodable_
 from imuscope.server.devices.device_demux import LinkDevices
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.device_state import DeviceState, short_source
-from imuscope.server.devices.dropped_bytes import LeftOut
+from imuscope.server.devices.dropped_bytes import DroppedBytes
 from imuscope.server.devices.identify import IdentifyRequest
 from imuscope.server.devices.link_access import LinkAccess
 from imuscope.server.devices.outage import Outage
@@ -109,7 +109,7 @@ class Session(LinkAccess):
         self._opened_at = 0.0  # unix s, while it is open
         self._outage = Outage()
         self._decode_watchdog = DecodeWatchdog()
-        self._left_out = LeftOut(self._reporter, self._stats, link.source)
+        self._left_out = DroppedBytes(self._reporter, self._stats, link.source)
         self._stalled = False
         self._ticks_since_bytes = 0  # since bytes came last
         self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S)

@@ -13,7 +13,7 @@ from imuscope.server.listeners import CallbackList
 Direction = Literal["rx", "tx"]
 
 
-class Audience:
+class SessionListeners:
     """The listeners of one session. All but chunk listeners are called in the event loop, so they must be quick.
 
     Args:

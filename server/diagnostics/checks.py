@@ -30,7 +30,7 @@ from pathlib import Path
 from statistics import median
 from typing import Literal
 
-from imuscope.server.processes import OWN, Program, open_files, process_folders, program_of, way_on
+from imuscope.server.processes import OWN, Program, open_files, process_folders, program_of, unblock_steps
 
 Status = Literal["ok", "warning", "problem"]
 
@@ -165,7 +165,7 @@ def _in_use(place: str, programs: list[Program]) -> Finding:
     others = [one for one in programs if one.name != OWN]
     if not others:
         return Finding("ok", place, words)
-    return Finding("problem", place, words, way_on(place, others[0].name))
+    return Finding("problem", place, words, unblock_steps(place, others[0].name))
 
 
 def _group(machine: Machine, number: int) -> str:

@@ -82,8 +82,10 @@ class Arbiter:
         return now - self._last if self._has_voice(now) else now
 
     def take_turn(self, who: int, now: float) -> bool:
-        """Free the voice, which `who` has had for MOST_TURN_S, for those who wait; False: it has not had it so long, or
-        configures the device.
+        """Release the write lock, which `who` has held for MOST_TURN_S, for waiting clients.
+
+        Returns:
+            False: it has not held the lock so long, or configures the device.
         """
         if self.speaker(now) != who or now - self._began < MOST_TURN_S or self.configuring(now) is not None:
             return False
@@ -106,6 +108,6 @@ class Arbiter:
         self.forget(SERVER)
 
     def forget(self, who: int) -> None:
-        """Free the voice, if `who` has it, also within a configuration."""
+        """Release the write lock if `who` holds it, also within a configuration."""
         if self._speaker == who:
             self._speaker = self._configuring = None

@@ -1,6 +1,6 @@
 """Link to a port that a holder keeps open and shares (server/holder).
 
-    holder ── Unix socket ──> HeldLink ──> session
+    holder ── Unix socket ──> SharedPortLink ──> session
 
 The holder is started when it is not there yet, and stays when this server ends. Arrival times are those of the holder,
 which stamps right after it read. What the clients of the shares send is passed on to `on_client_data`.
@@ -58,7 +58,7 @@ class ClientData:
     arrival_ns: int
 
 
-class HeldLink(ThreadedLink):
+class SharedPortLink(ThreadedLink):
     """A port that is shared.
 
     Args:

@@ -47,7 +47,7 @@ from imuscope.server.links.reader_thread import (
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
-from imuscope.server.processes import OWN, programs_with, way_on
+from imuscope.server.processes import OWN, programs_with, unblock_steps
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")
@@ -286,7 +286,7 @@ def busy(place: str) -> LinkError:
     found = programs_with(place)
     other = next((one for one in found if one.name != OWN and one.pid != os.getpid()), None)
     if other is not None:
-        return LinkError("busy", f"{place} is in use by {other}.", " ".join(way_on(place, other.name)))
+        return LinkError("busy", f"{place} is in use by {other}.", " ".join(unblock_steps(place, other.name)))
     if any(one.pid == os.getpid() for one in found):
         hint = "A port can have only one source: remove the other, or choose another port."
         return LinkError("busy", f"{place} is in use by this server.", hint)

@@ -14,7 +14,7 @@ from typing import Any
 from imuscope.server.holder.shares import ShareAddress
 from imuscope.server.links import LinkSettings, open_link, steady_clock
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.held import HeldLink
+from imuscope.server.links.held import SharedPortLink
 from imuscope.server.links.serial import SerialLink
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
@@ -76,16 +76,16 @@ def write_and_close(path: Path, data: bytes) -> None:
     os.close(program)
 
 
-def link_to(port: DevicePort, *shares: str) -> HeldLink:
+def link_to(port: DevicePort, *shares: str) -> SharedPortLink:
     """A link to a port that is shared; closed."""
     settings = LinkSettings(now_ns=steady_clock())
     inner = open_link(f"{port.path}?baud=115200", settings)
     assert isinstance(inner, SerialLink)
-    return HeldLink(inner, [ShareAddress.parse(one) for one in shares], settings)
+    return SharedPortLink(inner, [ShareAddress.parse(one) for one in shares], settings)
 
 
 @contextlib.asynccontextmanager
-async def shared(port: DevicePort, *shares: str) -> AsyncIterator[HeldLink]:
+async def shared(port: DevicePort, *shares: str) -> AsyncIterator[SharedPortLink]:
     """An open link to a port that is shared; its holder ends with the block."""
     link = link_to(port, *shares)
     await link.open()
@@ -99,7 +99,7 @@ async def shared(port: DevicePort, *shares: str) -> AsyncIterator[HeldLink]:
         await link.close()
 
 
-async def received(link: HeldLink, size: int) -> bytes:
+async def received(link: SharedPortLink, size: int) -> bytes:
     """Bytes of the device, as the link gives them."""
     found = b""
     while len(found) < size:
@@ -108,7 +108,7 @@ async def received(link: HeldLink, size: int) -> bytes:
     return found
 
 
-async def eventually(condition: Callable[[], Any], link: HeldLink) -> Any:
+async def eventually(condition: Callable[[], Any], link: SharedPortLink) -> Any:
     """What a condition gives when it is true; the link is read meanwhile by nobody."""
     found: list[Any] = [None]
 
@@ -124,7 +124,7 @@ async def eventually(condition: Callable[[], Any], link: HeldLink) -> Any:
     return found[0]
 
 
-def clients(link: HeldLink) -> list[dict[str, Any]]:
+def clients(link: SharedPortLink) -> list[dict[str, Any]]:
     return list(link.state["clients"])
 
 

@@ -15,7 +15,7 @@ import pytest
 from imuscope.server.holder.arbiter import QUIET_S
 from imuscope.server.holder.socket_paths import socket_of
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.held import ClientData, HeldLink, is_held
+from imuscope.server.links.held import ClientData, SharedPortLink, is_held
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links.shared_port import (
@@ -36,7 +36,7 @@ FRAME = bytes.fromhex("faff3600cb")
 pytestmark = pytest.mark.usefixtures("runtime")
 
 
-async def reopen(link: HeldLink) -> None:
+async def reopen(link: SharedPortLink) -> None:
     """Close a link and open it as a session does: again and again."""
     await link.close()
     deadline = time.monotonic() + PATIENCE_S

@@ -29,7 +29,7 @@ from imuscope.server.holder.shares import ShareError
 from imuscope.server.holder.socket_paths import log_of, socket_of
 from imuscope.server.links import held
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.held import ROOT, HeldLink, holder_settings
+from imuscope.server.links.held import ROOT, SharedPortLink, holder_settings
 from imuscope.server.processes import programs_with
 from tests.free_ports import free_port
 from tests.links.shared_port import (
@@ -54,7 +54,7 @@ LINE = 11_520  # bytes/s at 115 200 Bd
 
 
 @contextlib.asynccontextmanager
-async def in_process(port: DevicePort, *shares: str) -> AsyncIterator[HeldLink]:
+async def in_process(port: DevicePort, *shares: str) -> AsyncIterator[SharedPortLink]:
     """As `shared`, with a holder in a thread: its times can be replaced."""
     link = link_to(port, *shares)
     holder = Holder(holder_settings(link.inner, link.shares, stay=True))

@@ -11,7 +11,7 @@ from typing import cast
 import pytest
 
 from imuscope.server.devices import decode_budget
-from imuscope.server.devices.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, Slices, Turns
+from imuscope.server.devices.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, RoundRobin, Slices
 from imuscope.server.devices.event_reporter import TEXT_SORTS
 from imuscope.server.devices.link_stats import MAX_MESSAGES
 from imuscope.server.links import open_link
@@ -87,7 +87,7 @@ def test_fixed_costs_do_not_make_slices_small(constant: float, full: float) -> N
 def test_a_permanently_busy_source_starves_no_other() -> None:
     """A turn ends when its time is over, and the next starts with a participant that had none."""
     clock, had = ManualClock(0.0), [0, 0, 0]
-    turns = Turns(clock)
+    turns = RoundRobin(clock)
 
     def work(number: int, more: bool) -> bool:
         clock.now += TURN_S * 0.6

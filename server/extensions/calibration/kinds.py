@@ -44,7 +44,7 @@ class CalibrationInputs:
 
 @dataclass(frozen=True, slots=True)
 class CalibrationOptions:
-    """Facts that only a person knows.
+    """Calibration inputs that no device can report.
 
     Attributes:
         field: strength of the magnetic field there, in the unit of the magnetometer; 0 if unknown.

@@ -79,7 +79,7 @@ class CalibrationState(BaseModel):
 
 
 class CalibrationOptionsBody(BaseModel):
-    """Facts that only a person knows."""
+    """Calibration inputs that no device can report."""
 
     model_config = ConfigDict(extra="forbid")
 

@@ -8,7 +8,7 @@ from imuscope.server.extensions.fleet.reports import ReportedAlarm
 from imuscope.server.extensions.fleet.summaries import AlarmRaisedState
 
 
-def raised_alarms(alarms: AlarmService) -> list[ReportedAlarm]:
+def active_alarms(alarms: AlarmService) -> list[ReportedAlarm]:
     """The alarms that are raised at present, one for each device."""
     found = []
     for stored in alarms.alarms:

@@ -34,7 +34,7 @@ REFUSED = b"HTTP/1.1 407 Proxy Authentication Required\r\nContent-Length: 0\r\nC
 UNREACHABLE = b"HTTP/1.1 502 Bad Gateway\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
-class Pace:
+class LineRate:
     """An even rate, shared by threads.
 
     Args:
@@ -66,7 +66,7 @@ class LimitedLine:
     def __init__(self, rate: float) -> None:
         secret = secrets.token_hex(16)
         self._credentials = base64.b64encode(f"imuscope:{secret}".encode())
-        self._up, self._down = Pace(rate), Pace(rate)
+        self._up, self._down = LineRate(rate), LineRate(rate)
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://imuscope:{secret}@127.0.0.1:{self._listener.getsockname()[1]}"
 
@@ -153,7 +153,7 @@ class _Passed:
     at: float = field(default_factory=time.monotonic)
 
 
-def _copy(source: socket.socket, target: socket.socket, pace: Pace, passed: _Passed) -> None:
+def _copy(source: socket.socket, target: socket.socket, pace: LineRate, passed: _Passed) -> None:
     """Pass bytes until the source ends, either fails, or nothing passed in either direction; then both end."""
     with contextlib.suppress(OSError):
         while True:

@@ -143,7 +143,7 @@ class Collector:
         return robot.live_boot if robot is not None else ""
 
     def settle_absent(self) -> None:
-        """Robots that were live before a restart, and have not come back, are lost since then."""
+        """Mark robots lost that have not reconnected since the restart."""
         for robot in self._robots.values():
             if robot.stored.is_live and not robot.boots:
                 robot.stored.is_live, robot.stored.since = False, self._started

@@ -14,7 +14,7 @@ from deltalake import CommitProperties, PostCommitHookProperties
 
 from imuscope.server.extensions.fleet.delta_dataset import check_readable
 from imuscope.server.extensions.fleet.delta_tables import TARGET_BYTES, open_table, writer_properties
-from imuscope.server.extensions.fleet.store import StoreLocation, told
+from imuscope.server.extensions.fleet.store import StoreLocation, storage_errors
 from imuscope.server.extensions.fleet.tables import TABLES
 
 KEPT_HOURS = 7 * 24
@@ -52,7 +52,7 @@ def compact(store: StoreLocation, *, remove: bool) -> Iterator[CompactedTable]:
         if table is None:
             continue
         check_readable(store, table)
-        with told(store):
+        with storage_errors(store):
             done = table.optimize.compact(
                 target_size=TARGET_BYTES,
                 max_concurrent_tasks=TASKS,

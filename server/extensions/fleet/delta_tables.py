@@ -20,7 +20,7 @@ from deltalake.schema import Schema as DeltaSchema
 from deltalake.writer import write_deltalake
 
 from imuscope.server.backoff import Backoff
-from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, told
+from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, storage_errors
 from imuscope.server.extensions.fleet.tables import StoreTable
 
 ATTEMPTS = 60  # of a commit: each one that fails has lost to another that succeeded
@@ -41,7 +41,7 @@ def open_table(store: StoreLocation, name: str) -> DeltaTable | None:
     """
     if store.folder is not None and not (store.folder / "tables" / name / "_delta_log").is_dir():
         return None
-    with told(store):
+    with storage_errors(store):
         try:
             return DeltaTable(store.table(name), storage_options=store.options)
         except TableNotFoundError:
@@ -53,7 +53,7 @@ def has_rows(store: StoreLocation, name: str, recording: str) -> bool:
     table = open_table(store, name)
     if table is None:
         return False
-    with told(store):
+    with storage_errors(store):
         return table.transaction_version(recording) is not None
 
 
@@ -75,7 +75,7 @@ def append_once(
     """
     backoff = Backoff(_FIRST_S, _LONGEST_S)
     for _ in range(ATTEMPTS):
-        with told(store):
+        with storage_errors(store):
             try:
                 found = open_table(store, table.name)
                 if found is None:
@@ -100,7 +100,7 @@ def create_table(store: StoreLocation, table: StoreTable) -> None:
     Raises:
         StoreError: the store cannot be written.
     """
-    with told(store):
+    with storage_errors(store):
         if open_table(store, table.name) is None:
             _create(store, table, table.schema)
 

@@ -60,7 +60,7 @@ class DeviceSettings:
 
 
 def writable_settings(driver: DeviceDriver, known: DeviceContext, values: Mapping[str, Values]) -> dict[str, Values]:
-    """Of settings that were read, what a person can write and what may be equal in several devices."""
+    """The writable subset of the settings that were read, without those of a single sensor."""
     found: dict[str, Values] = {}
     for row in driver.settings(known):
         fields = _writable(row.fields, values.get(row.name, {})) if row.write and not row.per_sensor else {}

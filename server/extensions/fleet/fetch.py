@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from imuscope.server.extensions.fleet.delta_dataset import dataset_of
 from imuscope.server.extensions.fleet.delta_tables import open_table
-from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, told
+from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, storage_errors
 from imuscope.server.extensions.fleet.tables import RECORDINGS
 
 PIECE = 1 << 20
@@ -72,7 +72,7 @@ def verify(store: StoreLocation, recording: str) -> str:
 def _is_missing(store: StoreLocation, key: str) -> bool:
     from obstore import head
 
-    with told(store):
+    with storage_errors(store):
         try:
             head(store.objects(), key)
         except FileNotFoundError:
@@ -84,7 +84,7 @@ def _pieces(store: StoreLocation, key: str) -> Iterator[bytes]:
     from obstore import get
 
     objects = store.objects()
-    with told(store):
+    with storage_errors(store):
         for piece in get(objects, key).stream(min_chunk_size=PIECE):
             yield bytes(piece)
 
@@ -93,7 +93,7 @@ def _row(store: StoreLocation, recording: str) -> tuple[str, int, str]:
     table = open_table(store, RECORDINGS.name)
     rows = []
     if table is not None:
-        with told(store):
+        with storage_errors(store):
             found = dataset_of(store, table, RECORDINGS)
             columns = ["object", "bytes", "checksum"]
             rows = found.to_table(columns=columns, filter=pc.field("recording") == recording).to_pylist()

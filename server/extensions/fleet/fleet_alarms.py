@@ -35,7 +35,7 @@ from imuscope.server.extensions.alarms.machine import (
     AlarmTransition,
 )
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url
-from imuscope.server.extensions.fleet.operator_name import person
+from imuscope.server.extensions.fleet.operator_name import operator_name
 from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
 from imuscope.server.fleet_settings import FleetServerSettings
 
@@ -244,7 +244,7 @@ class FleetAlarms:
         Raises:
             DomainError: it is not raised, or the name is missing.
         """
-        name = person(by)
+        name = operator_name(by)
         machine = self._machines.get((robot, condition))
         if machine is None or not machine.is_active:
             hint = "Alarms of the robot itself are acknowledged on its own page."

@@ -64,6 +64,6 @@ class Window:
         return True
 
     def close(self) -> None:
-        """Let go whoever waits."""
+        """Wake all waiting senders."""
         self.is_closed = True
         self._changed.set()

@@ -34,7 +34,7 @@ from imuscope.server.extensions.fleet.device_settings import (
     difference,
     encode_settings,
 )
-from imuscope.server.extensions.fleet.operator_name import person
+from imuscope.server.extensions.fleet.operator_name import operator_name
 from imuscope.server.extensions.fleet.reports import ReportError
 from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary, SettingsState
 
@@ -235,7 +235,7 @@ class GroupProfiles:
         Raises:
             DomainError: they are unknown, the name is missing, there are too many profiles, or the disk is full.
         """
-        name = person(by)
+        name = operator_name(by)
         known = self._known.get(device.settings)
         if known is None:
             hint = "Read them once on the page Configure of the robot, and try again when it is live."
@@ -258,7 +258,7 @@ class GroupProfiles:
         Raises:
             DomainError: there is none, the name is missing, or the disk is full.
         """
-        person(by)
+        operator_name(by)
         key = robot.group, device.protocol, device.product
         if key not in self._profiles:
             raise DomainError("not-found", "There is no such profile.", "It may have been removed already.")

@@ -1,20 +1,20 @@
 """Messages that carry the pages of a robot over the bus, in MessagePack, with a limit for everything.
 
-    fleet server                              robot
-    Open    a request, or a WebSocket   ──>
-                                        <──   Head    status and headers, or that the WebSocket is accepted
-                                        <──   Part    a piece of the body, or of a message of the WebSocket
-    Taken   bytes that were passed on   ──>
-    Say     a message of the browser    ──>
-    Stop    the viewer has gone         ──>
-                                        <──   End     it is complete, or the WebSocket is closed
-                                        <──   Fail    it is refused, or broken
-    Beat    I am here                   <─>
+    fleet server                                       robot
+    OpenStream      a request, or a WebSocket    ──>
+                                                 <──   ResponseHead   status and headers, or the WebSocket is accepted
+                                                 <──   ResponsePart   a piece of the body or of a WebSocket message
+    Acknowledge     bytes that were delivered    ──>
+    ClientMessage   a message of the browser     ──>
+    CancelStream    the viewer disconnected      ──>
+                                                 <──   EndStream      it is complete, or the WebSocket is closed
+                                                 <──   StreamError    it is refused, or broken
+    KeepAlive       sent while a stream is open  <─>
 
 Each stream has a number that its fleet server gave it, and the messages of a stream are numbered from 0 in each
 direction, so that a lost one is noticed: the stream then ends. A robot sends what is not taken yet up to a window
-(flow_control.py). docs/fleet.md is the specification. `decode_ask` and `decode_answer` raise PageMessageError and
-nothing else, for any bytes.
+(flow_control.py). docs/fleet.md is the specification. `decode_request` and `decode_answer` raise
+TunnelMessageError and nothing else, for any bytes.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from imuscope.server.extensions.fleet.reports import Boot
 
 MAX_BODY = 256 * 1024  # bytes of a request
 MAX_PART = 16 * 1024
-MAX_SAID = 64 * 1024  # as of every browser (server/http_server.py)
-MAX_ASK = MAX_BODY + 128 * 1024
+MAX_CLIENT_MESSAGE = 64 * 1024  # as of every browser (server/http_server.py)
+MAX_REQUEST = MAX_BODY + 128 * 1024
 MAX_ANSWER = 64 * 1024
 MAX_OPEN = 64  # streams of a robot
 
@@ -45,11 +45,11 @@ Words = Annotated[str, Meta(max_length=500)]
 Kind = Annotated[str, Meta(max_length=40, pattern="^[a-z-]+$")]
 
 
-class PageMessageError(ValueError):
+class TunnelMessageError(ValueError):
     """An invalid message: the reason as one sentence."""
 
 
-class Open(msgspec.Struct, frozen=True, tag="open"):
+class OpenStream(msgspec.Struct, frozen=True, tag="open"):
     """A request.
 
     Args:
@@ -76,31 +76,31 @@ class Open(msgspec.Struct, frozen=True, tag="open"):
     version: Literal[1] = 1
 
 
-class Say(msgspec.Struct, frozen=True, tag="say"):
+class ClientMessage(msgspec.Struct, frozen=True, tag="say"):
     """A text message of the browser."""
 
     stream: Number
     number: Number
-    text: Annotated[str, Meta(max_length=MAX_SAID)]
+    text: Annotated[str, Meta(max_length=MAX_CLIENT_MESSAGE)]
 
 
-class Taken(msgspec.Struct, frozen=True, tag="taken"):
-    """Bytes of parts that were passed on to the viewer since the beginning of the stream."""
+class Acknowledge(msgspec.Struct, frozen=True, tag="taken"):
+    """Bytes delivered to the viewer since the beginning of the stream (flow control)."""
 
     stream: Number
     number: Number
     size: Number
 
 
-class Stop(msgspec.Struct, frozen=True, tag="stop"):
-    """The viewer has gone."""
+class CancelStream(msgspec.Struct, frozen=True, tag="stop"):
+    """The viewer disconnected."""
 
     stream: Number
     number: Number
 
 
-class Beat(msgspec.Struct, frozen=True, tag="beat"):
-    """The other side is there. Sent while a stream is open, and answered by the robot.
+class KeepAlive(msgspec.Struct, frozen=True, tag="beat"):
+    """Keep-alive, sent while a stream is open and echoed by the robot.
 
     Args:
         last: the newest stream that the fleet server has opened.
@@ -112,7 +112,7 @@ class Beat(msgspec.Struct, frozen=True, tag="beat"):
     open: Annotated[tuple[Number, ...], Meta(max_length=MAX_OPEN)] = ()
 
 
-class Head(msgspec.Struct, frozen=True, tag="head"):
+class ResponseHead(msgspec.Struct, frozen=True, tag="head"):
     """Status and headers; of a WebSocket: it is accepted, with this subprotocol."""
 
     stream: Number
@@ -122,7 +122,7 @@ class Head(msgspec.Struct, frozen=True, tag="head"):
     subprotocol: Subprotocol = ""
 
 
-class Part(msgspec.Struct, frozen=True, tag="part"):
+class ResponsePart(msgspec.Struct, frozen=True, tag="part"):
     """A piece of the body, or of a message of a WebSocket.
 
     Args:
@@ -137,7 +137,7 @@ class Part(msgspec.Struct, frozen=True, tag="part"):
     is_last: bool = False
 
 
-class End(msgspec.Struct, frozen=True, tag="end"):
+class EndStream(msgspec.Struct, frozen=True, tag="end"):
     """The answer is complete, or the WebSocket was closed with this code."""
 
     stream: Number
@@ -146,7 +146,7 @@ class End(msgspec.Struct, frozen=True, tag="end"):
     reason: Words = ""
 
 
-class Fail(msgspec.Struct, frozen=True, tag="fail"):
+class StreamError(msgspec.Struct, frozen=True, tag="fail"):
     """The stream ends with a problem: a kind of server/errors.py, a sentence, and what to do."""
 
     stream: Number
@@ -156,41 +156,41 @@ class Fail(msgspec.Struct, frozen=True, tag="fail"):
     hint: Words = ""
 
 
-Ask = Open | Say | Taken | Stop | Beat
-Answer = Head | Part | End | Fail | Beat
-T = TypeVar("T", Ask, Answer)
+TunnelRequest = OpenStream | ClientMessage | Acknowledge | CancelStream | KeepAlive
+Answer = ResponseHead | ResponsePart | EndStream | StreamError | KeepAlive
+T = TypeVar("T", TunnelRequest, Answer)
 _encoder = msgspec.msgpack.Encoder()
-_asks: msgspec.msgpack.Decoder[Ask] = msgspec.msgpack.Decoder(Ask)
+_requests: msgspec.msgpack.Decoder[TunnelRequest] = msgspec.msgpack.Decoder(TunnelRequest)
 _answers: msgspec.msgpack.Decoder[Answer] = msgspec.msgpack.Decoder(Answer)
 
 
-def encode(message: Ask | Answer) -> bytes:
+def encode(message: TunnelRequest | Answer) -> bytes:
     """A message as bytes."""
     return _encoder.encode(message)
 
 
-def decode_ask(data: bytes) -> Ask:
+def decode_request(data: bytes) -> TunnelRequest:
     """The message of a fleet server in these bytes.
 
     Raises:
-        PageMessageError: it is invalid.
+        TunnelMessageError: it is invalid.
     """
-    return _decoded(data, _asks, MAX_ASK)
+    return _decoded(data, _requests, MAX_REQUEST)
 
 
 def decode_answer(data: bytes) -> Answer:
     """The message of a robot in these bytes.
 
     Raises:
-        PageMessageError: it is invalid.
+        TunnelMessageError: it is invalid.
     """
     return _decoded(data, _answers, MAX_ANSWER)
 
 
 def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T], limit: int) -> T:
     if len(data) > limit:
-        raise PageMessageError(f"The message has {len(data)} bytes; at most {limit} are allowed.")
+        raise TunnelMessageError(f"The message has {len(data)} bytes; at most {limit} are allowed.")
     try:
         return decoder.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PageMessageError(f"The message is not valid: {error!s:.200}.") from None
+        raise TunnelMessageError(f"The message is not valid: {error!s:.200}.") from None

@@ -1,6 +1,6 @@
 """The robot's end of its pages at a fleet server: requests from the bus, answered by its own application.
 
-    bus ─> Inbox ─> Open ─> a task: application(scope, receive, send) ─> Head, Part, Part, End ─> bus
+    bus ─> Inbox ─> OpenStream ─> a task: application(scope, receive, send) ─> ResponseHead, ResponsePart … ─> bus
 
 The application runs in this process, so routes, limits and locks are those of the robot's own page. Its guard of tokens
 is replaced by the rules here: only what `fleet.pages` allows, only /api and /ws, and the role that the fleet server
@@ -30,18 +30,18 @@ from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.flow_control import Window
 from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     MAX_OPEN,
+    Acknowledge,
     Answer,
-    Beat,
-    End,
-    Fail,
-    Head,
-    Open,
-    PageMessageError,
-    Part,
-    Say,
-    Stop,
-    Taken,
-    decode_ask,
+    CancelStream,
+    ClientMessage,
+    EndStream,
+    KeepAlive,
+    OpenStream,
+    ResponseHead,
+    ResponsePart,
+    StreamError,
+    TunnelMessageError,
+    decode_request,
     encode,
 )
 from imuscope.server.extensions.fleet.inbox import Inbox
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("imuscope.fleet")
 
 MAX_SERVERS = 8
-MAX_SAID = 200
+MAX_CLIENT_MESSAGE = 200
 """Messages of a browser that wait to be read."""
 SILENCE_S = 15.0
 """A fleet server that says nothing for this long has gone, and its streams with it."""
@@ -69,7 +69,7 @@ HEADERS = frozenset(
 """Headers of an answer that are sent; cookies and redirections are not."""
 
 
-def check_allowed(asked: Open, pages: PagesAllowed) -> None:
+def check_allowed(asked: OpenStream, pages: PagesAllowed) -> None:
     """Refuse what the robot does not let through.
 
     Args:
@@ -142,7 +142,7 @@ class PageServer:
         return session.declare_subscriber(keys.asks(self._name), on_ask)
 
     def tick(self) -> None:
-        """End the streams of fleet servers that have gone. To be called each second or so."""
+        """Close streams of disconnected fleet servers. Call once a second."""
         now = time.monotonic()
         for server in [one for one, heard in self._heard.items() if now - heard > SILENCE_S]:
             del self._heard[server]
@@ -170,23 +170,23 @@ class PageServer:
         if not server:
             return
         try:
-            asked = decode_ask(data)
-        except PageMessageError as error:
+            asked = decode_request(data)
+        except TunnelMessageError as error:
             log.warning("A message of the fleet server is ignored. %s", error, extra={"often": ("pages", server)})
             return
         if server not in self._heard and len(self._heard) >= MAX_SERVERS:
             return
         self._heard[server] = time.monotonic()
-        if isinstance(asked, Beat):
+        if isinstance(asked, KeepAlive):
             if asked.boot == self._boot:
                 mine = tuple(stream for name, stream in self._streams if name == server)
-                self._put_soon(server, Beat(self._boot, asked.last, mine))
-        elif isinstance(asked, Open):
+                self._put_soon(server, KeepAlive(self._boot, asked.last, mine))
+        elif isinstance(asked, OpenStream):
             self._open(server, asked)
         elif (stream := self._streams.get((server, asked.stream))) is not None:
             stream.take(asked)
 
-    def _open(self, server: str, asked: Open) -> None:
+    def _open(self, server: str, asked: OpenStream) -> None:
         place = server, asked.stream
         if asked.boot != self._boot or place in self._streams:
             return
@@ -200,7 +200,7 @@ class PageServer:
         except DomainError as error:
             if changes:
                 self._tell("warning", f"Refused a command through the fleet server of {words}. {error.message}")
-            self._put_soon(server, Fail(asked.stream, 0, error.kind, error.message, error.hint))
+            self._put_soon(server, StreamError(asked.stream, 0, error.kind, error.message, error.hint))
             return
         if changes:
             self._tell("info", f"Command through the fleet server of {words}.")
@@ -245,7 +245,7 @@ class RobotStream:
 
     task: asyncio.Task[None]
 
-    def __init__(self, pages: PageServer, server: str, asked: Open) -> None:
+    def __init__(self, pages: PageServer, server: str, asked: OpenStream) -> None:
         self.server = server
         self._pages, self._asked = pages, asked
         self._is_socket = asked.socket is not None
@@ -260,23 +260,23 @@ class RobotStream:
 
     # ── from the fleet server ────────────────────────────────────────────────────────────────────────────────────────
 
-    def take(self, asked: Say | Taken | Stop) -> None:
+    def take(self, asked: ClientMessage | Acknowledge | CancelStream) -> None:
         """Take over a message; a gap in the numbers ends the stream."""
         is_next = asked.number == self._expected
         self._expected += 1
-        if not is_next or isinstance(asked, Stop):
+        if not is_next or isinstance(asked, CancelStream):
             self.stop()
-        elif isinstance(asked, Taken):
+        elif isinstance(asked, Acknowledge):
             if not self._window.taken(asked.size, time.monotonic()):
                 self.stop()
-        elif self._is_socket and len(self._said) < MAX_SAID:
+        elif self._is_socket and len(self._said) < MAX_CLIENT_MESSAGE:
             self._said.append({"type": "websocket.receive", "text": asked.text})
             self._news.set()
         else:
             self.stop()
 
     def stop(self) -> None:
-        """The viewer has gone. What only reads is ended; a command is carried out."""
+        """Handle a disconnected viewer: cancel reads, let commands finish."""
         if self._is_stopped:
             return
         self._is_stopped = True
@@ -294,12 +294,12 @@ class RobotStream:
         try:
             await app(self._scope(), self._receive, self._send)
             if not self._has_ended:
-                await self._put(End(0, 0, 1011, ""))
+                await self._put(EndStream(0, 0, 1011, ""))
         except asyncio.CancelledError:
             raise
         except Exception:  # the framework has logged it
             if not self._has_ended and not self._is_stopped:
-                await self._put(Fail(0, 0, "fault", "The robot failed to answer.", "Its log has the reason."))
+                await self._put(StreamError(0, 0, "fault", "The robot failed to answer.", "Its log has the reason."))
         finally:
             self._window.close()
 
@@ -345,20 +345,20 @@ class RobotStream:
         kind = message["type"]
         if kind == "http.response.start":
             self._has_begun = True
-            await self._put(Head(0, 0, message["status"], _sent_headers(message.get("headers", ()))))
+            await self._put(ResponseHead(0, 0, message["status"], _sent_headers(message.get("headers", ()))))
         elif kind == "http.response.body":
             await self._put_parts(message.get("body", b""))
             if not message.get("more_body", False):
-                await self._put(End(0, 0))
+                await self._put(EndStream(0, 0))
         elif kind == "websocket.accept":
             self._has_begun = True
-            await self._put(Head(0, 0, subprotocol=message.get("subprotocol") or ""))
+            await self._put(ResponseHead(0, 0, subprotocol=message.get("subprotocol") or ""))
         elif kind == "websocket.send":
             text = message.get("text")
             data = message.get("bytes", b"") if text is None else text.encode()
             await self._put_parts(data, is_text=text is not None, is_message=True)
         elif kind == "websocket.close":
-            await self._put(End(0, 0, message.get("code", 1000), (message.get("reason") or "")[:120]))
+            await self._put(EndStream(0, 0, message.get("code", 1000), (message.get("reason") or "")[:120]))
 
     async def _put_parts(self, data: bytes, *, is_text: bool = False, is_message: bool = False) -> None:
         start = 0
@@ -370,13 +370,13 @@ class RobotStream:
             stop = start + size
             is_last = is_message and stop == len(data)
             self._window.sent(size, time.monotonic())
-            await self._put(Part(0, 0, bytes(data[start:stop]), is_text, is_last))
+            await self._put(ResponsePart(0, 0, bytes(data[start:stop]), is_text, is_last))
             if stop == len(data):
                 return
             start = stop
 
-    async def _put(self, answer: Head | Part | End | Fail) -> None:
-        self._has_ended |= isinstance(answer, End | Fail)
+    async def _put(self, answer: ResponseHead | ResponsePart | EndStream | StreamError) -> None:
+        self._has_ended |= isinstance(answer, EndStream | StreamError)
         number, self._number = self._number, self._number + 1
         changes = {"stream": self._asked.stream, "number": number}
         await self._pages.put(self.server, _changed(answer, changes))
@@ -392,7 +392,7 @@ class RobotStream:
         self.stop()
 
 
-def _changed(answer: Head | Part | End | Fail, changes: dict[str, int]) -> Answer:
+def _changed(answer: ResponseHead | ResponsePart | EndStream | StreamError, changes: dict[str, int]) -> Answer:
     return msgspec.structs.replace(answer, **changes)
 
 

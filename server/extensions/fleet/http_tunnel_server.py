@@ -1,7 +1,7 @@
 """The fleet server's end of the pages of robots: requests of viewers, sent over the bus, and what the robots answer.
 
-    viewer ─> server/extensions/fleet/page_routes.py ─> RobotPages.open ─> Open ─> bus ─> robot
-                                  Stream  <── Head, Part, End ── Inbox <── bus
+    viewer ─> server/extensions/fleet/page_routes.py ─> RobotPages.open ─> OpenStream ─> bus ─> robot
+                                  Stream  <── ResponseHead, ResponsePart, EndStream ── Inbox <── bus
 
 Nothing here trusts a robot: a stream belongs to the robot that it was opened for, its messages are numbered, and what
 it sends beyond what was taken ends it. A stream ends with its viewer, with the line of the robot, and when the robot is
@@ -23,20 +23,20 @@ from imuscope.server.errors import KINDS, DomainError
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.flow_control import LARGEST
 from imuscope.server.extensions.fleet.http_tunnel_protocol import (
+    Acknowledge,
     Answer,
-    Ask,
-    Beat,
-    End,
-    Fail,
-    Head,
-    Open,
-    PageMessageError,
-    Part,
-    Say,
-    Stop,
-    Taken,
+    CancelStream,
+    ClientMessage,
+    EndStream,
+    KeepAlive,
+    OpenStream,
+    ResponseHead,
+    ResponsePart,
+    StreamError,
+    TunnelMessageError,
+    TunnelRequest,
     decode_answer,
-    decode_ask,
+    decode_request,
     encode,
 )
 from imuscope.server.extensions.fleet.inbox import Inbox
@@ -88,7 +88,7 @@ class RobotPages:
         self._session = session
         return session.declare_subscriber(keys.answers(self.id), on_answer)
 
-    def open(self, robot: str, make: Callable[[int, str], Open]) -> PageStream:
+    def open(self, robot: str, make: Callable[[int, str], OpenStream]) -> PageStream:
         """Send a request to a robot.
 
         Args:
@@ -106,8 +106,8 @@ class RobotPages:
         number = next(self._numbers)
         asked = make(number, boot)
         try:
-            decode_ask(encode(asked))
-        except PageMessageError as error:
+            decode_request(encode(asked))
+        except TunnelMessageError as error:
             raise DomainError(
                 "bad-request", f"This cannot be sent to a robot. {error}", "Make the request shorter."
             ) from None
@@ -129,7 +129,7 @@ class RobotPages:
         hint = "Its page opens when it is back; its devices and recordings are not affected."
         return DomainError("gone", f"The line of robot {name} is lost.", hint)
 
-    def put(self, robot: str, ask: Ask) -> None:
+    def put(self, robot: str, ask: TunnelRequest) -> None:
         """Send a message. Never waits: what does not fit is lost, and its number missed."""
         import zenoh
 
@@ -150,11 +150,11 @@ class RobotPages:
         self.bytes += len(data)
         try:
             answer = decode_answer(data)
-        except PageMessageError:
+        except TunnelMessageError:
             self.invalid += 1
             return
         self._heard[robot] = time.monotonic()
-        if isinstance(answer, Beat):
+        if isinstance(answer, KeepAlive):
             for (name, number), one in list(self._streams.items()):
                 if name == robot and number <= answer.last and number not in answer.open:
                     one.fail(DomainError("gone", "A part of the request was lost.", LOST_HINT))
@@ -164,7 +164,7 @@ class RobotPages:
             stream.take(answer)
 
     def tick(self) -> None:
-        """End the streams of robots that have gone, and ask the others. To be called each second or so."""
+        """Close streams of disconnected robots and ping the others. Call once a second."""
         now = time.monotonic()
         is_due = now >= self._beat_at
         if is_due:
@@ -179,8 +179,8 @@ class RobotPages:
             elif is_due:
                 streams = [one for (name, _), one in self._streams.items() if name == robot]
                 for stream in streams:
-                    stream.passed_on(0)  # in case the last one was lost
-                self.put(robot, Beat(boot, max(one.number for one in streams)))
+                    stream.acknowledge(0)  # in case the last one was lost
+                self.put(robot, KeepAlive(boot, max(one.number for one in streams)))
         for robot in set(self._heard) - robots:
             del self._heard[robot]
 
@@ -196,7 +196,7 @@ class RobotPages:
         self._session = None
 
     def forget(self, robot: str, number: int) -> None:
-        """A stream has ended."""
+        """Remove a closed stream."""
         self._streams.pop((robot, number), None)
 
     def add_metrics(self, page: PrometheusText) -> None:
@@ -217,7 +217,7 @@ class PageStream:
     def __init__(self, pages: RobotPages, robot: str, number: int) -> None:
         self.robot, self.number = robot, number
         self._pages = pages
-        self._answers: deque[Head | Part | End] = deque()
+        self._answers: deque[ResponseHead | ResponsePart | EndStream] = deque()
         self._news = asyncio.Event()
         self._problem: DomainError | None = None
         self._expected = 0
@@ -227,23 +227,23 @@ class PageStream:
 
     def take(self, answer: Answer) -> None:
         """Take over a message of the robot."""
-        if isinstance(answer, Beat) or self._is_over or self._problem is not None:
+        if isinstance(answer, KeepAlive) or self._is_over or self._problem is not None:
             return
         if answer.number != self._expected:
             self.fail(DomainError("gone", "A part of the robot's answer was lost.", LOST_HINT))
             return
         self._expected += 1
-        if isinstance(answer, Fail):
+        if isinstance(answer, StreamError):
             kind = answer.kind if answer.kind in KINDS and KINDS[answer.kind].status else "refused"
             self.fail(DomainError(kind, printable(answer.message), printable(answer.hint)))
             return
-        if isinstance(answer, Part):
+        if isinstance(answer, ResponsePart):
             self._received += len(answer.data)
         if self._received - self._taken > 2 * LARGEST or len(self._answers) > 2 * LARGEST // 1024:
             self.fail(DomainError("gone", "The robot sent more than was asked for.", "Its version may be too new."))
             return
         self._answers.append(answer)
-        self._is_over = isinstance(answer, End)
+        self._is_over = isinstance(answer, EndStream)
         self._news.set()
 
     def fail(self, problem: DomainError) -> None:
@@ -253,7 +253,7 @@ class PageStream:
             self._answers.clear()
             self._news.set()
 
-    async def next(self) -> Head | Part | End:
+    async def next(self) -> ResponseHead | ResponsePart | EndStream:
         """The next message of the robot.
 
         Raises:
@@ -263,24 +263,24 @@ class PageStream:
             if self._problem is not None:
                 raise self._problem
             if self._is_over:
-                return End(self.number, self._expected)
+                return EndStream(self.number, self._expected)
             self._news.clear()
             await self._news.wait()
         return self._answers.popleft()
 
-    def passed_on(self, size: int) -> None:
-        """Tell the robot that so many more bytes have reached the viewer."""
+    def acknowledge(self, size: int) -> None:
+        """Acknowledge `size` delivered bytes (flow control)."""
         self._taken += size
-        self._put(Taken(self.number, self._next_number(), self._taken))
+        self._put(Acknowledge(self.number, self._next_number(), self._taken))
 
     def say(self, text: str) -> None:
         """Send a message of the browser."""
-        self._put(Say(self.number, self._next_number(), text))
+        self._put(ClientMessage(self.number, self._next_number(), text))
 
     def close(self) -> None:
         """The viewer has gone, or has everything."""
         if not self._is_over:
-            self._put(Stop(self.number, self._next_number()))
+            self._put(CancelStream(self.number, self._next_number()))
         self._is_over = True
         self._pages.forget(self.robot, self.number)
 
@@ -288,5 +288,5 @@ class PageStream:
         number, self._sent = self._sent, self._sent + 1
         return number
 
-    def _put(self, ask: Say | Taken | Stop) -> None:
+    def _put(self, ask: ClientMessage | Acknowledge | CancelStream) -> None:
         self._pages.put(self.robot, ask)

@@ -7,7 +7,7 @@ from imuscope.server.errors import DomainError
 MAX_BY = 60  # characters
 
 
-def person(by: str) -> str:
+def operator_name(by: str) -> str:
     """The name of a person in one line.
 
     Raises:

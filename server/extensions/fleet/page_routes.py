@@ -19,7 +19,14 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.auth import is_command
 from imuscope.server.errors import DomainError, status_of
-from imuscope.server.extensions.fleet.http_tunnel_protocol import MAX_BODY, MAX_SAID, End, Head, Open, Part
+from imuscope.server.extensions.fleet.http_tunnel_protocol import (
+    MAX_BODY,
+    MAX_CLIENT_MESSAGE,
+    EndStream,
+    OpenStream,
+    ResponseHead,
+    ResponsePart,
+)
 from imuscope.server.extensions.fleet.http_tunnel_robot import HEADERS
 from imuscope.server.extensions.fleet.http_tunnel_server import PageStream
 from imuscope.server.extensions.fleet.robot_routes import TheFleetServer, fleet_server_of
@@ -47,10 +54,10 @@ def _who(role: str, operator: str, peer: str) -> str:
     return f"{operator or ('operator' if role == 'control' else 'viewer')} at {peer or 'an unknown address'}"
 
 
-def _request(connection: Request | WebSocket, path: str) -> Open:
+def _request(connection: Request | WebSocket, path: str) -> OpenStream:
     role, peer = connection.state.role, connection.client.host if connection.client else ""
     query = [pair for pair in parse_qsl(connection.url.query, keep_blank_values=True) if pair[0] != "token"]
-    return Open(
+    return OpenStream(
         stream=0,
         boot="",
         method=connection.scope.get("method", "GET"),
@@ -87,7 +94,7 @@ async def request_to_robot(robot: str, path: str, server: TheFleetServer, reques
         )
         try:
             head = await _head(stream, request)
-            if not isinstance(head, Head):
+            if not isinstance(head, ResponseHead):
                 raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
         except BaseException:
             stream.close()
@@ -105,7 +112,7 @@ async def request_to_robot(robot: str, path: str, server: TheFleetServer, reques
     return StreamingResponse(_body(stream), head.status, _headers(head))
 
 
-async def _head(stream: PageStream, request: Request) -> Head | Part | End:
+async def _head(stream: PageStream, request: Request) -> ResponseHead | ResponsePart | EndStream:
     """The beginning of the answer.
 
     Raises:
@@ -133,17 +140,17 @@ async def _until_gone(request: Request) -> None:
 async def _body(stream: PageStream) -> AsyncIterator[bytes]:
     """The body, each part taken when the viewer has it. An answer that breaks off never looks complete."""
     try:
-        while not isinstance(part := await stream.next(), End):
-            if not isinstance(part, Part):
+        while not isinstance(part := await stream.next(), EndStream):
+            if not isinstance(part, ResponsePart):
                 raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
             if part.data:
                 yield part.data
-                stream.passed_on(len(part.data))
+                stream.acknowledge(len(part.data))
     finally:
         stream.close()
 
 
-def _headers(head: Head) -> dict[str, str]:
+def _headers(head: ResponseHead) -> dict[str, str]:
     headers = {name: text for name, text in head.headers if name in HEADERS}
     kind = headers.get("content-type", "")
     if ACTIVE.search(kind):
@@ -167,7 +174,7 @@ async def live_of_robot(robot: str, socket: WebSocket, services: TheServices) ->
     tasks: list[asyncio.Task[None]] = []
     try:
         head = await stream.next()
-        if not isinstance(head, Head):
+        if not isinstance(head, ResponseHead):
             raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
         await socket.accept(head.subprotocol if head.subprotocol in offered else None)
         tasks = [
@@ -201,22 +208,22 @@ def _reason(text: str) -> str:
 async def _to_robot(socket: WebSocket, stream: PageStream) -> None:
     while (message := await socket.receive())["type"] == "websocket.receive":
         text = message.get("text")
-        if text is None or len(text) > MAX_SAID:
+        if text is None or len(text) > MAX_CLIENT_MESSAGE:
             raise DomainError("bad-request", "A browser sends short text frames only.", "Reload the page.")
         stream.say(text)
 
 
 async def _from_robot(socket: WebSocket, stream: PageStream) -> None:
     message = bytearray()
-    while not isinstance(part := await stream.next(), End):
-        if not isinstance(part, Part) or len(message) > MAX_MESSAGE:
+    while not isinstance(part := await stream.next(), EndStream):
+        if not isinstance(part, ResponsePart) or len(message) > MAX_MESSAGE:
             raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
         message += part.data
         if part.is_last and part.is_text:
             await socket.send_text(message.decode(errors="replace"))
         elif part.is_last:
             await socket.send_bytes(bytes(message))
-        stream.passed_on(len(part.data))
+        stream.acknowledge(len(part.data))
         if part.is_last:
             message.clear()
     await socket.close(part.code if part.code in CODES or part.code >= 3000 else 1011, _reason(part.reason))

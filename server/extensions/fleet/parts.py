@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from imuscope.server.extensions.alarms.service import AlarmService
-from imuscope.server.extensions.fleet.active_alarms import raised_alarms
+from imuscope.server.extensions.fleet.active_alarms import active_alarms
 from imuscope.server.extensions.fleet.fleet_server import FleetServer
 from imuscope.server.extensions.fleet.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.publisher import FleetPublisher
@@ -31,7 +31,7 @@ def parts(services: Services) -> Iterator[ServicePart]:
     yield ServicePart("questions", QuestionService(config.store))
     alarms = services.parts.get(AlarmService)
     known = KnownSettings(config.data / "fleet", services.controllers.get)
-    publisher = FleetPublisher(services.telemetry, config, lambda: raised_alarms(alarms), known)
+    publisher = FleetPublisher(services.telemetry, config, lambda: active_alarms(alarms), known)
     yield ServicePart("the fleet", publisher, publisher.close, publisher.start, serves=publisher.pages.serve)
     for one in services.brought:
         if isinstance(one, FleetServer):

@@ -39,7 +39,7 @@ from imuscope.server.extensions.fleet.journal import ANSWER_BYTES, FOLDER, Journ
 from imuscope.server.extensions.fleet.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
-from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, settled
+from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, with_hysteresis
 from imuscope.server.fleet_settings import FleetSettings
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.streaming.telemetry import Telemetry
@@ -269,7 +269,7 @@ class FleetPublisher:
             return pause
 
     def _changed_status(self) -> RobotStatus | None:
-        """The status, if a person would see a difference, or nobody was told for long."""
+        """Status to publish: changed beyond display precision, or the refresh interval elapsed."""
         recorder = self._bus.recorder.latest
         status = RobotStatus(
             version=VERSION,
@@ -282,7 +282,7 @@ class FleetPublisher:
             alarms=tuple(self._alarms())[:MAX_ALARMS],
             devices=self._known_settings.with_settings(self._figures.devices()),
         )
-        shown = settled(summary_of(self.name, status, 0.0), self._shown)
+        shown = with_hysteresis(summary_of(self.name, status, 0.0), self._shown)
         self._ticks += 1
         if shown == self._shown and self._ticks % FULL_EVERY:
             return None

@@ -23,7 +23,7 @@ import pyarrow.dataset as ds
 from imuscope.server.extensions.fleet.delta_dataset import check_readable, dataset_of
 from imuscope.server.extensions.fleet.delta_tables import open_table
 from imuscope.server.extensions.fleet.parquet_files import ParquetFiles, allow, files_of, identifier, quoted
-from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, store_error, told
+from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, storage_errors, store_error
 from imuscope.server.extensions.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
 BATCH_ROWS = 1 << 16
@@ -69,7 +69,7 @@ def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> 
     connection.execute("SET errors_as_json = true")  # with the position
     guard = _Guard(connection, limits.timeout_s)
     try:
-        with _explained(connection, sql, guard, limits, store), told(store):
+        with _explained(connection, sql, guard, limits, store), storage_errors(store):
             _check(connection, sql)
             words = {word.lower() for word in _WORD.findall(sql)}
             asked = [
@@ -234,7 +234,7 @@ class _Guard:
 
 
 class _Answer:
-    """The batches of an answer, which end when its time is over, whoever is slow.
+    """Result batches; stops at the time limit, however slow the client reads.
 
     The work is done in a thread: within DuckDB the main one would notice an interrupt only at the end.
     """

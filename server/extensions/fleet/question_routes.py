@@ -241,7 +241,7 @@ def _question(body: QueryBody, service: QuestionService) -> QuestionRequest:
 
 
 class _ClosingResponse(StreamingResponse):
-    """An answer whose question ends when it was sent, or when nobody reads it any more."""
+    """Streaming response that cancels its query when the client disconnects."""
 
     def __init__(self, pieces: object, stack: AsyncExitStack, **more: object) -> None:
         super().__init__(pieces, **more)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from imuscope.server.errors import KINDS, DomainError
-from imuscope.server.extensions.fleet.http_tunnel_protocol import End, Head, Open, Part
+from imuscope.server.extensions.fleet.http_tunnel_protocol import EndStream, OpenStream, ResponseHead, ResponsePart
 from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
 from imuscope.server.printable import printable
 
@@ -67,7 +67,7 @@ class RobotLine:
     async def _request(self, method: Any, path: str, body: bytes, answer: type[T]) -> T:
         stream = self._pages.open(
             self._robot,
-            lambda number, boot: Open(
+            lambda number, boot: OpenStream(
                 *(number, boot, method, path), headers=JSON, body=body, role="control", who=self._who
             ),
         )
@@ -109,12 +109,12 @@ async def _answer(stream: PageStream) -> tuple[int, bytes]:
         DomainError: the robot refuses, or the line is broken.
     """
     head = await stream.next()
-    if not isinstance(head, Head):
+    if not isinstance(head, ResponseHead):
         raise DomainError("gone", "The robot's answer has no beginning.", VERSION_HINT)
     body = bytearray()
-    while not isinstance(part := await stream.next(), End):
-        if not isinstance(part, Part) or len(body) > MAX_ANSWER:
+    while not isinstance(part := await stream.next(), EndStream):
+        if not isinstance(part, ResponsePart) or len(body) > MAX_ANSWER:
             raise DomainError("gone", "The robot's answer is too long, or not valid.", VERSION_HINT)
         body += part.data
-        stream.passed_on(len(part.data))
+        stream.acknowledge(len(part.data))
     return head.status, bytes(body)

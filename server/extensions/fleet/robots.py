@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotSummary, settled
+from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotSummary, with_hysteresis
 
 MAX_ROBOTS = 100_000
 MAX_GONE = 10_000
@@ -69,7 +69,7 @@ class Robots:
         known = self._entries.get(summary.name)
         if known is None and len(self._entries) >= self._limit:
             raise TooManyRobotsError
-        summary = settled(summary, None if known is None else known.summary)
+        summary = with_hysteresis(summary, None if known is None else known.summary)
         if known is not None and known.summary == summary:
             return False
         self._revision += 1

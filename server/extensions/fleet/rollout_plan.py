@@ -78,7 +78,7 @@ class _Change:
 
 
 class _Changes:
-    """Changes by digest of the settings of a device: thousands of robots have a few."""
+    """Cache of changes by settings digest; a large fleet has few distinct configurations."""
 
     def __init__(self, profiles: GroupProfiles, driver: DeviceDriver) -> None:
         self.shown: list[RolloutChanges] = []

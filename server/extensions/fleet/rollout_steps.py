@@ -144,7 +144,7 @@ class DeviceRollout:
         except DomainError as error:
             return Outcome("failed", f"{error.message} Nothing was sent.")
         try:
-            await self._knock()
+            await self._check_supported()
             await self._apply()
             if await self._is_temporary():
                 await self._keep()
@@ -152,8 +152,8 @@ class DeviceRollout:
         except _EndedError as ended:
             return ended.outcome
 
-    async def _knock(self) -> None:
-        """Ask for what a robot tells that can take a change back whatever it is, before anything is written."""
+    async def _check_supported(self) -> None:
+        """Check that the robot supports temporary changes before anything is written."""
         try:
             await self._line.get(f"{self._at}/health", _Health)
         except LineError as error:
@@ -179,7 +179,7 @@ class DeviceRollout:
             raise _EndedError("failed", f"{_sentence(error)} Nothing was written.") from None
 
     async def _is_temporary(self) -> bool:
-        """Whether the device has the settings for the time being; False: it had them already, or has kept them."""
+        """True if the new settings are pending confirmation; False if they are already permanent."""
         end = _now() + self._timing.write_s
         while _now() < end:
             jobs = await self._jobs()
@@ -194,11 +194,11 @@ class DeviceRollout:
 
     async def _keep(self) -> None:
         """Watch a device with temporary settings, and confirm them."""
-        await self._say("watching", f"It has to deliver for {self._watch_s:g} s.")
-        why = await self._watched() or await self._unlike()
+        await self._try_report("watching", f"It has to deliver for {self._watch_s:g} s.")
+        why = await self._watched() or await self._difference()
         if why:
             await self._roll_back(why)
-        await self._say("confirming", "The settings are confirmed.")
+        await self._try_report("confirming", "The settings are confirmed.")
         end = _now() + self._timing.write_s
         is_sent = False
         while _now() < end:
@@ -212,23 +212,23 @@ class DeviceRollout:
                 try:
                     await self._line.post(f"{self._at}/confirm", {}, _Jobs)
                 except LineError:
-                    is_sent = False  # a look tells whether it has arrived
+                    is_sent = False  # the next poll shows whether it has arrived
                 except DomainError:
-                    pass  # it has just been rolled back; so a look tells
+                    pass  # it has just been rolled back; the next poll shows it
             await asyncio.sleep(self._timing.look_s)
         raise _EndedError("unknown", f"The robot did not finish. {UNKNOWN}")
 
     async def _checked(self) -> str:
-        """In words, that a device whose settings stay has those of the profile."""
-        why = await self._unlike()
+        """Result message after verifying that the settings match the profile."""
+        why = await self._difference()
         if why:
             raise _EndedError("failed", f"{why} These settings stay.")
         return "It has the settings of the profile; they were read back."
 
-    # ── what is looked at ────────────────────────────────────────────────────────────────────────────────────────────
+    # ── polls ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def _watched(self) -> str:
-        """Why the device does not deliver as it should; empty if it does."""
+        """Reason why the data rate is too low; empty if it is as expected."""
         rate = None
         with suppress(Exception):  # values that came from the bus
             rate = self._driver.message_rate(self._wanted.values, self._wanted.context)
@@ -238,16 +238,16 @@ class DeviceRollout:
         seen = 0.0
         end = _now() + self._watch_s + self._timing.watch_more_s
         while _now() < end:
-            if (job := self._ended(await self._jobs())) is not None:  # somebody at the robot has decided
+            if (job := self._ended(await self._jobs())) is not None:  # a user at the robot has decided
                 if job.state == "done":
                     return ""
                 raise _EndedError("failed", _clipped(job.message))
-            health = await self._look("health", _Health)
+            health = await self._poll("health", _Health)
             counts = {one.name: one.count for one in health.messages}
             if figures and (
                 health.time < figures[-1][0] or any(counts.get(name, 0) < n for name, n in figures[-1][1].items())
             ):
-                figures.clear()  # its session began anew
+                figures.clear()  # its session was reopened
             if not figures or health.time > figures[-1][0]:
                 figures.append((health.time, counts))
             while len(figures) > 1 and figures[1][0] <= health.time - self._watch_s:
@@ -263,9 +263,9 @@ class DeviceRollout:
         should = "" if rate is None else f" instead of {rate:g}"
         return f"It delivered {seen:.3g} samples/s{should}."
 
-    async def _unlike(self) -> str:
+    async def _difference(self) -> str:
         """Difference of the settings from the profile, in words; empty if there is none."""
-        found = await self._look("values", _SettingValues)
+        found = await self._poll("values", _SettingValues)
         robot = DeviceSettings(self._wanted.protocol, found.info.product, found.info.firmware, {})
         try:
             rows = {row.name: row for row in self._driver.settings(robot.context)}
@@ -273,22 +273,22 @@ class DeviceRollout:
             robot = DeviceSettings(
                 robot.protocol, robot.product, robot.firmware, writable_settings(self._driver, robot.context, values)
             )
-            unlike = difference(self._driver, self._wanted, robot)
+            changes = difference(self._driver, self._wanted, robot)
         except ReportError as error:
             return str(error)
         except Exception as error:  # values that came from the bus can have any shape
             return f"Its settings cannot be compared ({type(error).__name__})."
-        if not unlike.rows:
+        if not changes.rows:
             return ""
-        row = unlike.rows[0]
-        more = f", and {len(unlike.rows) - 1} more" if len(unlike.rows) > 1 else ""
+        row = changes.rows[0]
+        more = f", and {len(changes.rows) - 1} more" if len(changes.rows) > 1 else ""
         return f"{row.title} is {row.left or 'none'} instead of {row.right or 'none'}{more}."
 
     async def _jobs(self) -> _Jobs:
-        return await self._look("jobs", _Jobs)
+        return await self._poll("jobs", _Jobs)
 
-    async def _look(self, what: str, answer: type[T]) -> T:
-        """Look at the device, until there is an answer."""
+    async def _poll(self, what: str, answer: type[T]) -> T:
+        """Read a part of the device's state; lost requests are repeated until `lost_s` has passed."""
         end = _now() + self._timing.lost_s
         while True:
             try:
@@ -310,12 +310,12 @@ class DeviceRollout:
         for one in jobs.done:
             if one.id == self._job:
                 return one
-        raise _EndedError("unknown", f"The robot knows nothing of the change any more: it was restarted. {UNKNOWN}")
+        raise _EndedError("unknown", f"The robot has no record of the change: it was restarted. {UNKNOWN}")
 
-    # ── the way back ─────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── roll-back ────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def _roll_back(self, why: str) -> None:
-        """Roll back now, which the robot would do later by itself; always raises."""
+        """Roll back immediately instead of waiting for the robot's timeout. Always raises."""
         with suppress(LineError, DomainError):
             await self._line.post(f"{self._at}/roll-back", {}, _Jobs)
         end = _now() + self._watch_s + self._timing.confirm_more_s + self._timing.back_s
@@ -329,8 +329,8 @@ class DeviceRollout:
             await asyncio.sleep(self._timing.look_s)
         raise _EndedError("unknown", f"{why} {UNKNOWN}")
 
-    async def _say(self, state: RolloutDeviceState, words: str) -> None:
-        """Report a state; a disk that is full does not end what has begun."""
+    async def _try_report(self, state: RolloutDeviceState, words: str) -> None:
+        """Report a state; a full disk does not stop the change that is under way."""
         with suppress(DomainError):
             await self._report(state, words)
 

@@ -23,7 +23,7 @@ from imuscope.recordings.regular_file import read_regular
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
 from imuscope.server.extensions.fleet.http_tunnel_server import RobotPages
-from imuscope.server.extensions.fleet.operator_name import person
+from imuscope.server.extensions.fleet.operator_name import operator_name
 from imuscope.server.extensions.fleet.robot_line import RobotLine
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.rollout_models import (
@@ -133,7 +133,7 @@ class Rollouts:
         self._runs: dict[int, _Run] = {}
 
     def start(self) -> None:
-        """Say what the end of this server has interrupted."""
+        """Mark rollouts that the last shutdown interrupted."""
         for one in self._all.values():
             if one.state == "running":
                 self._interrupt(one)
@@ -202,13 +202,13 @@ class Rollouts:
     async def begin(
         self, robot: RobotSummary, device: RobotDevice, by: str, *, plan_id: str, waves: str, watch_s: float
     ) -> Rollout:
-        """Start what a person has seen.
+        """Start a rollout from a reviewed plan.
 
         Raises:
             DomainError: something else would be done by now, one is under way already, there is nothing to do, the
                 name is missing, or the state cannot be stored.
         """
-        name = person(by)
+        name = operator_name(by)
         plan, driver = self._plan(robot, device)
         sizes = wave_sizes(waves, len(plan.devices))
         running = self._running(plan)
@@ -265,7 +265,7 @@ class Rollouts:
         Raises:
             DomainError: it is not under way, or the name is missing.
         """
-        name = person(by)
+        name = operator_name(by)
         rollout, run = self.get(number), self._runs.get(number)
         if run is None:
             raise DomainError("not-now", f"Rollout {number} is not under way.", "It has ended.")
@@ -277,7 +277,7 @@ class Rollouts:
         return rollout
 
     async def close(self) -> None:
-        """End those that are under way; what they have begun the robots finish by themselves."""
+        """Cancel running rollouts. Robots complete or roll back their pending change."""
         tasks = [run.task for run in self._runs.values() if run.task is not None]
         for task in tasks:
             task.cancel()

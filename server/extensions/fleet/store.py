@@ -97,7 +97,7 @@ class StoreLocation:
         """
         from obstore import store
 
-        with told(self):
+        with storage_errors(self):
             if self.folder is not None:
                 return store.LocalStore(self.folder, mkdir=True)
             seconds = {"timeout": timedelta(seconds=self._request_s), "connect_timeout": timedelta(seconds=CONNECT_S)}
@@ -136,7 +136,7 @@ def is_installed() -> bool:
 
 
 def _is_plain_http() -> bool:
-    """Whether the environment names a server without TLS: one's own, in one's own network."""
+    """True if the configured endpoint is plain HTTP."""
     names = ("AWS_ENDPOINT_URL", "AWS_ENDPOINT", "AWS_ENDPOINT_URL_S3", "AZURE_STORAGE_ENDPOINT")
     return any(os.environ.get(name, "").startswith("http://") for name in names)
 
@@ -184,8 +184,8 @@ def _folder(path: Path) -> StoreLocation:
 
 
 @contextmanager
-def told(store: StoreLocation) -> Iterator[None]:
-    """Say what failed in the store in one sentence.
+def storage_errors(store: StoreLocation) -> Iterator[None]:
+    """Convert storage exceptions to StoreError.
 
     Raises:
         StoreError: for every error of the libraries and of the disk.
@@ -204,7 +204,7 @@ def told(store: StoreLocation) -> Iterator[None]:
 
 
 def store_error(error: BaseException, store: StoreLocation) -> StoreError:
-    """The sentence for an error, recognised by the words that reach us through several libraries."""
+    """StoreError for an exception, matched by message text because three libraries wrap it differently."""
     text = str(error)
     for pattern, words, hint in _CAUSES:
         if re.search(pattern, text, re.IGNORECASE):

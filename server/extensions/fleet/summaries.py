@@ -97,13 +97,13 @@ _STEPS: Mapping[str, tuple[float, float]] = {
 """Figure of a device → the relative and the absolute step; the larger one counts."""
 
 
-def settled(new: RobotSummary, shown: RobotSummary | None) -> RobotSummary:
+def with_hysteresis(new: RobotSummary, shown: RobotSummary | None) -> RobotSummary:
     """`new`, with the figures of `shown` where they differ by less than a step; others are rounded to three digits."""
     before = {} if shown is None else {one.id: one for one in shown.devices}
-    free = _settled(new.disk_free_bytes, None if shown is None else shown.disk_free_bytes, 0.01, 1e7)
+    free = _with_hysteresis(new.disk_free_bytes, None if shown is None else shown.disk_free_bytes, 0.01, 1e7)
     return new.model_copy(
         update={
-            "latency_ms": _settled(new.latency_ms, None if shown is None else shown.latency_ms, 0.2, 5.0),
+            "latency_ms": _with_hysteresis(new.latency_ms, None if shown is None else shown.latency_ms, 0.2, 5.0),
             "disk_free_bytes": None if free is None else int(free),
             "devices": [_device(one, before.get(one.id)) for one in new.devices],
         }
@@ -112,13 +112,13 @@ def settled(new: RobotSummary, shown: RobotSummary | None) -> RobotSummary:
 
 def _device(new: RobotDevice, shown: RobotDevice | None) -> RobotDevice:
     changes = {
-        name: _settled(getattr(new, name), None if shown is None else getattr(shown, name), *steps)
+        name: _with_hysteresis(getattr(new, name), None if shown is None else getattr(shown, name), *steps)
         for name, steps in _STEPS.items()
     }
     return new.model_copy(update=changes)
 
 
-def _settled(new: float | None, shown: float | None, relative: float, absolute: float) -> float | None:
+def _with_hysteresis(new: float | None, shown: float | None, relative: float, absolute: float) -> float | None:
     if new is None or not math.isfinite(new):
         return None
     if shown is not None and (new == 0) == (shown == 0) and abs(new - shown) < max(relative * abs(shown), absolute):

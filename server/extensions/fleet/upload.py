@@ -32,14 +32,14 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.probe import RecordingProbe, probe
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.extensions.fleet.bandwidth_proxy import Pace
+from imuscope.server.extensions.fleet.bandwidth_proxy import LineRate
 from imuscope.server.extensions.fleet.delta_dataset import dataset_of
 from imuscope.server.extensions.fleet.delta_tables import append_once, as_schema, create_table, has_rows, open_table
 from imuscope.server.extensions.fleet.metadata import RecordingKey, StoredFile, arrow_rows, small_tables, start_of
 from imuscope.server.extensions.fleet.minute_statistics import minute_rows
 from imuscope.server.extensions.fleet.recording_digest import as_recording, checksum_of, is_mcap, recording_id
 from imuscope.server.extensions.fleet.samples import sample_reader, sample_rows, sample_schema
-from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, told
+from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, storage_errors
 from imuscope.server.extensions.fleet.tables import MINUTES, RECORDINGS, SAMPLES, TABLES
 from imuscope.server.library.decode import decode
 
@@ -154,7 +154,7 @@ def _object_of(store: StoreLocation, recording: str) -> tuple[str, int, str] | N
         return None
     table = open_table(store, RECORDINGS.name)
     assert table is not None
-    with told(store):
+    with storage_errors(store):
         rows = dataset_of(store, table, RECORDINGS).to_table(
             columns=["object", "bytes", "checksum"], filter=_is_recording(recording)
         )
@@ -171,7 +171,7 @@ def _is_there(store: StoreLocation, key: str, size: int, checksum: str) -> bool:
     from obstore import head
 
     objects = store.objects()
-    with told(store):
+    with storage_errors(store):
         try:
             if head(objects, key)["size"] != size:
                 return False
@@ -195,7 +195,7 @@ def _put(store: StoreLocation, path: Path, key: str, expected: str | None) -> tu
     if _is_there(store, key, size, checksum):
         return size, checksum
     objects = store.objects()
-    with told(store):
+    with storage_errors(store):
         if store.folder is not None and store.rate:
             put(objects, key, _paced(path, store.rate), chunk_size=PACED_BYTES, max_concurrency=1)
         elif store.rate:
@@ -215,7 +215,7 @@ def _put(store: StoreLocation, path: Path, key: str, expected: str | None) -> tu
 
 def _paced(path: Path, rate: float) -> Iterator[bytes]:
     """Content of a file in pieces, at a rate: a folder may be on a disk of the network."""
-    pace = Pace(rate)
+    pace = LineRate(rate)
     with path.open("rb") as file:
         while piece := file.read(PACED_BYTES):
             pace.wait(len(piece))

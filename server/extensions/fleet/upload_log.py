@@ -1,7 +1,7 @@
-"""Ends of uploads, on disk: `uploads.json` in the data folder, so that a restart goes on where it was.
+"""Persistent upload results: `uploads.json` in the data folder, so that uploads resume after a restart.
 
-Only ends are in it: stored, or refused because the file cannot be read. What waits is what the library has and this
-has not. If the file is lost, every recording is looked at once more and found in the store by its content.
+Only results are in it: stored, or refused because the file cannot be read. A recording of the library without a result
+is pending. If the file is lost, every recording is checked again, and found in the store by its content.
 """
 
 from __future__ import annotations

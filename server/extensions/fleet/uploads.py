@@ -135,7 +135,7 @@ class UploadService:
         return {entry.path for entry in entries if self._state_of(entry).state in ("waiting", "uploading")}
 
     def _tell_backlog(self, entries: list[LibraryEntry], states: list[RecordingUpload]) -> None:
-        """Warn, once each time, when what waits takes most of the quota."""
+        """Warn once when pending uploads occupy most of the quota."""
         most = self._config.recordings_quota_gb * 1e9
         if not most:
             return
@@ -328,7 +328,7 @@ class UploadService:
         self._bus.library_changed()
 
     def _fail(self, words: str) -> float:
-        """Tell a failure, once for a row of them; returns the pause before the next attempt, s."""
+        """Report the first of consecutive failures; returns the retry delay, s."""
         self._failed += 1
         if not self.problem:
             self._bus.event("", "device", "warning", f"Recordings cannot be uploaded at present: {words}")

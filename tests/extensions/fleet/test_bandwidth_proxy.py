@@ -14,7 +14,7 @@ import pytest
 
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet import bandwidth_proxy
-from imuscope.server.extensions.fleet.bandwidth_proxy import BURST_S, LimitedLine, Pace
+from imuscope.server.extensions.fleet.bandwidth_proxy import BURST_S, LimitedLine, LineRate
 from imuscope.server.extensions.fleet.store import StoreError, limited, location
 from imuscope.server.extensions.fleet.upload import upload
 from tests.free_ports import free_port
@@ -102,7 +102,7 @@ def test_a_server_that_is_not_there_is_told() -> None:
 
 def test_a_pace_is_shared(slept: SleptTime) -> None:
     """Whoever comes waits until what was let through before has passed, also by others."""
-    pace = Pace(10_000.0)
+    pace = LineRate(10_000.0)
     slept.sleep(1.0)
     for _ in range(4):
         pace.wait(2_500)
@@ -110,7 +110,7 @@ def test_a_pace_is_shared(slept: SleptTime) -> None:
 
 
 def test_a_pace_is_shared_by_threads(slept: SleptTime) -> None:
-    pace = Pace(10_000.0)
+    pace = LineRate(10_000.0)
     threads = [threading.Thread(target=pace.wait, args=(2_500,)) for _ in range(4)]
     for one in threads:
         one.start()

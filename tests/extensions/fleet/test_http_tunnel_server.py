@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed
 from imuscope.server import wire, wire_codec
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.bus import BusCredentials
-from imuscope.server.extensions.fleet.http_tunnel_protocol import Open, encode
+from imuscope.server.extensions.fleet.http_tunnel_protocol import OpenStream, encode
 from imuscope.server.extensions.fleet.publisher import FleetSettingsError, allowed_pages
 from imuscope.server.fleet_settings import FleetSettings
 from tests.extensions.fleet.fleet_robot import FleetRobot
@@ -96,7 +96,7 @@ def another_robot_is_denied(server: ServerProcess, bus: str) -> None:
         ]
         boot = run_of_the_robot(server)
         for key in (keys.asks("otter 7", mine), keys.asks("*", mine), f"{keys.ROOT}/**"):
-            b.session.put(key, encode(Open(1, boot, "GET", "/api/devices", role="control")))
+            b.session.put(key, encode(OpenStream(1, boot, "GET", "/api/devices", role="control")))
         b.report(3)
         block_until(
             lambda: any(

@@ -18,7 +18,16 @@ from imuscope.server.extensions.fleet import http_tunnel_robot, http_tunnel_serv
 from imuscope.server.extensions.fleet.access import RouterSettings
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
 from imuscope.server.extensions.fleet.flow_control import LARGEST, SMALLEST, Window
-from imuscope.server.extensions.fleet.http_tunnel_protocol import MAX_PART, Beat, End, Head, Open, Part, Stop, encode
+from imuscope.server.extensions.fleet.http_tunnel_protocol import (
+    MAX_PART,
+    CancelStream,
+    EndStream,
+    KeepAlive,
+    OpenStream,
+    ResponseHead,
+    ResponsePart,
+    encode,
+)
 from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
 from imuscope.server.extensions.fleet.reports import RobotStatus
@@ -76,7 +85,7 @@ class Line:
     told: list[str]
 
     def ask(self, path: str, **others: Any) -> PageStream:
-        asked = Open(
+        asked = OpenStream(
             0, BOOT, path=path, **{"method": "GET", "role": "control", "who": "operator at 10.0.0.5", **others}
         )
         return self.fleet.open("a", lambda number, boot: msgspec.structs.replace(asked, stream=number, boot=boot))
@@ -126,12 +135,12 @@ async def ready(there: Line) -> None:
 
 
 async def body(stream: PageStream) -> bytes:
-    assert isinstance(await stream.next(), Head)
+    assert isinstance(await stream.next(), ResponseHead)
     data = b""
-    while isinstance(part := await stream.next(), Part):
+    while isinstance(part := await stream.next(), ResponsePart):
         data += part.data
-        stream.passed_on(len(part.data))
-    assert isinstance(part, End)
+        stream.acknowledge(len(part.data))
+    assert isinstance(part, EndStream)
     stream.close()
     return data
 
@@ -157,7 +166,7 @@ def test_cookies_and_redirections_of_a_robot_stay_there() -> None:
         async with line() as there:
             stream = there.ask("/api/short")
             head = await stream.next()
-            assert isinstance(head, Head)
+            assert isinstance(head, ResponseHead)
             assert head.headers == (("content-type", "text/plain"),)
             stream.close()
 
@@ -182,7 +191,7 @@ def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
         async with line() as there:
             stream = there.ask("/ws", socket=("imuscope.v1",))
             head = await stream.next()
-            assert isinstance(head, Head)
+            assert isinstance(head, ResponseHead)
             assert head.subprotocol == "imuscope.v1"
             for text in ("é", "b" * 30_000):
                 stream.say(text)
@@ -190,10 +199,10 @@ def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
                     message = b""
                     while True:
                         part = await stream.next()
-                        assert isinstance(part, Part)
+                        assert isinstance(part, ResponsePart)
                         assert part.is_text == is_text
                         message += part.data
-                        stream.passed_on(len(part.data))
+                        stream.acknowledge(len(part.data))
                         if part.is_last:
                             break
                     assert message == expected
@@ -258,8 +267,8 @@ def test_a_lost_message_ends_its_stream_and_no_other() -> None:
     async def check() -> None:
         async with line() as there:
             broken, other = there.ask("/api/wait"), there.ask("/api/wait")
-            there.fleet.take("a", encode(Part(broken.number, 3, b"x")))
-            there.fleet.take("b", encode(Part(other.number, 3, b"x")))  # not of that robot
+            there.fleet.take("a", encode(ResponsePart(broken.number, 3, b"x")))
+            there.fleet.take("b", encode(ResponsePart(other.number, 3, b"x")))  # not of that robot
             with pytest.raises(DomainError, match="was lost"):
                 await broken.next()
             there.app.carry_on.set()
@@ -278,7 +287,7 @@ def test_a_request_that_was_lost_on_the_way_is_noticed() -> None:
             there.fleet._session = session
             lost = there.ask("/api/wait")
             await until(lambda: there.robot.streams == 2, "both are open")
-            there.robot.take(there.fleet.id, encode(Stop(lost.number, 1)))  # as if it had never arrived
+            there.robot.take(there.fleet.id, encode(CancelStream(lost.number, 1)))  # as if it had never arrived
             await until(lambda: there.robot.streams == 1, "the robot has one")
             there.fleet.tick()
             with pytest.raises(DomainError, match="part of the request was lost"):
@@ -293,9 +302,9 @@ def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -> None
     async def check() -> None:
         async with line() as there:
             stream = there.ask("/api/wait")
-            there.fleet.take("a", encode(Head(stream.number, 0)))
+            there.fleet.take("a", encode(ResponseHead(stream.number, 0)))
             for number in range(1, 3 * LARGEST // MAX_PART):
-                there.fleet.take("a", encode(Part(stream.number, number, bytes(MAX_PART))))
+                there.fleet.take("a", encode(ResponsePart(stream.number, number, bytes(MAX_PART))))
             with pytest.raises(DomainError, match="more than was asked"):
                 await stream.next()
 
@@ -319,8 +328,8 @@ def test_requests_at_once_are_limited() -> None:
 def test_a_request_for_another_run_of_the_robot_is_not_answered() -> None:
     async def check() -> None:
         async with line() as there:
-            there.robot.take("f" * 16, encode(Open(1, "f" * 16, "POST", "/api/command", role="control")))
-            there.robot.take("f" * 16, encode(Beat("f" * 16)))
+            there.robot.take("f" * 16, encode(OpenStream(1, "f" * 16, "POST", "/api/command", role="control")))
+            there.robot.take("f" * 16, encode(KeepAlive("f" * 16)))
             assert there.robot.streams == 0
             assert there.told == []
 
@@ -382,5 +391,7 @@ def test_a_robot_that_never_existed_was_called_lost(robot: str, kind: str, words
     known["vm (2)"].same_name = 1
     pages = RobotPages(lambda name: "", known.get)
     with pytest.raises(DomainError, match=re.escape(words)) as refused:
-        pages.open(robot, lambda number, boot: Open(number, boot, "GET", "/api/devices", role="view", who="a viewer"))
+        pages.open(
+            robot, lambda number, boot: OpenStream(number, boot, "GET", "/api/devices", role="view", who="a viewer")
+        )
     assert refused.value.kind == kind

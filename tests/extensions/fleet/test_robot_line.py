@@ -10,7 +10,7 @@ import pytest
 
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet import robot_line
-from imuscope.server.extensions.fleet.http_tunnel_protocol import End, Head, Open, Part
+from imuscope.server.extensions.fleet.http_tunnel_protocol import EndStream, OpenStream, ResponseHead, ResponsePart
 from imuscope.server.extensions.fleet.robot_line import LineError, RobotLine
 from tests.each_row import each_row
 from tests.waiting import until
@@ -31,7 +31,7 @@ class Stream:
             raise one
         return one
 
-    def passed_on(self, size: int) -> None:
+    def acknowledge(self, size: int) -> None:
         """Nobody counts."""
 
     def close(self) -> None:
@@ -43,9 +43,9 @@ class Pages:
 
     def __init__(self, stream: Stream) -> None:
         self.stream = stream
-        self.asked: list[Open] = []
+        self.asked: list[OpenStream] = []
 
-    def open(self, robot: str, request: Callable[[int, str], Open]) -> Stream:
+    def open(self, robot: str, request: Callable[[int, str], OpenStream]) -> Stream:
         self.asked.append(request(1, "boot"))
         return self.stream
 
@@ -56,7 +56,7 @@ def line(*sent: object) -> tuple[RobotLine, Pages]:
 
 
 def test_an_answer_is_put_together_and_decoded() -> None:
-    robot, pages = line(Head(1, 1), Part(1, 2, b'{"a"'), Part(1, 3, b": 7}"), End(1, 4))
+    robot, pages = line(ResponseHead(1, 1), ResponsePart(1, 2, b'{"a"'), ResponsePart(1, 3, b": 7}"), EndStream(1, 4))
     assert asyncio.run(robot.get("/api/x", dict[str, int])) == {"a": 7}
     assert [(one.method, one.path, one.role, one.who) for one in pages.asked] == [("GET", "/api/x", "control", "Ada")]
     assert pages.stream.is_closed
@@ -78,7 +78,7 @@ def test_a_refusal_has_done_nothing() -> None:
 
 def test_a_robot_that_does_not_answer_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(robot_line, "ANSWER_S", 0.01)
-    robot, pages = line(Head(1, 1))
+    robot, pages = line(ResponseHead(1, 1))
     with pytest.raises(LineError, match="did not answer"):
         asyncio.run(robot.get("/api/x", dict[str, Any]))
     assert pages.stream.is_closed
