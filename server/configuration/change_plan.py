@@ -76,9 +76,9 @@ def plan_changes(
     """
     rows = controller.rows
     risks: list[Risk] = []
-    wanted: dict[str, dict[str, Any]] = {}
+    writes: dict[str, dict[str, Any]] = {}
     reported: set[str] = set()
-    for name, given in changes.items():
+    for name, fields in changes.items():
         row = rows.get(name)
         if row is None or not row.write:
             problem_text = "has no setting" if row is None else "cannot write the read-only setting"
@@ -87,36 +87,36 @@ def plan_changes(
                 f"{controller.session.info.name} {problem_text} {name!r:.80}.",
                 "Leave it out, or choose one of the list of settings.",
             )
-        values = wanted[name] = numbers(row.fields, given)
+        values = writes[name] = numbers(row.fields, fields)
         if _check(controller, row, values, past):
             reported.add(name)
         risks += dangers_of(controller, row, values)
-    if (error := overload_error(controller.present, wanted)) is not None:
+    if (error := overload_error(controller.present, writes)) is not None:
         raise error
     titles = [rows[name].title or name for name in changes]
     title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
-    return ChangeRequest(title, risks + discarded(controller), wanted, changes=True, current=frozenset(reported))
+    return ChangeRequest(title, risks + discarded(controller), writes, changes=True, current=frozenset(reported))
 
 
 def _check(controller: DeviceController, row: Setting, values: Mapping[str, Any], past: Past) -> bool:
     """Check values against the tables, except values that the device has or had; True if there are such values."""
     fields = [one for one in row.fields if not one.read_only]
     names = {one.name for one in fields}
-    given = {name: value for name, value in values.items() if name in names or name not in _read_only_fields(row)}
+    writable = {name: value for name, value in values.items() if name in names or name not in _read_only_fields(row)}
     whole = not row.partial and row.name not in controller.values
-    found = problems_of(fields, given, partial=not whole) or _combined_problems(controller, row, given)
-    if not found:
+    problems = problems_of(fields, writable, partial=not whole) or _combined_problems(controller, row, writable)
+    if not problems:
         return False
-    left = {head_of(problem.path, given)[0]: problem for problem in reversed(found)}
+    left = {head_of(problem.path, writable)[0]: problem for problem in reversed(problems)}
     for values_then in _known_values(controller, past):
         left = {
             name: one
             for name, one in left.items()
-            if values_then.get(row.name, {}).get(name, controller) != given.get(name)
+            if values_then.get(row.name, {}).get(name, controller) != writable.get(name)
         }
         if not left:
             return True
-    first = next(problem for problem in found if problem in left.values())
+    first = next(problem for problem in problems if problem in left.values())
     raise DomainError("bad-value", f"{row.title or row.name}: {first.message}", WRONG_HINT)
 
 
@@ -141,10 +141,10 @@ def _read_only_fields(row: Setting) -> set[str]:
 
 def dangers_of(controller: DeviceController, row: Setting, values: Mapping[str, Any]) -> list[Risk]:
     """Risks of writing these values of a setting; empty if the device already has them."""
-    found = dangers_of_write(controller.driver, row, controller.values.get(row.name), values, controller.context)
-    if shares(controller.session) and any(one.caution == "cuts-line" for one in found):
-        found.append(Risk("cuts-line", SHARED))
-    return found
+    risks = dangers_of_write(controller.driver, row, controller.values.get(row.name), values, controller.context)
+    if shares(controller.session) and any(one.caution == "cuts-line" for one in risks):
+        risks.append(Risk("cuts-line", SHARED))
+    return risks
 
 
 def plan_command(controller: DeviceController, name: str, values: Mapping[str, Any]) -> ChangeRequest:
@@ -166,9 +166,9 @@ def plan_command(controller: DeviceController, name: str, values: Mapping[str, A
     defaults = {} if partial else {one.name: one.default for one in row.arguments if one.default is not None}
     values = {**defaults, **numbers(row.arguments, values)}
     reported = controller.values.get(setting_row.name, {}) if setting_row is not None else {}
-    found = without_current_values(problems_of(row.arguments, values, partial=partial), values, reported)
-    if found:
-        raise DomainError("bad-value", f"{row.title or name}: {found[0].message}", WRONG_HINT)
+    problems = without_current_values(problems_of(row.arguments, values, partial=partial), values, reported)
+    if problems:
+        raise DomainError("bad-value", f"{row.title or name}: {problems[0].message}", WRONG_HINT)
     if (other := controller.driver.instead(name, values, controller.values, controller.context)) is not None:
         return _instead(controller, row, *other)
     setting = _written_by(controller, name, values)
@@ -220,10 +220,10 @@ def risks_of_bytes(controller: DeviceController, data: bytes) -> list[Risk]:
     names = _messages_of(controller, data)
     if not names or any(name not in rows for name in names):
         return [Risk("", UNKNOWN_BYTES)]
-    found = [rows[name] for name in names]
-    if len(found) == 1 and found[0].kind == "ask":
+    commands = [rows[name] for name in names]
+    if len(commands) == 1 and commands[0].kind == "ask":
         return []
-    return [Risk(row.caution, f"{row.name}: {row.doc or row.title} {row.consequence}".strip()) for row in found]
+    return [Risk(row.caution, f"{row.name}: {row.doc or row.title} {row.consequence}".strip()) for row in commands]
 
 
 def _messages_of(controller: DeviceController, data: bytes) -> list[str]:

@@ -24,11 +24,11 @@ from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import plain_values
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 
-MOST_KEPT = 5
+MAX_LATEST = 5
 MOST_WORDS = 6  # changes that a sentence lists
 MOST_PENDING = 50
 WRITTEN = "written"  # in place of a value of a setting that was not known before
-LOOK_S, MOST_DECODING_S = 0.05, 3.0  # a device that nobody looks at is decoded once in a while
+POLL_S, MOST_DECODING_S = 0.05, 3.0  # a device that nobody looks at is decoded once in a while
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class ClientChanges:
         self._snapshots = snapshots
         self._now: _Configuration | None = None
         self._ending: _Configuration | None = None  # its client is done, and answers are still being decoded
-        self.latest: deque[ClientChange] = deque(maxlen=MOST_KEPT)
+        self.latest: deque[ClientChange] = deque(maxlen=MAX_LATEST)
         self._tasks: set[asyncio.Task[None]] = set()
         self._off = controller.session.listen(self._on_event)
 
@@ -139,7 +139,7 @@ class ClientChanges:
         """Report a configuration, when its answers are decoded, which may be a moment after they have arrived."""
         deadline = time.monotonic() + MOST_DECODING_S
         while now.pending and time.monotonic() < deadline:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
         if self._ending is now:
             self._ending = None
         if not (now.written or now.altered):
@@ -153,7 +153,7 @@ class ClientChanges:
         controller = self._controller
         rows = controller.rows
         before = {name: now.before[name] for name in changed if name in now.before}
-        found = compare(
+        difference = compare(
             controller.driver,
             controller.context,
             ComparedValues("before", before, otherwise="it was not read before"),
@@ -161,21 +161,21 @@ class ClientChanges:
         )
         new = [name for name in changed if name not in before]
         titles = {name: rows[name].title or name for name in rows}
-        if not found.rows and not new and not unread:
+        if not difference.rows and not new and not unread:
             same = ", ".join(titles[name] for name in changed)
-            self._tell(now, f"{now.client} wrote {same}; the values are the same.")
+            self._report_to_log(now, f"{now.client} wrote {same}; the values are the same.")
             return
-        words = [f"{one.title} {one.left or '—'} → {one.right or '—'}" for one in found.rows[:MOST_WORDS]]
-        words += [f"{len(found.rows) - MOST_WORDS} more"] if len(found.rows) > MOST_WORDS else []
+        words = [f"{one.title} {one.left or '—'} → {one.right or '—'}" for one in difference.rows[:MOST_WORDS]]
+        words += [f"{len(difference.rows) - MOST_WORDS} more"] if len(difference.rows) > MOST_WORDS else []
         words += [f"{titles[name]} (not read before)" for name in new]
         words += [f"{titles[name]} (not read yet)" for name in unread]
-        self._tell(now, f"{now.client} changed the settings: {'; '.join(words)}.", is_change=True)
+        self._report_to_log(now, f"{now.client} changed the settings: {'; '.join(words)}.", is_change=True)
         name = await self._save(now, [titles[one] for one in (*changed, *unread)])
         unread_titles = [titles[one] for one in unread]
-        shown = (*found.rows, *(DifferenceRow(one, "", titles[one], "", "", WRITTEN) for one in new))
+        shown = (*difference.rows, *(DifferenceRow(one, "", titles[one], "", "", WRITTEN) for one in new))
         self.latest.appendleft(ClientChange(now.client, controller.bus.now(), shown, unread_titles, name))
 
-    def _tell(self, now: _Configuration, text: str, *, is_change: bool = False) -> None:
+    def _report_to_log(self, now: _Configuration, text: str, *, is_change: bool = False) -> None:
         controller = self._controller
         controller.log.add_note(text)
         data = {"kind": "share", "client": now.client}

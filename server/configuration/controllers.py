@@ -135,13 +135,15 @@ class ControllerRegistry:
         """Put devices back whose transaction the end of the previous run interrupted, and roll back changes that it
         left unconfirmed.
         """
-        for found in await asyncio.to_thread(self.put_back.all):
+        for interrupted in await asyncio.to_thread(self.put_back.all):
             try:
-                controller = self._controllers[self._session_at(found.source).info.id]  # all on a link have one line
+                controller = self._controllers[
+                    self._session_at(interrupted.source).info.id
+                ]  # all on a link have one line
             except LinkError as error:
-                log.error("%s was interrupted and cannot be opened: %s", found.source, error)
+                log.error("%s was interrupted and cannot be opened: %s", interrupted.source, error)
                 continue
-            await controller.put_back.resume(found)
+            await controller.put_back.resume(interrupted)
         for record in await asyncio.to_thread(self.rollbacks.all):
             try:
                 controller = self._controller_at(record)

@@ -53,7 +53,7 @@ log = logging.getLogger("imuscope.configuration")
 T = TypeVar("T")
 
 MAX_WAITING = 16
-DONE_KEPT = 5
+MAX_DONE = 5
 REST = "It is in the {state} state, in which it sends no data."
 REST_HINT = "Send {command} to resume measuring."
 UNANSWERED_HINT = "Check its power, its cable and the baud rate, then read its settings again."
@@ -142,9 +142,9 @@ class DeviceController:
         self.pending_rollback: PendingRollback | None = None
         self.cut_off: Mapping[str, Values] = {}  # values being written when the device was cut off, until it is read
         self.answer: asyncio.Event = asyncio.Event()  # set when the pending rollback is answered
-        self.rollback_kept = False
+        self.is_change_confirmed = False
         self._queue: deque[QueuedJob] = deque()
-        self._done: deque[Job] = deque(maxlen=DONE_KEPT)
+        self._done: deque[Job] = deque(maxlen=MAX_DONE)
         self._running: QueuedJob | None = None
         self._queue_task: asyncio.Task[None] | None = None
         self._next_job = 1
@@ -340,12 +340,12 @@ class DeviceController:
         Raises:
             ControlError: no rollback is pending.
         """
-        asked = self.pending_rollback is not None and self.pending_rollback.state == "pending"
-        if not asked:
+        is_pending = self.pending_rollback is not None and self.pending_rollback.state == "pending"
+        if not is_pending:
             raise ControlError(
                 "not-now", "No change is waiting to be confirmed.", "It may have been rolled back already."
             )
-        self.rollback_kept = keep
+        self.is_change_confirmed = keep
         self.answer.set()
 
     # ── for jobs ─────────────────────────────────────────────────────────────────────────────────────────────────────

@@ -123,8 +123,8 @@ def command_form(command: Command, writes: str = "") -> CommandForm:
 def _written_by(command: Command, settings: Sequence[Setting]) -> str:
     """The setting that a command writes and whose fields are its arguments; "" for none."""
     names = {argument.name for argument in command.arguments}
-    found = (row.name for row in settings if row.write == command.name and names <= {one.name for one in row.fields})
-    return next(found, "") if names and command.kind == "set" else ""
+    writers = (row.name for row in settings if row.write == command.name and names <= {one.name for one in row.fields})
+    return next(writers, "") if names and command.kind == "set" else ""
 
 
 def field_forms(fields: Iterable[Field]) -> list[FieldForm]:

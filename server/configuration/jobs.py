@@ -58,7 +58,7 @@ class Change:
         confirm_s: the change is temporary until it is confirmed within this time, s.
     """
 
-    found: settings_procedures.SettingsSnapshot
+    snapshot: settings_procedures.SettingsSnapshot
     todo: dict[str, dict[str, Any]]
     held: Collection[str]
     restart: bool
@@ -91,13 +91,13 @@ class Jobs:
         """Read settings into a snapshot."""
 
         async def work(task: QueuedJob) -> None:
-            found = await self._reader.read_settings(controller, task, names)
+            snapshot = await self._reader.read_settings(controller, task, names)
             name = await self._reader.save_snapshot(
-                controller, found, title or "Read from the device", reason, pinned=pinned
+                controller, snapshot, title or "Read from the device", reason, pinned=pinned
             )
             task.job.snapshot = name
-            lacking = f"; {len(found.missing)} could not be read" if found.missing else ""
-            task.job.message = f"{len(found.values)} settings read{lacking}."
+            lacking = f"; {len(snapshot.missing)} could not be read" if snapshot.missing else ""
+            task.job.message = f"{len(snapshot.values)} settings read{lacking}."
             controller.log.add_note(f"{task.job.message[:-1]}, saved as a snapshot.")
 
         return work
@@ -126,33 +126,33 @@ class Jobs:
         """
 
         async def work(task: QueuedJob) -> None:
-            found = await self._reader.read_settings(controller, task, None)
-            check_sensor(controller, sensor, found.known)
+            snapshot = await self._reader.read_settings(controller, task, None)
+            check_sensor(controller, sensor, snapshot.known)
             rows = controller.rows
             unknown = [name for name in changes if name not in rows or not rows[name].write]
             if unknown:
                 raise JobError(f"This device has no writable setting {', '.join(unknown)}.", "Leave it out.")
-            todo = settings_procedures.minimal_changes(controller.driver, rows, found.values, changes)
+            todo = settings_procedures.minimal_changes(controller.driver, rows, snapshot.values, changes)
             if not todo:
                 task.job.message = "Nothing to change: the device already has these settings."
                 return
-            changed = settings_procedures.changed_elsewhere(controller.driver, rows, found.values, base, todo)
+            changed = settings_procedures.changed_elsewhere(controller.driver, rows, snapshot.values, base, todo)
             if changed:
                 raise JobError(f"{changed} was changed by another client since it was last shown.", CHANGED_HINT)
-            over = overload_error(replace(controller.present, values=found.values), todo)
+            over = overload_error(replace(controller.present, values=snapshot.values), todo)
             if over is not None:
                 raise JobError(over.message, f"Nothing was written. {over.hint}")
             titles = ", ".join(rows[name].title or name for name in todo)
             task.job.snapshot = await self._reader.save_snapshot(
-                controller, found, "Before this change", reason or f"Before writing {titles}."
+                controller, snapshot, "Before this change", reason or f"Before writing {titles}."
             )
             restart = any(rows[name].after == "reset" for name in todo)
-            await self._write(controller, task, Change(found, todo, held, restart, confirm_s))
+            await self._write(controller, task, Change(snapshot, todo, held, restart, confirm_s))
 
         return work
 
     async def _write(self, controller: DeviceController, task: QueuedJob, change: Change) -> None:
-        rows, driver, old = controller.rows, controller.driver, change.found.values
+        rows, driver, old = controller.rows, controller.driver, change.snapshot.values
         lines = [driver.line_change(name, old.get(name), new, controller.context) for name, new in change.todo.items()]
         cuts = [line for line in lines if line is not None]
         if cuts or change.confirm_s is not None:
@@ -170,7 +170,7 @@ class Jobs:
         killed, the device would stay silent with half of the settings; the next server run restores it
         (server/configuration/rollback.py).
         """
-        known = all(change.found.values.get(name) for name in change.todo)
+        known = all(change.snapshot.values.get(name) for name in change.todo)
         record = self._record(controller, change, ()) if known else None
         if record is not None:
             await asyncio.to_thread(self._rollbacks.save, record)
@@ -234,10 +234,10 @@ class Jobs:
             hint = "Wait a few seconds and read its settings; if it stays silent, switch it off and on."
             raise JobError("The device does not answer after its restart.", hint)
         names = [one.setting for one in written]
-        found = await self._reader.read_settings(
+        snapshot = await self._reader.read_settings(
             controller, task, [*names, *settings_procedures.altered(controller.driver, controller.context, names)]
         )
-        return [replace(one, actual=found.values.get(one.setting)) for one in written]
+        return [replace(one, actual=snapshot.values.get(one.setting)) for one in written]
 
     def _record(
         self,
@@ -246,8 +246,8 @@ class Jobs:
         cuts: Sequence[BaudChange],
     ) -> RollbackRecord:
         """The rollback record of a change."""
-        rows, found, todo = controller.rows, change.found, change.todo
-        lacking = [rows[name].title or name for name in todo if name not in found.values]
+        rows, snapshot, todo = controller.rows, change.snapshot, change.todo
+        lacking = [rows[name].title or name for name in todo if name not in snapshot.values]
         if lacking:
             names = ", ".join(lacking)
             hint = "Read the device's settings again."
@@ -255,7 +255,7 @@ class Jobs:
         old: dict[str, dict[str, Any]] = {}
         changes: list[str] = []
         for name, new in todo.items():
-            row, before = rows[name], to_json_safe(found.values[name])
+            row, before = rows[name], to_json_safe(snapshot.values[name])
             read_only = {one.name for one in row.fields if one.read_only}
             keys = new if row.partial else before
             old[name] = {key: before[key] for key in keys if key in before and key not in read_only}
@@ -266,9 +266,9 @@ class Jobs:
         return RollbackRecord(
             source=controller.session.info.source,
             protocol=controller.session.info.protocol,
-            product=found.known.product,
-            serial_number=found.known.serial_number,
-            firmware=found.known.firmware,
+            product=snapshot.known.product,
+            serial_number=snapshot.known.serial_number,
+            firmware=snapshot.known.firmware,
             old=old,
             new=to_json_safe(todo),
             old_baud=baud,
@@ -383,12 +383,14 @@ class Jobs:
     def _unfinished(self, controller: DeviceController, known: DeviceContext) -> RollbackRecord | None:
         source = controller.session.info.source
         device = name_of(controller.session)
-        found = [
+        records = [
             one
             for one in self._rollbacks.all()
             if (one.source, one.device) == (source, device) and one.state == "unreachable"
         ]
-        return next((one for one in found if one.serial_number == known.serial_number), found[0] if found else None)
+        return next(
+            (one for one in records if one.serial_number == known.serial_number), records[0] if records else None
+        )
 
     def resume(self, controller: DeviceController, record: RollbackRecord) -> Callable[[QueuedJob], Awaitable[None]]:
         """Roll back a change that the previous run left unconfirmed."""
@@ -419,8 +421,10 @@ def _writing(controller: DeviceController, task: QueuedJob, change: Change) -> T
     )
     also = [] if change.restart else settings_procedures.altered(controller.driver, controller.context, change.todo)
     if also and not all(one.refused for one in written):
-        found = yield from settings_procedures.read_settings(controller.driver, controller.context, also, report_step)
-        controller.update(found.known, found.values, found.missing)
+        snapshot = yield from settings_procedures.read_settings(
+            controller.driver, controller.context, also, report_step
+        )
+        controller.update(snapshot.known, snapshot.values, snapshot.missing)
     return written
 
 

@@ -31,7 +31,7 @@ from imuscope.server.processes import programs_with
 from imuscope.server.streaming.bus import TelemetryBus
 
 MOST_SHARES = 8
-LOOK_S = 0.02
+POLL_S = 0.02
 MOST_PARTIAL = 4096  # bytes of a client without a frame, after which they are logged as they are
 PORTS = "A serial port or a TCP connection can be shared."
 
@@ -40,7 +40,7 @@ class PortShares:
     """The shares of all devices.
 
     Args:
-        given: addresses by source, offered from the start; checked already (server/config.py).
+        addresses: addresses by source, offered from the start; checked already (server/config.py).
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class PortShares:
         bus: TelemetryBus,
         sessions: Sessions,
         controllers: ControllerRegistry,
-        given: Mapping[str, Sequence[str]],
+        addresses: Mapping[str, Sequence[str]],
     ) -> None:
         self._bus = bus
         self._controllers = controllers
-        self._given = {source: [ShareAddress.parse(text) for text in texts] for source, texts in given.items()}
+        self._configured = {source: [ShareAddress.parse(text) for text in texts] for source, texts in addresses.items()}
         self._partial: dict[tuple[str, int], bytes] = {}  # of a frame of a client, by device and client
         self._changes: dict[str, ClientChanges] = {}  # by device
         self._tasks: set[asyncio.Task[None]] = set()
@@ -65,7 +65,7 @@ class PortShares:
         Raises:
             LinkError: "bad-source": this kind of link cannot be shared.
         """
-        shares = self._given.get(link.source, [])
+        shares = self._configured.get(link.source, [])
         if not shares and not (isinstance(link, SerialLink | TcpLink) and is_held(link)):
             return link
         if not isinstance(link, SerialLink | TcpLink):
@@ -137,8 +137,8 @@ class PortShares:
     async def _report_new(self, session: Session, link: SharedPortLink, client: Mapping[str, Any]) -> None:
         """Report a client by the name of its program, if that can be found."""
         if client.get("terminal"):
-            found = await asyncio.to_thread(programs_with, client["terminal"])
-            others = [str(one) for one in found if one.pid not in (link.holder_pid, os.getpid())]
+            programs = await asyncio.to_thread(programs_with, client["terminal"])
+            others = [str(one) for one in programs if one.pid not in (link.holder_pid, os.getpid())]
             if others:
                 link.names[client["number"]] = ", ".join(others)
         rights = "may write" if client["may_write"] else "only reads"
@@ -318,7 +318,7 @@ async def _opened(session: Session, link: SharedPortLink) -> None:
     while not link.is_connected:
         if session.info.next_attempt is not None or session.info.status == "denied":
             raise DomainError("refused", session.info.message, session.info.hint)
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(POLL_S)
 
 
 def speaker_name(link: Link) -> str:

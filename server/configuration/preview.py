@@ -87,17 +87,17 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
     """Frames that would write these values; KeyError for an unknown setting."""
     row, driver, known = present.setting(name), present.driver, present.known
     values = numbers(row.fields, values)
-    found = problems_of(row.fields, values, partial=row.partial)
-    left = without_current_values(found, values, present.values.get(name, {}))
-    held, found = len(left) < len(found), left  # present values may stay, whatever the tables allow
+    problems = problems_of(row.fields, values, partial=row.partial)
+    left = without_current_values(problems, values, present.values.get(name, {}))
+    held, problems = len(left) < len(problems), left  # present values may stay, whatever the tables allow
     frames: list[bytes] = []
-    if not found:
+    if not problems:
         try:
             frames = driver.setting_frames(name, values, known, held=held, old=present.values.get(name))
         except EncodeError as error:
-            found = [FieldProblem(error.path, sentence(error))]
-    if found:
-        return PreviewResult(frames=[], problems=found)
+            problems = [FieldProblem(error.path, sentence(error))]
+    if problems:
+        return PreviewResult(frames=[], problems=problems)
     change = driver.line_change(name, present.values.get(name), values, known)
     old = present.values.get(name)
     risks = dangers_of_write(driver, replace(row, caution=""), old, values, known) if old is not None else []
@@ -118,17 +118,17 @@ def preview_command(present: DevicePresentState, name: str, values: Mapping[str,
     values = numbers(row.arguments, values)
     setting = present.setting_of(name)
     held = present.values.get(setting.name, {}) if setting is not None else {}
-    found = without_current_values(problems_of(row.arguments, values), values, held)
-    if not found and (other := present.driver.instead(name, values, present.values, present.known)) and other[1]:
+    problems = without_current_values(problems_of(row.arguments, values), values, held)
+    if not problems and (other := present.driver.instead(name, values, present.values, present.known)) and other[1]:
         now = present.values.get(other[0], {})
         partial = present.setting(other[0]).partial
         new = {key: value for key, value in other[1].items() if not partial or key not in now or now[key] != value}
         return preview_setting(present, other[0], new)
     try:
-        frame = b"" if found else present.driver.frame(name, values, present.known)
+        frame = b"" if problems else present.driver.frame(name, values, present.known)
     except EncodeError as error:
-        found, frame = [FieldProblem(error.path, sentence(error))], b""
-    return PreviewResult(frames=[frame_info(present.driver, frame)] if frame else [], problems=found)
+        problems, frame = [FieldProblem(error.path, sentence(error))], b""
+    return PreviewResult(frames=[frame_info(present.driver, frame)] if frame else [], problems=problems)
 
 
 def frame_info(driver: DeviceDriver, frame: bytes) -> FrameInfo:
@@ -163,9 +163,9 @@ def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud:
     """
     row = present.setting(name)
     values = numbers(row.fields, values)
-    found = problems_of(row.fields, values, partial=True)
-    if found:
-        raise EncodeError(found[0].message.rstrip("."), found[0].path)
+    problems = problems_of(row.fields, values, partial=True)
+    if problems:
+        raise EncodeError(problems[0].message.rstrip("."), problems[0].path)
     rate = baud if baud is not None else present.line.baud
     capacity = present.line.rate_at(rate)
     if capacity is None:

@@ -16,8 +16,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z ]*-(?:[A-Za-z]-)?\d+[A-Za-z]*")
 
 def base_name(product: str) -> str:
     """The product without its hardware version; the whole name if it has another form."""
-    found = _NAME.match(product.strip())
-    return found[0] if found else product.strip()
+    match = _NAME.match(product.strip())
+    return match[0] if match else product.strip()
 
 
 def same_product(one: str, other: str) -> bool:

@@ -76,16 +76,16 @@ class PutBackStore:
 
     def all(self) -> list[Interrupted]:
         """Transactions that the previous run left; a file that cannot be read is logged and removed."""
-        found = []
+        records = []
         for path in sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []:
             try:
                 body = json.loads(read_regular(path))
                 frames = tuple(bytes.fromhex(frame).hex() for frame in body["frames"])
-                found.append(Interrupted(str(body["source"]), str(body["device"]), frames))
+                records.append(Interrupted(str(body["source"]), str(body["device"]), frames))
             except (OSError, KeyError, ValueError, TypeError, RecursionError) as error:
                 log.warning("%s cannot be read: %s", path, error)
                 atomic_write.remove(path)
-        return found
+        return records
 
     def _path(self, source: str, device: str) -> Path:
         return self._folder / f"{hashlib.sha256(f'{source}#{device}'.encode()).hexdigest()[:16]}.json"
@@ -133,12 +133,12 @@ class PutBackTask:
         self._report("warning", WAITING)
         self._task = asyncio.get_running_loop().create_task(self._work(), name="put back")
 
-    async def resume(self, found: Interrupted) -> None:
+    async def resume(self, record: Interrupted) -> None:
         """Put back what the previous run left, under whatever address and name it was stored."""
-        self.begin(dict.fromkeys((*self._left, *map(bytes.fromhex, found.frames))))
+        self.begin(dict.fromkeys((*self._left, *map(bytes.fromhex, record.frames))))
         await self._save()
-        if (found.source, found.device) != (self._controller.session.info.source, self._device):
-            await asyncio.to_thread(self._store.keep, found.source, found.device, ())
+        if (record.source, record.device) != (self._controller.session.info.source, self._device):
+            await asyncio.to_thread(self._store.keep, record.source, record.device, ())
 
     def forget(self) -> None:
         """Leave the device as it is."""
@@ -151,7 +151,7 @@ class PutBackTask:
             await asyncio.gather(self._task, return_exceptions=True)
 
     async def _work(self) -> None:
-        backoff = Backoff(self._timings.port_look_s, LONGEST_S)
+        backoff = Backoff(self._timings.port_poll_s, LONGEST_S)
         while self._left:
             await asyncio.sleep(backoff.next())
             if not link_of(self._controller.session).info.is_open:

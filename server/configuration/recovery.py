@@ -50,27 +50,27 @@ async def read_back(
     controller.step(task, "The device stopped answering; waiting for it")
     end = time.monotonic() + timings.return_s
     while time.monotonic() < end:
-        found: settings_procedures.SettingsSnapshot | None = None
+        snapshot: settings_procedures.SettingsSnapshot | None = None
         try:
             if await controller.run(controller.driver.is_alive(controller.context)):
                 body = settings_procedures.read_settings(
                     controller.driver, controller.context, names, lambda words: controller.step(task, words)
                 )
-                found = await controller.run(controller.driver.within(body, controller.context))
+                snapshot = await controller.run(controller.driver.within(body, controller.context))
         except LinkError:
             controller.step(task, "Its port is gone: connect the device again")
             while not await reopened(controller) and time.monotonic() < end:
                 await asyncio.sleep(timings.reopen_s)
         except (NoReplyError, DeviceRejectedError) as error:
             controller.log.add_note(str(error), error=True)
-        if found is not None:
-            controller.update(found.known, found.values, found.missing)
-            reported = found.known.serial_number
+        if snapshot is not None:
+            controller.update(snapshot.known, snapshot.values, snapshot.missing)
+            reported = snapshot.known.serial_number
             if ours and reported and ours not in (reported, *controller.driver.formerly(reported)):
                 raise JobError(
                     f"Another device is at this port: {reported}, not {ours}. It was not changed.", AWAY_HINT
                 )
-            return found.values
+            return snapshot.values
         await asyncio.sleep(timings.reopen_s)
     raise JobError("The device stopped answering while it was written, and did not come back.", AWAY_HINT)
 

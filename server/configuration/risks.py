@@ -46,16 +46,16 @@ def dangers_of_write(
     new = dict(values) if row.partial or old is None else {**old, **values}
     if old is not None and not driver.same(row.name, {name: old.get(name) for name in new}, new):
         return []
-    found = []
+    risks = []
     if row.caution not in UNASKED:
-        found.append(Risk(row.caution, row.consequence))
+        risks.append(Risk(row.caution, row.consequence))
     try:
         line = driver.line_change(row.name, old, new, known)
     except (KeyError, EncodeError):
         line = None  # incomplete values; the job checks again when it has read the rest
     if line is not None:
-        found.append(Risk("cuts-line", line.words))
-    found += [Risk(one.caution, one.consequence) for one in driver.risks(row.name, old, new, known)]
-    if restarts and row.after == "reset" and not any(one.caution == "restarts" for one in found):
-        found.append(Risk("restarts", RESTARTS))
-    return found
+        risks.append(Risk("cuts-line", line.words))
+    risks += [Risk(one.caution, one.consequence) for one in driver.risks(row.name, old, new, known)]
+    if restarts and row.after == "reset" and not any(one.caution == "restarts" for one in risks):
+        risks.append(Risk("restarts", RESTARTS))
+    return risks

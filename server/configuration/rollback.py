@@ -130,7 +130,7 @@ class RollbackStore:
 
     def all(self) -> list[RollbackRecord]:
         """Rollback records that the previous run left. A file that cannot be read is logged, and stays."""
-        found = []
+        records = []
         paths = sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []
         for path in paths:
             try:
@@ -139,10 +139,10 @@ class RollbackStore:
                     log.error("%s %s", why.message, why.hint)
                     continue
                 body["state"] = previous_names.ROLLBACK_STATES.get(body["state"], body["state"])
-                found.append(RollbackRecord(**body))
+                records.append(RollbackRecord(**body))
             except (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError) as error:
                 log.error("%s cannot be read: %s", path, error)
-        return found
+        return records
 
     def record_of(self, protocol: str, serial_number: str) -> RollbackRecord | None:
         """Rollback record of a device, or None."""
@@ -234,8 +234,8 @@ class RollbackRun:
         if not await self._read_back():
             return None
         self._report_state("Reading the settings back")
-        found = await self._read(record.new)
-        return found.values if found is not None and set(found.values) >= set(record.new) else None
+        snapshot = await self._read(record.new)
+        return snapshot.values if snapshot is not None and set(snapshot.values) >= set(record.new) else None
 
     async def _read_back(self) -> bool:
         """Whether the device answers at the new rate, or at another possible rate."""
@@ -257,7 +257,7 @@ class RollbackRun:
         """Whether the user confirmed the settings in time."""
         controller, record = self._controller, self.record
         controller.answer.clear()
-        controller.rollback_kept = False
+        controller.is_change_confirmed = False
         rate = f" at {group(record.new_baud)} Bd" if record.new_baud else ""
         moved = record.old_baud and record.new_baud and record.new_baud != record.old_baud
         before = f" to {group(record.old_baud)} Bd" if record.old_baud and moved else " to the previous settings"
@@ -279,7 +279,7 @@ class RollbackRun:
             return False
         finally:
             controller.session.suppress_timeout(True)
-        return controller.rollback_kept
+        return controller.is_change_confirmed
 
     def _source_hint(self) -> str:
         """Hint for a source with the old rate, which would not find the device after the next start of the server."""
@@ -340,8 +340,8 @@ class RollbackRun:
         while not await self._controller.runner.reopen(baud):
             if waited >= (self._timings.port_back_s if first else self._timings.restart_s):
                 return False
-            await asyncio.sleep(self._timings.port_look_s)
-            waited += self._timings.port_look_s
+            await asyncio.sleep(self._timings.port_poll_s)
+            waited += self._timings.port_poll_s
         return True
 
     async def put_back(self, baud: int | None) -> bool:
@@ -367,9 +367,9 @@ class RollbackRun:
             await self._controller.runner.reopen(record.old_baud)
         if not await self._alive():
             return False
-        found = await self._read(record.old)
-        if found is None or any(
-            driver.same(name, values, {key: found.values.get(name, {}).get(key) for key in values})
+        snapshot = await self._read(record.old)
+        if snapshot is None or any(
+            driver.same(name, values, {key: snapshot.values.get(name, {}).get(key) for key in values})
             for name, values in record.old.items()
         ):
             return False
@@ -405,13 +405,13 @@ class RollbackRun:
         altered_too = settings_procedures.altered(self._driver, known, names)
         body = settings_procedures.read_settings(self._driver, known, [*names, *altered_too], self._report_state)
         try:
-            found = await self._controller.run(self._driver.within(body, known))
+            snapshot = await self._controller.run(self._driver.within(body, known))
         except (NoReplyError, DeviceRejectedError) as error:
             self._controller.log.add_note(str(error), error=True)
             return None
-        self._check_identity(found.known)
-        self._controller.update(found.known, found.values, found.missing)
-        return found
+        self._check_identity(snapshot.known)
+        self._controller.update(snapshot.known, snapshot.values, snapshot.missing)
+        return snapshot
 
     def _known_values(self, baud: int | None) -> DeviceContext:
         return replace(self.record.known, baud=baud, settings=self._controller.context.settings)

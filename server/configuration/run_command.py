@@ -59,10 +59,10 @@ def run(
         driver, known = controller.driver, controller.context
         body = driver.run(command, values, known)
         if changes and not (isinstance(body, RequiresState) and body.continues):
-            found = await reader.read_settings(controller, task, None)
-            check_sensor(controller, sensor, found.known)
+            snapshot = await reader.read_settings(controller, task, None)
+            check_sensor(controller, sensor, snapshot.known)
             task.job.snapshot = await reader.save_snapshot(
-                controller, found, "Before this change", f"Before {task.job.title}."
+                controller, snapshot, "Before this change", f"Before {task.job.title}."
             )
             body = driver.run(command, values, controller.context)
         stale = altered(controller, command, values)

@@ -20,25 +20,25 @@ def sensor_of(controller: DeviceController, name: str) -> str:
     return info.serial_number if info.serial_number and name == info.key and name != info.id else ""
 
 
-def is_same(driver: DeviceDriver, wanted: str, found: str) -> bool:
+def is_same(driver: DeviceDriver, expected: str, actual: str) -> bool:
     """Whether a serial number is the wanted one, or one that may be; numbers that are not known agree with any."""
-    return not wanted or not found or wanted in (found, *driver.formerly(found))
+    return not expected or not actual or expected in (actual, *driver.formerly(actual))
 
 
-def check_sensor(controller: DeviceController, wanted: str, found: DeviceContext) -> None:
+def check_sensor(controller: DeviceController, expected: str, actual: DeviceContext) -> None:
     """Raise JobError if another sensor than the wanted one was read."""
-    if not is_same(controller.driver, wanted, found.serial_number):
+    if not is_same(controller.driver, expected, actual.serial_number):
         raise JobError(
-            f"Another sensor is at this port: {found.serial_number}, not {wanted}. Nothing was written.",
-            f"Connect {wanted}, or make the change for {found.serial_number}.",
+            f"Another sensor is at this port: {actual.serial_number}, not {expected}. Nothing was written.",
+            f"Connect {expected}, or make the change for {actual.serial_number}.",
         )
 
 
-def doubts(controller: DeviceController, wanted: str) -> list[Risk]:
+def doubts(controller: DeviceController, expected: str) -> list[Risk]:
     """The risk that a command reaches another sensor, if that cannot be excluded without interrupting it."""
     info = controller.session.info
-    if not wanted or info.unconfirmed_since is None:
+    if not expected or info.unconfirmed_since is None:
         return []
     since = time.strftime("%H:%M:%S", time.localtime(info.unconfirmed_since))
-    words = f"The link was lost until {since}; since then it is not known whether this is still {wanted}."
+    words = f"The link was lost until {since}; since then it is not known whether this is still {expected}."
     return [Risk("", words)]

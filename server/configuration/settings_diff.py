@@ -85,37 +85,41 @@ def compare(
     Args:
         take: DifferenceRow.key → whether the values to write contain it; the others as by default.
     """
-    found = Difference(left.title, right.title, [], 0, product=right.product)
+    result = Difference(left.title, right.title, [], 0, product=right.product)
     rows = {row.name: row for row in driver.settings(known)}
-    _unknown_settings(driver, known, rows, right, found)
+    _unknown_settings(driver, known, rows, right, result)
     for row in rows.values():
         if all(one.momentary for one in row.fields):
             continue
         if row.name not in left.values and row.name not in right.values:
             if row.name in left.missing or row.name in right.missing:
-                found.missing[row.name] = f"{left.title}: {left.lacks(row.name)}"
+                result.missing[row.name] = f"{left.title}: {left.lacks(row.name)}"
             continue
         if row.name not in left.values or row.name not in right.values:
             side = left if row.name not in left.values else right
-            found.missing[row.name] = f"{side.title}: {side.lacks(row.name)}"
+            result.missing[row.name] = f"{side.title}: {side.lacks(row.name)}"
             continue
         if (
             not right.from_device
             and row.write
             and any(left.values[row.name].get(name) != value for name, value in right.values[row.name].items())
         ):
-            _invalid_values(row, right.values[row.name], found)
-        _setting(driver, row, left.values[row.name], right.values[row.name], found)
-    for one in found.rows:
+            _invalid_values(row, right.values[row.name], result)
+        _setting(driver, row, left.values[row.name], right.values[row.name], result)
+    for one in result.rows:
         one.key = f"{one.setting}/{one.path}"
         one.take = one.writable and take.get(one.key, not (rows[one.setting].per_sensor and right.of_another))
     for row in rows.values():
-        _changes(row, left.values.get(row.name, {}), found)
-    return found
+        _changes(row, left.values.get(row.name, {}), result)
+    return result
 
 
 def _unknown_settings(
-    driver: DeviceDriver, known: DeviceContext, rows: Mapping[str, Setting], right: ComparedValues, found: Difference
+    driver: DeviceDriver,
+    known: DeviceContext,
+    rows: Mapping[str, Setting],
+    right: ComparedValues,
+    result: Difference,
 ) -> None:
     """Report settings that this device does not have: those of another product, or misspelt ones."""
     family = {row.name for row in driver.settings(DeviceContext())}
@@ -123,19 +127,19 @@ def _unknown_settings(
         if name in rows:
             continue
         if name in family:
-            found.missing[name] = f"{known.product or 'This device'} has no such setting"
+            result.missing[name] = f"{known.product or 'This device'} has no such setting"
         else:
             similar = get_close_matches(name, list(rows), 1)
             hint = f"Did you mean {similar[0]}?" if similar else "Leave it out."
-            found.problems.append(FieldProblem(name, f"No device of this family has a setting {name!r:.80}.", hint))
+            result.problems.append(FieldProblem(name, f"No device of this family has a setting {name!r:.80}.", hint))
 
 
-def _invalid_values(row: Setting, values: Values, found: Difference) -> None:
+def _invalid_values(row: Setting, values: Values, result: Difference) -> None:
     """Report fields of the right side that are misspelt, out of range or of another type."""
     read_only = {one.name for one in row.fields if one.read_only}
-    given = {name: value for name, value in values.items() if name not in read_only}
-    for problem in problems_of(row.fields, given, partial=True):
-        found.problems.append(replace(problem, path=f"{row.name}.{problem.path}", hint=_suggestion(row, problem.path)))
+    writable = {name: value for name, value in values.items() if name not in read_only}
+    for problem in problems_of(row.fields, writable, partial=True):
+        result.problems.append(replace(problem, path=f"{row.name}.{problem.path}", hint=_suggestion(row, problem.path)))
 
 
 def _suggestion(row: Setting, path: str) -> str:
@@ -144,27 +148,27 @@ def _suggestion(row: Setting, path: str) -> str:
     return f"Did you mean {similar[0]}?" if similar else ""
 
 
-def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, found: Difference) -> None:
+def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, result: Difference) -> None:
     momentary = {one.name for one in row.fields if one.momentary}
     common = {name for name in left if name in right and name not in momentary}
     left, right = ({name: side[name] for name in side if name in common} for side in (left, right))
-    if any(problem.path.startswith(f"{row.name}.") for problem in found.problems):
+    if any(problem.path.startswith(f"{row.name}.") for problem in result.problems):
         return  # invalid values cannot be compared
     rows, same = _rows(driver, row, left, right)
-    found.rows += rows
-    found.same += same
+    result.rows += rows
+    result.same += same
     read_only = {one.name for one in row.fields if one.read_only}
     writable = {name: value for name, value in right.items() if name not in read_only}  # without momentary values
     if row.write and writable:
-        found.profile[row.name] = writable
+        result.profile[row.name] = writable
 
 
-def _changes(row: Setting, left: Values, found: Difference) -> None:
+def _changes(row: Setting, left: Values, result: Difference) -> None:
     """Values to write for the rows of a setting that are to be taken."""
-    rows = [one for one in found.rows if one.setting == row.name]
+    rows = [one for one in result.rows if one.setting == row.name]
     if not any(one.take for one in rows):
         return
-    written = dict(found.profile[row.name])
+    written = dict(result.profile[row.name])
     if row.partial:
         paths = {head_of(one.path, written)[0] for one in rows if one.take}
         written = {name: value for name, value in written.items() if name in paths}
@@ -172,7 +176,7 @@ def _changes(row: Setting, left: Values, found: Difference) -> None:
         name, rest = head_of(one.path, written)
         if one.writable and not one.take and name in written:
             written[name] = _as_before(written[name], rest, left[name], one) if rest else left[name]
-    found.changes[row.name] = written
+    result.changes[row.name] = written
 
 
 def _as_before(after: Any, path: str, before: Any, row: DifferenceRow) -> Any:
@@ -193,17 +197,17 @@ def _as_before(after: Any, path: str, before: Any, row: DifferenceRow) -> Any:
 
 def _rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
     """Differing fields of one setting, and the number that agree."""
-    found: list[DifferenceRow] = []
+    out: list[DifferenceRow] = []
     same = 0
     for one in row.fields:
         key = key_of(one.fields)
         if key is None or one.name not in left:
             continue
         rows, equal = _keyed_rows(driver, row, one, key, left[one.name], right[one.name])
-        found, same = found + rows, same + equal
+        out, same = out + rows, same + equal
         left, right = ({name: side[name] for name in side if name != one.name} for side in (left, right))
     rows, equal = _field_rows(driver, row, left, right) if left else ([], 0)
-    return found + rows, same + equal
+    return out + rows, same + equal
 
 
 def _field_rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
@@ -211,15 +215,15 @@ def _field_rows(driver: DeviceDriver, row: Setting, left: Values, right: Values)
     leaves = {path: (one, value) for path, one, value in flat(row.fields, dict(left))}
     others = {path: (one, value) for path, one, value in flat(row.fields, dict(right))}
     alone = [path for path in paths if _is_entry(row, path) and None in (value_at(left, path), value_at(right, path))]
-    found = [_entry_row(row, path, value_at(left, path), value_at(right, path)) for path in alone]
+    rows = [_entry_row(row, path, value_at(left, path), value_at(right, path)) for path in alone]
     paths = [path for path in paths if path not in alone]
     for path in dict.fromkeys([*leaves, *others]):
         if not any(path == one or path.startswith(one + ".") or one.startswith(path + ".") for one in paths):
             continue
         here, there = leaves.get(path), others.get(path)
         one = (here or there or (Field(path), None))[0]
-        found.append(_row(row, path, one, here[1] if here else None, there[1] if there else None))
-    return found, len(set(leaves) & set(others)) - sum(1 for one in found if one.path in leaves and one.path in others)
+        rows.append(_row(row, path, one, here[1] if here else None, there[1] if there else None))
+    return rows, len(set(leaves) & set(others)) - sum(1 for one in rows if one.path in leaves and one.path in others)
 
 
 def _is_entry(row: Setting, path: str) -> bool:
@@ -266,7 +270,7 @@ def _keyed_rows(
 ) -> tuple[list[DifferenceRow], int]:
     """Differing records of a list, by quantity, and the number that agree."""
     sides = [_by_quantity(key, entries) for entries in (left, right)]
-    found, same = [], 0
+    rows, same = [], 0
     for quantity in dict.fromkeys([*sides[0], *sides[1]]):
         here, there = (side.get(quantity) for side in sides)
         texts = [entry_value(entry) for entry in (here, there)]
@@ -276,10 +280,8 @@ def _keyed_rows(
             continue
         title = entry_title(key, quantity)
         path = f"{of.name}.{hex_key(key, quantity)}"
-        found.append(
-            DifferenceRow(row.name, path, title, "", texts[0], texts[1], here, there, writable=bool(row.write))
-        )
-    return found, same
+        rows.append(DifferenceRow(row.name, path, title, "", texts[0], texts[1], here, there, writable=bool(row.write)))
+    return rows, same
 
 
 def _by_quantity(key: Field, entries: Entries) -> dict[int, Mapping[str, Any]]:

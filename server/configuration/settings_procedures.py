@@ -62,7 +62,7 @@ def read_settings(
     report("Identifying the device")
     with suppress(DeviceRejectedError):  # keep what is known
         known = yield from driver.identify(known)
-    found = SettingsSnapshot(known)
+    snapshot = SettingsSnapshot(known)
     silent = 0
     for row in driver.settings(known):
         if not row.read and not row.write:
@@ -70,22 +70,22 @@ def read_settings(
         if names is not None and row.name not in names:
             continue
         if silent >= SILENT_LIMIT:
-            found.missing[row.name] = NOT_READ
+            snapshot.missing[row.name] = NOT_READ
             continue
         report(f"Reading {row.title or row.name}")
         try:
-            found.values[row.name] = yield from driver.read(row.name, known)
+            snapshot.values[row.name] = yield from driver.read(row.name, known)
             silent = 0
         except DeviceRejectedError as error:
-            found.missing[row.name] = error.why
+            snapshot.missing[row.name] = error.why
             silent = 0
         except NoReplyError as error:
-            if not found.values and silent + 1 >= SILENT_LIMIT:
+            if not snapshot.values and silent + 1 >= SILENT_LIMIT:
                 raise
-            found.missing[row.name] = "no answer"
+            snapshot.missing[row.name] = "no answer"
             silent += 1
             report(str(error))
-    return found
+    return snapshot
 
 
 def write_all(
@@ -151,12 +151,12 @@ def changed_elsewhere(
         base: settings at that time; settings not in it are not compared.
     """
     for name in todo:
-        seen, now = (base or {}).get(name), present.get(name)
-        if seen is None or now is None:
+        before, now = (base or {}).get(name), present.get(name)
+        if before is None or now is None:
             continue
         read_only = {one.name for one in rows[name].fields if one.read_only}
-        keys = [key for key in (todo[name] if rows[name].partial else seen) if key in seen and key not in read_only]
-        if driver.same(name, {key: seen[key] for key in keys}, {key: now.get(key) for key in keys}):
+        keys = [key for key in (todo[name] if rows[name].partial else before) if key in before and key not in read_only]
+        if driver.same(name, {key: before[key] for key in keys}, {key: now.get(key) for key in keys}):
             return rows[name].title or name
     return ""
 
@@ -174,20 +174,20 @@ def altered(driver: DeviceDriver, known: DeviceContext, written: Collection[str]
 
 def outcomes(driver: DeviceDriver, rows: Mapping[str, Setting], written: Sequence[WriteResult]) -> list[FieldOutcome]:
     """Each field whose value differs from the request."""
-    found: list[FieldOutcome] = []
+    results: list[FieldOutcome] = []
     for one in written:
         row = rows[one.setting]
         title = row.title or row.name
         if one.refused:
-            found.append(FieldOutcome(one.setting, "", title, "", "", one.refused))
+            results.append(FieldOutcome(one.setting, "", title, "", "", one.refused))
             continue
         if one.actual is None:
-            found.append(FieldOutcome(one.setting, "", title, "", "", "no answer"))
+            results.append(FieldOutcome(one.setting, "", title, "", "", "no answer"))
             continue
         actual = {key: one.actual.get(key) for key in one.requested}
         for path in driver.same(one.setting, one.requested, actual):
-            found.append(_outcome(row, path, one.requested, actual))
-    return found
+            results.append(_outcome(row, path, one.requested, actual))
+    return results
 
 
 def _outcome(row: Setting, path: str, requested: Values, actual: Values) -> FieldOutcome:

@@ -38,21 +38,23 @@ class SettingsReader:
     ) -> settings_procedures.SettingsSnapshot:
         driver, known = controller.driver, controller.context
         body = settings_procedures.read_settings(driver, known, names, lambda words: controller.step(task, words))
-        found = await controller.run(driver.within(body, known))
-        controller.update(found.known, found.values, found.missing)
-        if controller.cut_off and set(controller.cut_off) <= set(found.values):  # the outcome is known now: no rollback
+        snapshot = await controller.run(driver.within(body, known))
+        controller.update(snapshot.known, snapshot.values, snapshot.missing)
+        if controller.cut_off and set(controller.cut_off) <= set(
+            snapshot.values
+        ):  # the outcome is known now: no rollback
             record = await asyncio.to_thread(
-                self._rollbacks.record_of, controller.session.info.protocol, found.known.serial_number
+                self._rollbacks.record_of, controller.session.info.protocol, snapshot.known.serial_number
             )
             if record is not None and record.new == controller.cut_off:  # another device may be at the port by now
                 await asyncio.to_thread(self._rollbacks.forget, record)
                 controller.cut_off = {}
-        return found
+        return snapshot
 
     async def save_snapshot(
         self,
         controller: DeviceController,
-        found: settings_procedures.SettingsSnapshot,
+        settings: settings_procedures.SettingsSnapshot,
         title: str,
         reason: str,
         *,
@@ -60,18 +62,18 @@ class SettingsReader:
     ) -> str:
         """Save a snapshot of the values read; returns its name."""
         protocol = controller.session.info.protocol
-        existing = await asyncio.to_thread(self._snapshots.all, protocol, found.known.serial_number)
+        existing = await asyncio.to_thread(self._snapshots.all, protocol, settings.known.serial_number)
         snapshot = Snapshot(
             protocol=protocol,
-            product=found.known.product,
-            serial_number=found.known.serial_number,
-            firmware=found.known.firmware,
+            product=settings.known.product,
+            serial_number=settings.known.serial_number,
+            firmware=settings.known.firmware,
             title=title if existing or pinned else FIRST,
             reason=reason,
             taken=controller.bus.now(),
             pinned=pinned or not existing,
-            values=plain_values(found.values),
-            missing=found.missing,
+            values=plain_values(settings.values),
+            missing=settings.missing,
         )
         try:
             return (await asyncio.to_thread(self._snapshots.save, snapshot, controller.rows)).name

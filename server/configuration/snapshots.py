@@ -130,12 +130,12 @@ def to_text(snapshot: Snapshot, rows: Mapping[str, Setting]) -> str:
     Args:
         rows: the settings by name, for the comments; settings without a row have no comments.
     """
-    taken = datetime.fromtimestamp(snapshot.taken, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    timestamp = datetime.fromtimestamp(snapshot.taken, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     device = snapshot.product or "device"
     number = f", serial number {snapshot.serial_number}" if snapshot.serial_number else ""
     about = "".join(c if c.isprintable() else " " for c in f"# Settings of {device}{number}")
     head = [about, f"imuscope: {FORMAT}"]
-    head += [f"title: {_quoted(snapshot.title)}", f'taken: "{taken}"', f"reason: {_quoted(snapshot.reason)}"]
+    head += [f"title: {_quoted(snapshot.title)}", f'taken: "{timestamp}"', f"reason: {_quoted(snapshot.reason)}"]
     head += [f"{name}: {_quoted(getattr(snapshot, name))}" for name in ("protocol", "product", "serial_number")]
     head += [f"firmware: {_quoted(snapshot.firmware)}", f"pinned: {'true' if snapshot.pinned else 'false'}"]
     head += ["imported: true"] if snapshot.imported else []
@@ -403,11 +403,11 @@ class Snapshots:
 
     def _everywhere(self, protocol: str, serial_number: str) -> dict[str, Path]:
         """The files of a device by name, including those under earlier serial numbers."""
-        found: dict[str, Path] = {}
+        paths: dict[str, Path] = {}
         former = self._formerly(protocol, serial_number) if self._formerly is not None else ()
         for number in (*former, serial_number):
-            found |= self._paths(self._of(protocol, number))
-        return found
+            paths |= self._paths(self._of(protocol, number))
+        return paths
 
     def _of(self, protocol: str, serial_number: str) -> Path:
         return self._folder / f"{_safe(protocol) or 'unknown'}-{_safe(serial_number) or 'unknown'}"

@@ -62,14 +62,14 @@ class TrafficLog:
         self._bytes_at = bytes_at
         self._entries: deque[TrafficEntry] = deque(maxlen=MAX_ENTRIES)
         self._pending: list[tuple[Event, bool]] = []
-        self._asked_at: float | None = None
+        self._sent_at: float | None = None
         self._last_sent, self._repeated = b"", 0
         self._unsolicited = PeriodLimit(MAX_A_SECOND, 1.0)
 
     def tail(self, before: int | None = None, limit: int = 200) -> list[TrafficEntry]:
         """The newest entries (older than `before` if given), newest last."""
-        found = [entry for entry in self._entries if before is None or entry.seq < before]
-        return found[-limit:] if limit > 0 else []
+        entries = [entry for entry in self._entries if before is None or entry.seq < before]
+        return entries[-limit:] if limit > 0 else []
 
     # ── entries ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -80,7 +80,7 @@ class TrafficLog:
             written_ns: when, as Chunk.arrival_ns; None: now.
         """
         self.flush()
-        self._asked_at = self._bus.now() if written_ns is None else written_ns / 1e9
+        self._sent_at = self._bus.now() if written_ns is None else written_ns / 1e9
         if frame == self._last_sent:
             self._repeated += 1  # GoToConfig until it is answered, the byte that restores communication
             return
@@ -89,7 +89,7 @@ class TrafficLog:
         line = self.decode(frame) or {}
         name = what or str(line.get("message") or "") or self._name_of(frame)
         text = values_text(line.get("fields", {})) if line.get("size", len(frame)) == len(frame) else ""
-        self._add("tx", name, frame, text, time=self._asked_at)
+        self._add("tx", name, frame, text, time=self._sent_at)
         data = {"message": name, "hex": frame[:HEX_BYTES].hex()}
         self._bus.event(self._device, "command", "info", f"{name}: {text}" if text else name, data=data)
 
@@ -167,9 +167,9 @@ class TrafficLog:
         name, values, frame, arrival = self._read(event)
         self._log_repeats()
         ms = None
-        if answers and self._asked_at is not None:
-            ms = max(0.0, (arrival - self._asked_at) * 1e3)
-            self._asked_at = None
+        if answers and self._sent_at is not None:
+            ms = max(0.0, (arrival - self._sent_at) * 1e3)
+            self._sent_at = None
         level: Level = "warning" if name in ("Error", "Warning") else "info"
         fields = event.message.fields if isinstance(event, Batch | Reply) else ()
         self._add("rx", name, frame, values_text(values, fields), ms=ms, level=level, time=arrival)

@@ -159,9 +159,9 @@ class Runner:
 
     async def _wait_for(self, act: WaitFor) -> Any:
         while self._received:
-            found = self._try(act, self._received.popleft())
-            if found is not None:
-                return found
+            result = self._try(act, self._received.popleft())
+            if result is not None:
+                return result
         answered: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self._awaited = (act, answered)
         try:
@@ -174,10 +174,10 @@ class Runner:
             self._awaited = None
 
     def _try(self, act: WaitFor, event: Event) -> Any:
-        found = act.match(event)
-        if found is not None:
+        result = act.match(event)
+        if result is not None:
             self._watcher.matched(event)
-        return found
+        return result
 
     def _on_event(self, event: Event) -> None:
         """Handle an event of the decoder: the awaited answer, or stored for the next wait."""
@@ -189,12 +189,12 @@ class Runner:
             self._received.append(event)
             return
         try:
-            found = self._try(act, event)
+            result = self._try(act, event)
         except Exception as error:  # an error of the transaction ends the job, not the session
             answered.set_exception(error)
             return
-        if found is not None:
-            answered.set_result(found)
+        if result is not None:
+            answered.set_result(result)
 
     async def _final_steps(self, transaction: Transaction[Any]) -> None:
         """Run the final steps of a transaction, as far as the link still accepts them. One that is stopped while it

@@ -14,8 +14,8 @@ from imuscope.server.configuration.value_format import head_of
 
 def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:
     """Problems of values, each with its path."""
-    found = find_problems(tuple(fields), values, partial=partial)
-    return [FieldProblem(problem.path, full(problem.message)) for problem in found]
+    problems = find_problems(tuple(fields), values, partial=partial)
+    return [FieldProblem(problem.path, full(problem.message)) for problem in problems]
 
 
 def without_current_values(

@@ -124,17 +124,17 @@ def head_of(path: str, names: Iterable[str]) -> tuple[str, str]:
 
 def field_at(fields: Sequence[Field], path: str) -> Field | None:
     """The field at a path ("outputs.3.output_frequency"); for an element of a vector, the vector."""
-    found: Field | None = None
+    match: Field | None = None
     inside = {field.name: field for field in fields}
     while path:
         name, path = head_of(path, inside)
         if name.isdecimal():
             continue
-        found = inside.get(name)
-        if found is None:
+        match = inside.get(name)
+        if match is None:
             return None
-        inside = {field.name: field for field in found.fields}
-    return found
+        inside = {field.name: field for field in match.fields}
+    return match
 
 
 def value_at(values: Any, path: str) -> Any:
@@ -152,7 +152,7 @@ def value_at(values: Any, path: str) -> Any:
 
 def spaced(name: str) -> str:
     """Displayed form of a table's name: "OutputConfiguration" becomes "Output configuration"."""
-    text = re.sub(r"([a-z])([A-Z])", lambda found: f"{found[1]} {found[2].lower()}", name.replace("_", " "))
+    text = re.sub(r"([a-z])([A-Z])", lambda match: f"{match[1]} {match[2].lower()}", name.replace("_", " "))
     return text[:1].upper() + text[1:]
 
 
@@ -170,9 +170,9 @@ def title_at(fields: Sequence[Field], path: str) -> str:
         if name.isdecimal() and titles:
             titles[-1] += f" {int(name) + 1}"
             continue
-        found = inside.get(name)
-        titles.append((found.title or found.name) if found is not None else name)
-        inside = {field.name: field for field in found.fields} if found is not None else {}
+        entry = inside.get(name)
+        titles.append((entry.title or entry.name) if entry is not None else name)
+        inside = {field.name: field for field in entry.fields} if entry is not None else {}
     return ", ".join(titles)
 
 

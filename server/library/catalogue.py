@@ -33,7 +33,7 @@ from imuscope.server.streaming.clients import ClientFanout
 log = logging.getLogger("imuscope.library")
 
 CHECK_INTERVAL_S = 2.0
-LOOKED_AT_S = 60.0  # after a listing the library counts as viewed
+VIEWED_S = 60.0  # after a listing the library counts as viewed
 MAX_BYTES = 100_000_000  # of a file opened only for its thumbnail: seconds of a core, at low priority
 
 
@@ -52,7 +52,7 @@ class Catalogue:
         self._stamp: object = None
         self._watcher: asyncio.Task[None] | None = None
         self._refreshing: set[asyncio.Task[None]] = set()
-        self._listed = -LOOKED_AT_S
+        self._listed = -VIEWED_S
         self._tried: set[tuple[Path, int, float]] = set()
 
     async def all(self, search: str = "") -> list[RecordingInfo]:
@@ -75,27 +75,27 @@ class Catalogue:
 
     def to_api(self, entry: LibraryEntry) -> RecordingInfo:
         """An entry in the form of the API."""
-        found, edits = entry.probe, entry.edits
+        probe, edits = entry.probe, entry.edits
         recording = self.is_recording(entry)
-        duration = found.duration
-        if recording and found.started is not None:
+        duration = probe.duration
+        if recording and probe.started is not None:
             now = self._bus.recorder.latest
             duration = max(0.0, self._bus.now() - now.started) if now is not None and now.started is not None else 0.0
         return RecordingInfo(
             id=entry.id,
             title=entry.title,
             file=entry.name,
-            format=found.format,
+            format=probe.format,
             size=entry.size,
-            started=found.started,
+            started=probe.started,
             duration=duration,
-            devices=list(found.devices),
+            devices=list(probe.devices),
             tags=list(edits.tags or ()),
             notes=edits.notes or "",
             pinned=bool(edits.pinned),
             recording=recording,
             opened=entry.deleted is None and not recording and self._is_open(entry),
-            damaged="" if recording else found.damaged,
+            damaged="" if recording else probe.damaged,
             markers=entry.markers,
             thumbnail=entry.thumbnail,
             losses=entry.losses,
@@ -153,7 +153,7 @@ class Catalogue:
     def _open_newest(self, entries: list[LibraryEntry]) -> None:
         """Open the newest recording that was never opened, for the list, unless another is being opened."""
         busy = self._refreshing or (self._bus.recorder.latest is not None and self._bus.recorder.latest.running)
-        if busy or time.monotonic() - self._listed > LOOKED_AT_S or not self._clients.shedding.draws_pictures:
+        if busy or time.monotonic() - self._listed > VIEWED_S or not self._clients.shedding.draws_pictures:
             return
         for entry in entries:
             mark = (entry.path, entry.size, entry.modified)

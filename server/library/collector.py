@@ -106,11 +106,11 @@ class RecordingSink:
             self._writer.append(number, [column[begin : begin + BLOCK_ROWS] for column in columns])
 
     def keep_clocks(self, device: str, dated: Sequence[Dated]) -> None:
-        found: dict[int, list[Sequence[NDArray[Any]]]] = {}
+        clocks: dict[int, list[Sequence[NDArray[Any]]]] = {}
         for one in dated:
             for number, rows in self._clocks_in(device, *one):
-                found.setdefault(number, []).append(rows)
-        for number, parts in found.items():
+                clocks.setdefault(number, []).append(rows)
+        for number, parts in clocks.items():
             self._append(number, parts)
 
     def _clocks_in(

@@ -110,9 +110,9 @@ class ColumnCache:
             KeyError: unknown recording.
         """
         store = self.store_of(recording)
-        found = self._columns(store)
-        if found is not None:
-            return found
+        columns = self._columns(store)
+        if columns is not None:
+            return columns
         opening = self._opening.get(store)
         if opening is not None and opening.error is not None and time.monotonic() - opening.failed_at > FAILED_FOR_S:
             opening = None
@@ -130,13 +130,13 @@ class ColumnCache:
             RecordingError: it cannot be opened.
         """
         for _ in range(ATTEMPTS):
-            found = self.open(recording)
-            if isinstance(found, ColumnStore):
-                return found
-            if found.task is not None:
-                await asyncio.shield(found.task)
-            if found.error is not None:
-                raise found.error
+            store = self.open(recording)
+            if isinstance(store, ColumnStore):
+                return store
+            if store.task is not None:
+                await asyncio.shield(store.task)
+            if store.error is not None:
+                raise store.error
             columns = self.cached(recording)
             if columns is not None:
                 return columns
@@ -144,9 +144,9 @@ class ColumnCache:
 
     async def partial_or_wait(self, recording: str) -> ColumnStore:
         """The columns, or the part decoded so far. Raises as `opened`."""
-        found = self.open(recording)
-        if isinstance(found, DecodeJob) and found.partial is not None and found.error is None:
-            return found.partial
+        columns = self.open(recording)
+        if isinstance(columns, DecodeJob) and columns.partial is not None and columns.error is None:
+            return columns.partial
         return await self.opened(recording)
 
     async def prepare(self) -> None:
@@ -189,20 +189,20 @@ class ColumnCache:
         await asyncio.gather(*tasks, return_exceptions=True)
 
     def _columns(self, store: Path) -> ColumnStore | None:
-        found = self._open.get(store)
-        if found is None:
+        columns = self._open.get(store)
+        if columns is None:
             try:
-                found = ColumnStore(store)
+                columns = ColumnStore(store)
             except (OSError, ValueError, KeyError):
                 return None
-            self._open[store] = found
+            self._open[store] = columns
             self._opening.pop(store, None)
             with contextlib.suppress(OSError):
                 os.utime(store)  # time of last use
         self._open.move_to_end(store)
         while len(self._open) > KEPT_OPEN:
             self._open.popitem(last=False)
-        return found
+        return columns
 
     async def _decode(self, recording: str, store: Path, opening: DecodeJob) -> None:
         try:

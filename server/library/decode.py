@@ -325,13 +325,13 @@ def _manifest(
     most_events: int | None = None,
 ) -> dict[str, Any]:
     events = sink.events[:most_events]
-    found = [event for event in sink.events if event.kind == "gap"]
+    gaps = [event for event in sink.events if event.kind == "gap"]
     markers: list[dict[str, Any]] = []
     snapshots: dict[str, Any] = {}
     for channel, time_ns, body in source.metadata():
         if channel == EVENTS and (body.get("kind") not in DERIVED_EVENTS or _is_outage(body)):
             event = _event(body, time_ns)
-            if event.kind != "gap" or not _is_counted(event, found):
+            if event.kind != "gap" or not _is_counted(event, gaps):
                 events.append(event)
         elif channel == NOTES:
             markers.append({"time": time_ns / 1e9, "id": len(markers) + 1, **_note(body)})
@@ -375,11 +375,11 @@ def _manifest(
 
 def _signals_in(source: Source, devices: Mapping[str, _Device]) -> dict[str, Any]:
     """Definitions of computed signals recorded with a file, the last ones of each device; as written, not checked."""
-    found: dict[str, Any] = {}
+    signals: dict[str, Any] = {}
     for channel, _, body in source.metadata():
         if channel.startswith(SIGNALS):
-            found[_sender(channel.removeprefix(SIGNALS), body, devices)] = body.get("signals")
-    return found
+            signals[_sender(channel.removeprefix(SIGNALS), body, devices)] = body.get("signals")
+    return signals
 
 
 def _sender(device: str, body: Mapping[str, Any], devices: Mapping[str, _Device]) -> str:
@@ -400,11 +400,11 @@ def _is_outage(body: Mapping[str, Any]) -> bool:
     return body.get("kind") == "gap" and numbers and isinstance(data, Mapping) and data.get("by") == "link"
 
 
-def _is_counted(outage: wire.EventInfo, found: Sequence[wire.EventInfo]) -> bool:
+def _is_counted(outage: wire.EventInfo, gaps: Sequence[wire.EventInfo]) -> bool:
     """Whether a gap detected by a counter already covers the outage."""
     t0, t1 = outage.t0 or 0.0, outage.t1 or 0.0
     return any(
-        gap.device == outage.device and (gap.t0 or 0.0) < t1 and (gap.t1 or 0.0) > t0 and gap.samples for gap in found
+        gap.device == outage.device and (gap.t0 or 0.0) < t1 and (gap.t1 or 0.0) > t0 and gap.samples for gap in gaps
     )
 
 

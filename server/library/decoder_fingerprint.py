@@ -42,27 +42,27 @@ def _sources_of_others() -> Iterator[Path]:
         if not plugin.package:
             continue
         try:
-            found = importlib.util.find_spec(plugin.module.partition(".")[0])
+            spec = importlib.util.find_spec(plugin.module.partition(".")[0])
         except (ImportError, ValueError):
             continue
-        for folder in (found.submodule_search_locations or ()) if found is not None else ():
+        for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
             yield from sorted(path for path in Path(folder).rglob("*") if path.suffix in (".py", *DATA))
 
 
 def decoding_sources() -> list[Path]:
     """Source files imported by the decoding process, sorted."""
-    found: dict[str, Path] = {}
+    sources: dict[str, Path] = {}
     computing = (plugin.module for plugin in plugins_of(COMPUTED_SIGNALS) if plugin.is_there)
     waiting = [BEGIN, *computing, *(plugin.module for plugin in protocol_plugins())]
     while waiting:
         module = waiting.pop()
         path = _path(module)
-        if path is None or module in found or is_simulator(module):
+        if path is None or module in sources or is_simulator(module):
             continue
-        found[module] = path
+        sources[module] = path
         waiting += [".".join(module.split(".")[:n]) for n in range(1, module.count(".") + 1)]
         waiting += _imported(path)
-    return sorted(found.values())
+    return sorted(sources.values())
 
 
 def is_simulator(module: str) -> bool:

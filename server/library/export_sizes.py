@@ -47,16 +47,16 @@ def sizes(request: ExportRequest, folder: Path) -> dict[str, int]:
         return {}
     samples = [request] if total <= WHOLE else _samples(request, total)
     counts = [_rows(one) for one in samples]
-    found: dict[str, int] = {}
+    by_format: dict[str, int] = {}
     for format in SAMPLED:
         with contextlib.suppress(RecordingError):
             first, *more = [_written(format, one, folder) for one in samples]
             if more and counts[1] > counts[0]:
                 per_row = max(0.0, more[0] - first) / (counts[1] - counts[0])
-                found[format] = round(more[0] + per_row * (total - counts[1]))
+                by_format[format] = round(more[0] + per_row * (total - counts[1]))
             else:
-                found[format] = round(first * total / max(1, counts[0]))
-    return found
+                by_format[format] = round(first * total / max(1, counts[0]))
+    return by_format
 
 
 def received_bytes(request: ExportRequest) -> dict[str, int]:
@@ -64,12 +64,12 @@ def received_bytes(request: ExportRequest) -> dict[str, int]:
     message = request.columns.manifest
     whole = replace(request, t0=-np.inf, t1=np.inf, channels=None)
     part = replace(request, channels=None)
-    found: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for device, figures in message["figures"].items():
         of_all = _rows(replace(whole, device=device))
         if figures.get("bytes") and of_all:
-            found[device] = round(figures["bytes"] * _rows(replace(part, device=device)) / of_all)
-    return found
+            counts[device] = round(figures["bytes"] * _rows(replace(part, device=device)) / of_all)
+    return counts
 
 
 def _samples(request: ExportRequest, total: int) -> list[ExportRequest]:

@@ -119,13 +119,13 @@ def recorded_bytes(source: Source, device: str) -> Read:
     """Bytes of a device of a recording."""
 
     def read(since_ns: int, until_ns: int) -> tuple[bytes, list[ByteRun]]:
-        found = []
+        runs = []
         for part in source.parts(since_ns, until_ns):
             if part.device == device:
                 run = ByteRun(part.direction, part.data, part.ends, part.times).between(since_ns, until_ns)
-                found += [run] if run is not None else []
+                runs += [run] if run is not None else []
         preamble = getattr(source, "preamble", None)
-        return (preamble(device) if preamble is not None else b""), found
+        return (preamble(device) if preamble is not None else b""), runs
 
     return read
 
@@ -189,25 +189,25 @@ def packets_around(
     Returns:
         None if there are no bytes at that time.
     """
-    found: list[PacketInfo] = []
+    packets: list[PacketInfo] = []
     at = 0
-    wanted = set(names) - {""}
+    message_names = set(names) - {""}
     for window_ns in WINDOWS_NS:
         preamble, runs = read(moment.arrival_ns - window_ns, moment.arrival_ns + window_ns)
         near = _near(runs, moment.arrival_ns)
-        found = _packets(near, family, settings, preamble) if near is not None else []
-        found += [packet for run in runs if run.direction == "tx" for packet in _sent(run, family)]
-        found.sort(key=lambda packet: packet.arrival)
-        at = _place(found, moment, wanted, kind)
+        packets = _packets(near, family, settings, preamble) if near is not None else []
+        packets += [packet for run in runs if run.direction == "tx" for packet in _sent(run, family)]
+        packets.sort(key=lambda packet: packet.arrival)
+        at = _index(packets, moment, message_names, kind)
         is_last = newest_ns is not None and moment.arrival_ns + window_ns > newest_ns
-        has_all = at >= beside and (is_last or len(found) - at > beside)
+        has_all = at >= beside and (is_last or len(packets) - at > beside)
         if has_all or sum(len(run.data) for run in runs) > ENOUGH_BYTES:
             break
-    if not found:
+    if not packets:
         return None
-    _rank(found)
+    _rank(packets)
     low = max(at - beside, 0)
-    shown = found[low : at + beside + 1]
+    shown = packets[low : at + beside + 1]
     driver = (
         family.frames.composer(settings).driver if family.frames.composer is not None else family.configuration.driver
     )
@@ -222,20 +222,20 @@ def _packets(near: _Near, family: ProtocolInfo, settings: Mapping[str, Any], pre
     listing.feed(preamble + near.data)
     lines = sorted(listing.drain(stalled=True), key=lambda line: (int(line["offset"]), "reject" in line))
     explained = explained_rejects(family)
-    found: list[PacketInfo] = []
+    packets: list[PacketInfo] = []
     covered = 0
     for line in lines:
         begin = int(line["offset"]) - len(preamble)
         end = begin + int(line["size"])
         if begin < covered:
             continue  # of the preamble, or part of a frame that is listed
-        found += _foreign(near, covered, begin)
+        packets += _foreign(near, covered, begin)
         if "reject" in line and (begin == 0 or end == len(near.data)):
             covered = end
             continue  # only the cut made it
-        found.append(_packet(near, line, begin, end, explained))
+        packets.append(_packet(near, line, begin, end, explained))
         covered = end
-    return found
+    return packets
 
 
 def _foreign(near: _Near, begin: int, end: int) -> list[PacketInfo]:
@@ -286,27 +286,27 @@ def _sent(run: ByteRun, family: ProtocolInfo) -> list[PacketInfo]:
     ]
 
 
-def _place(found: Sequence[PacketInfo], moment: SampleArrival, wanted: set[str], kind: Kind | None) -> int:
+def _index(packets: Sequence[PacketInfo], moment: SampleArrival, names: set[str], kind: Kind | None) -> int:
     """Place of the frame of a moment among the packets, by time."""
-    if not found:
+    if not packets:
         return 0
     near_s = TOGETHER_NS / 1e9
-    together = [i for i, one in enumerate(found) if abs(one.arrival - moment.arrival_ns / 1e9) <= near_s]
-    if wanted:
-        frames = [i for i in together if found[i].kind == "frame"]
-        fitting = [i for i in frames if found[i].name in wanted or wanted & found[i].fields.keys()] or frames
+    together = [i for i, one in enumerate(packets) if abs(one.arrival - moment.arrival_ns / 1e9) <= near_s]
+    if names:
+        frames = [i for i in together if packets[i].kind == "frame"]
+        fitting = [i for i in frames if packets[i].name in names or names & packets[i].fields.keys()] or frames
     else:
-        fitting = [i for i in together if kind is None or found[i].kind == kind]
+        fitting = [i for i in together if kind is None or packets[i].kind == kind]
     if fitting:
         return fitting[min(moment.rank, len(fitting) - 1)]
-    of_kind = [i for i, one in enumerate(found) if kind is None or one.kind == kind] or range(len(found))
-    return min(of_kind, key=lambda i: abs(found[i].arrival - moment.arrival_ns / 1e9))
+    of_kind = [i for i, one in enumerate(packets) if kind is None or one.kind == kind] or range(len(packets))
+    return min(of_kind, key=lambda i: abs(packets[i].arrival - moment.arrival_ns / 1e9))
 
 
-def _rank(found: Sequence[PacketInfo]) -> None:
+def _rank(packets: Sequence[PacketInfo]) -> None:
     """Number packets that arrived together, and measure the gaps."""
     before: PacketInfo | None = None
-    for packet in found:
+    for packet in packets:
         if before is not None:
             packet.gap_ms = (packet.arrival - before.arrival) * 1e3
             packet.rank = before.rank + 1 if packet.gap_ms * 1e6 <= TOGETHER_NS else 0

@@ -63,13 +63,13 @@ def recorded(
     base: Base = "device",
 ) -> QueryResult:
     """A time range of a recorded channel; `width` 0 for all rows."""
-    wanted = tuple(range(len(info.columns)) if columns is None else columns)
+    indices = tuple(range(len(info.columns)) if columns is None else columns)
     if width and info.kind in THINNED:
-        return QueryResult(info, _picked(store.thinned(info.id, t0, t1, 2 * width, base=base), wanted), wanted)
-    rows = store.query(info.id, t0, t1, width, columns=wanted, base=base)
+        return QueryResult(info, _picked(store.thinned(info.id, t0, t1, 2 * width, base=base), indices), indices)
+    rows = store.query(info.id, t0, t1, width, columns=indices, base=base)
     if isinstance(rows, MinMaxBuckets) and info.kind == "table":
-        rows = _picked(_newest(store, info.id, t1, base), wanted)
-    return QueryResult(info, rows, wanted)
+        rows = _picked(_newest(store, info.id, t1, base), indices)
+    return QueryResult(info, rows, indices)
 
 
 def ordered(answer: QueryResult) -> QueryResult:
@@ -107,8 +107,8 @@ def stored_values(
     """
     ring = channel.ring
     # device time may be some seconds away from arrival; a ring is searched by arrival
-    wanted = None if columns is None else {0, 1, *(2 + at for at in columns)}
-    return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0), wanted)
+    indices = None if columns is None else {0, 1, *(2 + at for at in columns)}
+    return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0), indices)
 
 
 def query_columns(
@@ -122,23 +122,23 @@ def query_columns(
     base: Base = "device",
 ) -> QueryResult:
     """A time range of a copy made by `stored_values`; may run in any thread."""
-    wanted = tuple(range(len(info.columns)) if columns is None else columns)
+    indices = tuple(range(len(info.columns)) if columns is None else columns)
     arrival, time = whole[0], whole[1]
     t = arrival if base == "arrival" else np.maximum.accumulate(np.where(np.isnan(time), arrival, time))
     lo, hi = np.searchsorted(t, t0, "left"), np.searchsorted(t, t1, "right")
     rows = ExactRows(arrival[lo:hi], time[lo:hi], [column[lo:hi] for column in whole[2:]])
     if not width or len(rows) <= 2 * width:
-        return QueryResult(info, _picked(rows, wanted), wanted)
+        return QueryResult(info, _picked(rows, indices), indices)
     if info.kind in THINNED:
         at = np.unique(np.linspace(0, len(rows) - 1, 2 * width).astype(np.int64))
         thin = ExactRows(rows.arrival[at], rows.time[at], [column[at] for column in rows.columns])
-        return QueryResult(info, _picked(thin, wanted), wanted)
-    status = [info.kind == "status" and bool(info.columns[i].bits) for i in wanted]
-    return QueryResult(info, downsample(_picked(rows, wanted), t[lo:hi], status, (t0, t1, width)), wanted)
+        return QueryResult(info, _picked(thin, indices), indices)
+    status = [info.kind == "status" and bool(info.columns[i].bits) for i in indices]
+    return QueryResult(info, downsample(_picked(rows, indices), t[lo:hi], status, (t0, t1, width)), indices)
 
 
-def _picked(rows: ExactRows, wanted: Sequence[int]) -> ExactRows:
-    return ExactRows(rows.arrival, rows.time, [rows.columns[i] for i in wanted])
+def _picked(rows: ExactRows, indices: Sequence[int]) -> ExactRows:
+    return ExactRows(rows.arrival, rows.time, [rows.columns[i] for i in indices])
 
 
 def _newest(store: ColumnStore, channel: int, t1: float, base: Base) -> ExactRows:
@@ -166,14 +166,14 @@ def statistics_in(
 ) -> list[ColumnStatistics]:
     """Statistics of every column of a recorded channel, circular where it wraps, then of the length of a vector."""
     lo, hi = store.between(info.id, t0, t1, base)
-    found = [statistics(store, info.id, at, lo, hi, column.period) for at, column in enumerate(info.columns)]
+    figures = [statistics(store, info.id, at, lo, hi, column.period) for at, column in enumerate(info.columns)]
     if info.kind == "vector" and len(info.columns) == 3:
-        found.append(norm_statistics(store, info.id, range(3), lo, hi))
+        figures.append(norm_statistics(store, info.id, range(3), lo, hi))
     return [
         ColumnStatistics(
             one.n, *(value if math.isfinite(value) else None for value in (one.mean, one.sigma, one.min, one.max))
         )
-        for one in found
+        for one in figures
     ]
 
 

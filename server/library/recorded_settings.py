@@ -44,9 +44,9 @@ def settings_of(snapshot: Mapping[str, Any]) -> RecordedSettings:
     known = DeviceContext(product, _text(snapshot.get("serial_number")), firmware)
     rows = {row.name: row for row in driver.settings(known)} if driver is not None else {}
     order = [name for name in rows if name in values] + [name for name in values if name not in rows]
-    found = [_setting(name, rows.get(name), values[name]) for name in order if isinstance(values[name], Mapping)]
+    settings = [_setting(name, rows.get(name), values[name]) for name in order if isinstance(values[name], Mapping)]
     titles = {name: rows[name].title if name in rows and rows[name].title else spaced(name) for name in missing}
-    return RecordedSettings(found, {titles[name]: _text(why) for name, why in missing.items()})
+    return RecordedSettings(settings, {titles[name]: _text(why) for name, why in missing.items()})
 
 
 def _setting(name: str, row: Setting | None, values: Mapping[str, Any]) -> RecordedSetting:

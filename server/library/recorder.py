@@ -66,14 +66,14 @@ class RecordingOptions:
         folder: folder of the recordings.
         limits: when a recording continues in a new file.
         quota_bytes: size of the folder above which the oldest unpinned recordings are deleted; 0 for no quota.
-        ask_head: request the Configuration of an Xsens device.
+        request_header: request the Configuration of an Xsens device.
         follow_clock: continue in a new file when the wall clock is set.
     """
 
     folder: Path
     limits: Limits = field(default_factory=Limits)
     quota_bytes: int = 0
-    ask_head: bool = True
+    request_header: bool = True
     follow_clock: bool = True
 
 
@@ -159,8 +159,8 @@ class Recorder:
                 raise DomainError("busy", "A recording is already running.", "Stop it first.")
             chosen, every = self._chosen(devices), devices is None
             since = self._bus.now() - before_s if before_s else None
-            ask_head = self.plan.ask_head and with_head
-            now = await self._new_session(chosen, title, path, words, since, every=every, ask_head=ask_head)
+            request_header = self.plan.request_header and with_head
+            now = await self._new_session(chosen, title, path, words, since, every=every, request_header=request_header)
             self._now = now
             for session in self._sessions.all if every else chosen:
                 now.join(session)
@@ -195,7 +195,7 @@ class Recorder:
                 "Only bytes received while the server runs are kept, unless bytes_mb is 0 in its configuration.",
             )
         since = max(since, min(held) - 1e-3)  # a float of unix seconds is not exact to the nanosecond
-        now = await self._new_session(chosen, title, None, "", since, every=False, ask_head=False)
+        now = await self._new_session(chosen, title, None, "", since, every=False, request_header=False)
         for session in chosen:
             now.join(session)
         now.detach()  # what follows is not part of it
@@ -310,7 +310,7 @@ class Recorder:
     def _chosen(self, devices: Sequence[str] | None) -> list[Session]:
         if devices is None:
             return self._sessions.all
-        found: dict[str, Session] = {}
+        sessions: dict[str, Session] = {}
         for device in devices:
             try:
                 session = self._sessions.get(device.partition(".")[0])  # devices on one link share its first session
@@ -320,10 +320,10 @@ class Recorder:
                     f"Device {device:.40} not found.",
                     "It may have been removed; choose one of the list.",
                 ) from None
-            found[session.info.id] = session
-        if not found:
+            sessions[session.info.id] = session
+        if not sessions:
             raise DomainError("not-found", "No device was chosen.", "Leave `devices` out to record all.")
-        return list(found.values())
+        return list(sessions.values())
 
     async def _new_session(
         self,
@@ -334,7 +334,7 @@ class Recorder:
         since: float | None,
         *,
         every: bool,
-        ask_head: bool,
+        request_header: bool,
     ) -> RecordingSession:
         """Create the writer and what feeds it. Arguments as for `start`; `since`: its first bytes, unix s."""
         received = [session for session in chosen if session.info.last_arrival is not None] or chosen
@@ -348,7 +348,7 @@ class Recorder:
             writer,
             title,
             every=every,
-            ask_head=ask_head,
+            request_header=request_header,
             memory=self._memory,
             since=since,
             signals=self.signals,

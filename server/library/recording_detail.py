@@ -62,8 +62,8 @@ def products_of(store: ColumnStore) -> Callable[[str], tuple[str, SensorProperti
     known = {device["id"]: device for device in store.manifest["devices"]}
 
     def product(device: str) -> tuple[str, SensorProperties]:
-        found = known.get(device, {"product": "", "protocol": ""})
-        return found["product"], sensors_of(found["protocol"], found["product"])
+        entry = known.get(device, {"product": "", "protocol": ""})
+        return entry["product"], sensors_of(entry["protocol"], entry["product"])
 
     return product
 
@@ -97,13 +97,13 @@ def detail(info: RecordingInfo, store: ColumnStore, markers: list[MarkerInfo] | 
 
 def begins(store: ColumnStore) -> dict[str, float]:
     """Time of the first sample of each device that has one, unix s."""
-    found: dict[str, float] = {}
+    times: dict[str, float] = {}
     for number, info in channels_of(store).items():
         if info.kind != "table" and (span := store.span(number)) is not None:
-            found[info.device] = min(found.get(info.device, math.inf), span[0])
-    return found
+            times[info.device] = min(times.get(info.device, math.inf), span[0])
+    return times
 
 
-def as_json(found: RecordingDetail) -> Any:
+def as_json(detail: RecordingDetail) -> Any:
     """JSON form of the details."""
-    return wire_codec.to_json_safe(found)
+    return wire_codec.to_json_safe(detail)

@@ -53,7 +53,7 @@ class RecordingSession:
     Args:
         writer: writer of the file.
         controllers: for known settings, and for requests to an Xsens device; None without configuration.
-        ask_head: whether to request the header.
+        request_header: whether to request the header.
         memory: of the bytes of links; None for none.
         since: begin with what is in memory from this time on, unix s; None: with what arrives.
         signals: definitions of computed signals; None for none.
@@ -67,7 +67,7 @@ class RecordingSession:
         title: str,
         *,
         every: bool,
-        ask_head: bool,
+        request_header: bool,
         memory: ByteMemory | None = None,
         since: float | None = None,
         signals: SignalDefinitions | None = None,
@@ -82,7 +82,7 @@ class RecordingSession:
         self._past_events = bus.events_since(since) if since is not None else []
         self._bus = bus
         self._controllers = controllers
-        self._ask_head = ask_head
+        self._with_header = request_header
         self._unsubscribe_traffic: dict[str, Callable[[], None]] = {}  # device → removes its listener
         self._written_settings: dict[str, Any] = {}  # device → settings written last
         self._signals = signals
@@ -212,7 +212,7 @@ class RecordingSession:
 
     def _request_header(self, info: wire.DeviceInfo) -> None:
         """Schedule a query for the header of a log."""
-        if self._ask_head and info.status == "live" and info.id in self._heads:
+        if self._with_header and info.status == "live" and info.id in self._heads:
             self._heads[info.id].send()
 
     def _settings(self, controller: DeviceController) -> None:
@@ -243,13 +243,13 @@ class RecordingSession:
     def _computed_signals(self, info: wire.DeviceInfo) -> None:
         if self._signals is None:
             return
-        found = [{"name": one.name, "expression": one.expression} for one in self._signals.of(info)]
-        if found == self._written_signals.get(info.id, []):
+        signals = [{"name": one.name, "expression": one.expression} for one in self._signals.of(info)]
+        if signals == self._written_signals.get(info.id, []):
             return
-        self._written_signals[info.id] = found
+        self._written_signals[info.id] = signals
         controller = self._controller(info.id)
         address = address_of(controller.session) if controller is not None else ""
-        self.writer.computed_signals(info.id, {"signals": found, "address": address}, round(self._bus.now() * 1e9))
+        self.writer.computed_signals(info.id, {"signals": signals, "address": address}, round(self._bus.now() * 1e9))
 
     def _event(self, event: wire.EventInfo) -> None:
         if event.kind == "marker":  # written as a note

@@ -112,12 +112,12 @@ class SignalDefinitions:
 
 def definitions_in(rows: Any) -> list[SignalDefinition]:
     """The valid definitions among some JSON."""
-    found = []
+    definitions = []
     for row in rows if isinstance(rows, list) else ():
         name, text = (row.get("name"), row.get("expression")) if isinstance(row, dict) else (None, None)
         if isinstance(name, str) and isinstance(text, str) and is_name(name) and len(text) <= MAX_TEXT:
-            found.append(SignalDefinition(name, text))
-    return found[:MAX_SIGNALS]
+            definitions.append(SignalDefinition(name, text))
+    return definitions[:MAX_SIGNALS]
 
 
 def is_name(name: str) -> bool:

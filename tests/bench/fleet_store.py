@@ -45,7 +45,7 @@ from imuscope.protocols.xbus.simulator.device import XbusSimulator  # noqa: E402
 from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from imuscope.server.devices.decode_options import DecodeOptions  # noqa: E402
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS  # noqa: E402
-from imuscope.server.extensions.fleet.query import ask  # noqa: E402
+from imuscope.server.extensions.fleet.query import run_query  # noqa: E402
 from imuscope.server.extensions.fleet.store import location  # noqa: E402
 from imuscope.server.extensions.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
 from imuscope.server.extensions.fleet.upload import upload  # noqa: E402
@@ -145,7 +145,7 @@ def best(work: Callable[[], object]) -> dict[str, float]:
 
 def asked(folder: Path, sql: str) -> int:
     """Rows of an answer."""
-    with ask(location(str(folder)), sql) as reader:
+    with run_query(location(str(folder)), sql) as reader:
         return sum(batch.num_rows for batch in reader)
 
 

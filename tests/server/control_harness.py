@@ -89,7 +89,7 @@ async def house(
         timings: further ones of ConfigurationTimings; a port is looked for ten times a second, and answers are waited
             for with patience, which those pass as 1 that have a device be silent.
     """
-    brief = {"port_look_s": 0.1, "patience": PATIENT, **timings}
+    brief = {"port_poll_s": 0.1, "patience": PATIENT, **timings}
     limits = ConfigurationTimings(rollback_s=rollback_s, **brief)
     made = ControlHarness(data, limits, listening, times)
     made.sessions.start()

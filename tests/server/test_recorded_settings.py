@@ -100,7 +100,7 @@ async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: 
 
 @in_a_loop
 async def test_settings_that_are_known_are_in_the_recording_and_those_read_later_too(tmp_path: Path) -> None:
-    async with recorder(tmp_path, RecordingOptions(tmp_path / "recordings", ask_head=False)) as (made, one):
+    async with recorder(tmp_path, RecordingOptions(tmp_path / "recordings", request_header=False)) as (made, one):
         desk = await made.add("sim:xbus?rate=20")
         await made.read(desk)
         state = await one.start()

@@ -342,7 +342,7 @@ def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path
                 here.telemetry.bus,
                 here.sessions,
                 here.desks,
-                RecordingOptions(tmp_path / "recordings", ask_head=False),
+                RecordingOptions(tmp_path / "recordings", request_header=False),
                 None,
             )
             state = await tape.start()

@@ -84,12 +84,12 @@ def access_rules(robots: RobotCredentials) -> dict[str, Any]:
     for name in robots.names:
         own = f"{keys.ROBOTS}/{name}/**"
         writes = ("put", "declare_queryable", "reply", "liveliness_token")
-        asks = keys.asks(name)
+        requests = keys.request_key(name)
         its = [
             rule(f"{name} writes", "ingress", writes, own),
             rule(f"{name} is asked", "egress", ["query"], own),
-            rule(f"{name} listens", "ingress", ["declare_subscriber"], asks),
-            rule(f"{name} is asked for pages", "egress", ["put"], asks),
+            rule(f"{name} listens", "ingress", ["declare_subscriber"], requests),
+            rule(f"{name} is asked for pages", "egress", ["put"], requests),
         ]
         rules += its
         subjects.append({"id": name, shown: [name]})

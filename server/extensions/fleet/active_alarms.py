@@ -10,12 +10,12 @@ from imuscope.server.extensions.fleet.summaries import AlarmRaisedState
 
 def active_alarms(alarms: AlarmService) -> list[ReportedAlarm]:
     """The alarms that are raised at present, one for each device."""
-    found = []
+    reports = []
     for stored in alarms.alarms:
         for state in alarms.states(stored.id):
             if state.raised:
                 acknowledged: AlarmRaisedState = "raised" if state.acknowledged is None else "acknowledged"
                 shown: AlarmRaisedState = "missing" if state.status == "missing" else acknowledged
                 definition = stored.definition
-                found.append(ReportedAlarm(clipped(definition.name), definition.level, shown, clipped(state.device)))
-    return found
+                reports.append(ReportedAlarm(clipped(definition.name), definition.level, shown, clipped(state.device)))
+    return reports

@@ -92,8 +92,8 @@ class LimitedLine:
         try:
             client.settimeout(SILENCE_S)
             head, rest = _head_of(client)
-            given = _CREDENTIALS.search(head)
-            if given is None or not secrets.compare_digest(given[1], self._credentials):
+            credentials = _CREDENTIALS.search(head)
+            if credentials is None or not secrets.compare_digest(credentials[1], self._credentials):
                 client.sendall(REFUSED)
                 return
             tunnel, other = _CONNECT.match(head), _OTHER.match(head)

@@ -39,7 +39,7 @@ from imuscope.server.extensions.fleet.summaries import RobotSummary
 from imuscope.server.extensions.fleet.unknown_fields import unknown_parts
 from imuscope.server.printable import printable
 
-ASK_AGAIN_S = 5.0
+REQUEST_INTERVAL_S = 5.0
 CONFIRM_S = 300.0
 """How often a robot is told which of its reports are stored, by asking for those after it."""
 MAX_BOOTS = 4
@@ -58,11 +58,11 @@ class _Robot:
     others: list[str] = field(default_factory=list)  # those that report: robots of the same name
     numbered: int = 0  # rows that they have
     latest: int = 0  # number that the robot has of that run
-    heard: int = 0  # number of the newest report of the live run, also while those of an earlier run are taken
+    newest_number: int = 0  # number of the newest report of the live run, also while those of an earlier run are taken
     left: str | None = None  # run whose reports were being taken when a second robot of the name came
     written: str = ""  # RUN.NUMBER that are on disk
     ends: dict[str, int] = field(default_factory=dict)  # numbers up to which reports of earlier runs were taken
-    ask_at: float = float("inf")
+    request_at: float = float("inf")
     confirm_at: float = 0.0
 
     @property
@@ -75,13 +75,13 @@ class Question(NamedTuple):
     """A question for the reports of a robot after a number of a run.
 
     Args:
-        kept: RUN.NUMBER up to which they are on disk; empty if that is not known.
+        stored: RUN.NUMBER up to which they are on disk; empty if that is not known.
     """
 
     name: str
     boot: str
     after: int
-    kept: str
+    stored: str
 
 
 @dataclass(slots=True)
@@ -161,11 +161,11 @@ class Collector:
         now = self._now()
         if not alive:
             robot.boots.remove(boot)
-            robot.heard = 0
+            robot.newest_number = 0
             self._leave(robot, boot)
             if not robot.boots:
                 robot.stored.is_live, robot.stored.since = False, now
-                robot.ask_at = float("inf")
+                robot.request_at = float("inf")
             self._resume(robot)
             self._changed(robot)
             return
@@ -175,7 +175,7 @@ class Collector:
         if robot.boots and robot.status is not None:
             robot.statuses[robot.live_boot] = robot.status
         robot.boots.append(boot)
-        robot.heard = 0
+        robot.newest_number = 0
         if robot.stored.boot != boot:
             robot.stored.is_live = False
         if len(robot.boots) > 1:  # which of them has earlier runs is not known
@@ -184,7 +184,7 @@ class Collector:
         self._resume(robot)
         if not robot.stored.is_live:
             robot.stored.is_live, robot.stored.since = True, now
-        robot.ask_at = now  # what happened while this server did not listen
+        robot.request_at = now  # what happened while this server did not listen
         self._changed(robot)
 
     def on_report(self, key: str, data: bytes) -> None:
@@ -203,7 +203,7 @@ class Collector:
                 self._take_other(robot, report)
             return
         self.counts.reports += 1
-        robot.heard = max(robot.heard, report.number)
+        robot.newest_number = max(robot.newest_number, report.number)
         if report.boot != robot.stored.boot:  # the reports of earlier runs come first
             self._take_status(robot, report)
             self._changed(robot)
@@ -216,7 +216,7 @@ class Collector:
         elif report.number <= robot.stored.number:
             self.counts.repeated += 1
         else:
-            robot.ask_at = min(robot.ask_at, self._now())
+            robot.request_at = min(robot.request_at, self._now())
 
     def on_journal(self, key: str, data: bytes) -> None:
         """A robot answered with earlier reports."""
@@ -247,11 +247,11 @@ class Collector:
         if answer.following and stored.number >= answer.last and answer.boot not in robot.boots:
             self._turn_to(robot, answer.following)
             return
-        heard = robot.heard if answer.boot == robot.live_boot else 0  # since it was answered
-        robot.latest = max(robot.latest, answer.last, heard)
-        robot.ask_at = float("inf")
+        newest = robot.newest_number if answer.boot == robot.live_boot else 0  # since it was answered
+        robot.latest = max(robot.latest, answer.last, newest)
+        robot.request_at = float("inf")
         if robot.latest > stored.number:  # there is more; an answer without reports: the line of the robot is limited
-            robot.ask_at = self._now() + (0.0 if answer.reports else 1.0)
+            robot.request_at = self._now() + (0.0 if answer.reports else 1.0)
 
     def questions(self, limit: int) -> Iterator[Question]:
         """Journals to ask now. Each is asked again if no answer comes."""
@@ -259,8 +259,12 @@ class Collector:
         for name, robot in self._robots.items():
             if limit <= 0:
                 return
-            if robot.boots and min(robot.ask_at, robot.confirm_at) <= now and len(self.batch.events) < MAX_UNWRITTEN:
-                robot.ask_at = now + ASK_AGAIN_S if robot.ask_at <= now else robot.ask_at
+            if (
+                robot.boots
+                and min(robot.request_at, robot.confirm_at) <= now
+                and len(self.batch.events) < MAX_UNWRITTEN
+            ):
+                robot.request_at = now + REQUEST_INTERVAL_S if robot.request_at <= now else robot.request_at
                 robot.confirm_at = now + CONFIRM_S
                 limit -= 1
                 yield Question(
@@ -340,7 +344,7 @@ class Collector:
         if boot not in robot.ends:
             robot.ends[boot] = self._last_number(stored.name, boot)
         stored.boot, stored.number, robot.latest = boot, robot.ends[boot], 0
-        robot.ask_at = self._now()
+        robot.request_at = self._now()
         self._changed(robot)
 
     def _resume(self, robot: _Robot) -> None:
@@ -372,7 +376,7 @@ class Collector:
     def _take(self, robot: _Robot, report: RobotReport) -> bool:
         """Take a report; returns whether there was room."""
         if len(self.batch.events) >= MAX_UNWRITTEN:
-            robot.ask_at = self._now() + ASK_AGAIN_S
+            robot.request_at = self._now() + REQUEST_INTERVAL_S
             return False
         stored = robot.stored
         stored.number = report.number

@@ -77,16 +77,16 @@ def append_once(
     for _ in range(ATTEMPTS):
         with storage_errors(store):
             try:
-                found = open_table(store, table.name)
-                if found is None:
-                    found = _create(store, table, needed(None))
-                if found.transaction_version(recording) is not None:
+                dataset = open_table(store, table.name)
+                if dataset is None:
+                    dataset = _create(store, table, needed(None))
+                if dataset.transaction_version(recording) is not None:
                     return False
-                known = pa.schema(found.schema().to_arrow())
-                if missing := [field for field in needed(known) if field.name not in names_of(found)]:
-                    _add_columns(found, missing)
+                known = pa.schema(dataset.schema().to_arrow())
+                if missing := [field for field in needed(known) if field.name not in names_of(dataset)]:
+                    _add_columns(dataset, missing)
                     continue
-                _append(found, table, recording, rows(known))
+                _append(dataset, table, recording, rows(known))
                 return True
             except CommitFailedError:
                 pass  # another upload committed first
@@ -124,8 +124,8 @@ def _create(store: StoreLocation, table: StoreTable, schema: pa.Schema) -> Delta
             storage_options=store.options,
         )
     except DeltaError as error:
-        if (found := open_table(store, table.name)) is not None:  # another upload created it
-            return found
+        if (dataset := open_table(store, table.name)) is not None:  # another upload created it
+            return dataset
         raise error
 
 

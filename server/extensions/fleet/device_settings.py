@@ -61,12 +61,12 @@ class DeviceSettings:
 
 def writable_settings(driver: DeviceDriver, known: DeviceContext, values: Mapping[str, Values]) -> dict[str, Values]:
     """The writable subset of the settings that were read, without those of a single sensor."""
-    found: dict[str, Values] = {}
+    writable: dict[str, Values] = {}
     for row in driver.settings(known):
         fields = _writable(row.fields, values.get(row.name, {})) if row.write and not row.per_sensor else {}
         if fields:
-            found[row.name] = fields
-    return found
+            writable[row.name] = fields
+    return writable
 
 
 def _writable(fields: Sequence[Field], values: Any) -> Any:
@@ -108,12 +108,12 @@ def decode_settings(data: bytes) -> DeviceSettings:
         raise ReportError(f"The settings have {len(data)} bytes; at most {MAX_SETTINGS} are allowed.")
     try:
         answer = msgspec.msgpack.decode(data, type=SettingsAnswer)
-        found = DeviceSettings(answer.protocol, answer.product, answer.firmware, answer.values)
-        json.dumps(found.values, allow_nan=False)
-        assert found.digest
+        settings = DeviceSettings(answer.protocol, answer.product, answer.firmware, answer.values)
+        json.dumps(settings.values, allow_nan=False)
+        assert settings.digest
     except (msgspec.DecodeError, ValueError, TypeError, OverflowError, RecursionError) as error:
         raise ReportError(f"The settings are not valid: {error!s:.200}.") from None
-    return found
+    return settings
 
 
 def difference(driver: DeviceDriver, profile: DeviceSettings, robot: DeviceSettings) -> Difference:

@@ -94,9 +94,9 @@ def _row(store: StoreLocation, recording: str) -> tuple[str, int, str]:
     rows = []
     if table is not None:
         with storage_errors(store):
-            found = dataset_of(store, table, RECORDINGS)
+            dataset = dataset_of(store, table, RECORDINGS)
             columns = ["object", "bytes", "checksum"]
-            rows = found.to_table(columns=columns, filter=pc.field("recording") == recording).to_pylist()
+            rows = dataset.to_table(columns=columns, filter=pc.field("recording") == recording).to_pylist()
     if not rows:
         raise NotInStoreError(f"{store.url} has no recording {recording:.80}", "Take its identifier from `recordings`.")
     return rows[0]["object"], rows[0]["bytes"], rows[0]["checksum"]

@@ -185,20 +185,20 @@ class FleetAlarms:
                 machine = self._machines.get((name, condition.id))
                 if code in (BETWEEN, UNKNOWN) or (code == BEYOND) == (machine is not None and machine.is_on):
                     continue
-                found = self._machine(name, condition.id).feed(
+                transitions = self._machine(name, condition.id).feed(
                     np.array([now]), np.array([code], np.int8), np.array([value])
                 )
-                for transition in found:
+                for transition in transitions:
                     if transition.kind != "data":
                         changed.add(name)
-                        self._tell(robot, condition, transition, value, note)
+                        self._report(robot, condition, transition, value, note)
         for key in [key for key, one in self._machines.items() if key[0] not in robots or not one.is_active]:
             changed |= {key[0]} & robots.keys()
             del self._machines[key]
             self.is_changed = True
         return changed
 
-    def _tell(
+    def _report(
         self, robot: RobotSummary, condition: FleetCondition, change: AlarmTransition, value: float, note: Note
     ) -> None:
         self.is_changed = True

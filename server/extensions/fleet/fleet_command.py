@@ -44,13 +44,13 @@ def serve_fleet(options: argparse.Namespace) -> None:
         ConfigError, DecodeOptionError: invalid options or configuration file.
     """
     config = _config(options)
-    given = config.fleet_server
-    if given.listen and given.router:
+    settings = config.fleet_server
+    if settings.listen and settings.router:
         raise UsageError("--listen and --router exclude each other: give the one that robots connect to")
     try:
-        bus_settings(given)
+        bus_settings(settings)
         if options.router_config:
-            print(json.dumps(as_document(bus_settings(given)), indent=2), file=sys.stdout)
+            print(json.dumps(as_document(bus_settings(settings)), indent=2), file=sys.stdout)
             return
     except FleetAccessError as error:
         raise UsageError(str(error)) from None
@@ -60,14 +60,16 @@ def serve_fleet(options: argparse.Namespace) -> None:
 
         try:
             server = create_fleet_server(config)
-            if given.operators:
-                access.operators = Operators(Path(given.operators), server.group_of, server.group_of_rollout)
-            if not given.router:
+            if settings.operators:
+                access.operators = Operators(Path(settings.operators), server.group_of, server.group_of_rollout)
+            if not settings.router:
                 server.open()
         except (DomainError, FleetDatabaseError, FleetBusError, FleetAccessError) as error:
             raise UsageError(str(error)) from None
-        place = f"at the router {given.router}" if given.router else f"at {given.listen or DEFAULT_LISTEN}"
-        print_or_log(f"Robots join {place}: imuscope serve … --fleet {given.router or given.listen or DEFAULT_LISTEN}")
+        place = f"at the router {settings.router}" if settings.router else f"at {settings.listen or DEFAULT_LISTEN}"
+        print_or_log(
+            f"Robots join {place}: imuscope serve … --fleet {settings.router or settings.listen or DEFAULT_LISTEN}"
+        )
         return create_app(config, access, brought=(server,), has_devices=False)
 
     run(replace(config, sources=(), fleet=FleetSettings()), create, is_robot=False)
@@ -82,42 +84,42 @@ def create_fleet_server(config: Config, timing: RolloutTiming | None = None) -> 
     Raises:
         DomainError, FleetDatabaseError: its stored state cannot be used.
     """
-    folder, given = config.data / "fleet", config.fleet_server
+    folder, server_settings = config.data / "fleet", config.fleet_server
     profiles = GroupProfiles(folder)
     return FleetServer(
         Robots(),
         FleetDatabase(folder),
-        lambda: bus_settings(given),
-        lambda: _version(given),
+        lambda: bus_settings(server_settings),
+        lambda: _version(server_settings),
         profiles=profiles,
-        alarms=FleetAlarms(folder, given, profiles.applies),
+        alarms=FleetAlarms(folder, server_settings, profiles.applies),
         rollouts=RolloutFiles(folder),
         timing=timing,
     )
 
 
-def bus_settings(given: FleetServerSettings) -> Mapping[str, Any]:
+def bus_settings(settings: FleetServerSettings) -> Mapping[str, Any]:
     """Settings of the session.
 
     Raises:
         FleetAccessError: they are not safe, or a file cannot be used.
     """
-    if given.router:
-        password = secret_text(given.password, "password") if given.password else ""
-        credentials = BusCredentials(given.user, password, given.ca, given.certificate, given.key)
-        return client_settings(given.router, credentials)
-    robots = read_robots(Path(given.robots)) if given.robots else None
-    router = RouterSettings(given.listen or DEFAULT_LISTEN, robots, given.certificate, given.key, given.ca)
-    router.check(is_open=given.anyone)
+    if settings.router:
+        password = secret_text(settings.password, "password") if settings.password else ""
+        credentials = BusCredentials(settings.user, password, settings.ca, settings.certificate, settings.key)
+        return client_settings(settings.router, credentials)
+    robots = read_robots(Path(settings.robots)) if settings.robots else None
+    router = RouterSettings(settings.listen or DEFAULT_LISTEN, robots, settings.certificate, settings.key, settings.ca)
+    router.check(is_open=settings.anyone)
     return router.settings()
 
 
-def _version(given: FleetServerSettings) -> object:
+def _version(settings: FleetServerSettings) -> object:
     """A value that changes with the file of robots."""
-    if not given.robots or given.router:
+    if not settings.robots or settings.router:
         return None
     try:
-        state = Path(given.robots).stat()
+        state = Path(settings.robots).stat()
     except OSError:
         return None
     return state.st_mtime_ns, state.st_size, state.st_ino

@@ -191,12 +191,12 @@ class FleetServer:
             await asyncio.sleep(TURN_S)
             try:
                 self._drain()
-                self._ask()
+                self._request_missing()
                 self.pages.tick()
                 now = loop.time()
                 if now >= write_at and (self._writing is None or self._writing.done()):
                     write_at = now + WRITE_S
-                    self._look_at_alarms()
+                    self._update_alarms()
                     self._writing = loop.create_task(self._write(), name="fleet database")
                 if now >= settle_at:
                     settle_at = float("inf")
@@ -236,7 +236,7 @@ class FleetServer:
         log.warning("%s (robot %s): %s.", text, robot.name, by)
         self.collector.show_again(lambda other: other.group == robot.group)
 
-    def _look_at_alarms(self) -> None:
+    def _update_alarms(self) -> None:
         collector = self.collector
         changed = self.alarms.turn(
             self.robots.summaries, time.time(), lambda name, level, text: collector.note(name, "alarm", level, text)
@@ -246,8 +246,8 @@ class FleetServer:
 
     def group_of(self, robot: str) -> str | None:
         """The group of a robot; None if there is no such robot."""
-        found = self.robots.get(robot)
-        return None if found is None else found.group
+        entry = self.robots.get(robot)
+        return None if entry is None else entry.group
 
     def group_of_rollout(self, number: str) -> str | None:
         """The group of a rollout; None if there is no such rollout."""
@@ -267,7 +267,7 @@ class FleetServer:
         self.collector.note(robot, "alarm", "info", text)
         self.collector.show_again(lambda one: one.name == robot)
 
-    def _ask(self) -> None:
+    def _request_missing(self) -> None:
         session = self._session
         if session is None:
             return
@@ -286,10 +286,10 @@ class FleetServer:
                 parameters = zenoh.Parameters({"device": device})
                 selector = zenoh.Selector(keys.settings_key(name), parameters)
                 session.get(selector, partial(on_reply, kind=SETTINGS), timeout=QUERY_TIMEOUT_S)
-        for name, boot, after, kept in self.collector.questions(QUESTIONS_PER_TURN):
+        for name, boot, after, stored in self.collector.questions(QUESTIONS_PER_TURN):
             with contextlib.suppress(Exception):  # asked again later
-                asked = f"{keys.journal_key(name)}?boot={boot};after={after};earlier=1;kept={kept}"
-                session.get(asked, on_reply, timeout=QUERY_TIMEOUT_S)
+                query = f"{keys.journal_key(name)}?boot={boot};after={after};earlier=1;kept={stored}"
+                session.get(query, on_reply, timeout=QUERY_TIMEOUT_S)
 
     async def _write(self) -> None:
         if self.alarms.is_changed:

@@ -26,14 +26,14 @@ class Window:
     def __init__(self) -> None:
         self.size = 64 * 1024
         self.is_closed = False
-        self._sent = self._taken = 0
+        self._sent = self._acknowledged = 0
         self._marks: deque[tuple[int, float]] = deque()  # bytes sent up to a time
         self._changed = asyncio.Event()
 
     @property
     def under_way(self) -> int:
         """Bytes that were sent and not taken yet."""
-        return self._sent - self._taken
+        return self._sent - self._acknowledged
 
     @property
     def piece(self) -> int:
@@ -51,12 +51,12 @@ class Window:
         self._sent += size
         self._marks.append((self._sent, now))
 
-    def taken(self, size: int, now: float) -> bool:
+    def acknowledge(self, size: int, now: float) -> bool:
         """The other side has passed on so many bytes in all; returns False for a number that cannot be."""
-        if not self._taken <= size <= self._sent:
+        if not self._acknowledged <= size <= self._sent:
             return False
-        gained, took = size - self._taken, 0.0
-        self._taken = size
+        gained, took = size - self._acknowledged, 0.0
+        self._acknowledged = size
         while self._marks and self._marks[0][0] <= size:
             took = now - self._marks.popleft()[1]
         self.size = max(SMALLEST, self.size // 2) if took > SLOW_S else min(LARGEST, self.size + gained)

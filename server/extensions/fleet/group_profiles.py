@@ -44,7 +44,7 @@ FILE = "profiles.json"
 MAX_PROFILES = 200
 MAX_KNOWN = 5000
 MAX_DIFFERENCES = 10_000
-ASK_AGAIN_S = 5.0
+REQUEST_INTERVAL_S = 5.0
 
 
 class GroupProfile(msgspec.Struct, frozen=True):
@@ -96,8 +96,9 @@ class GroupProfiles:
         self._drivers = drivers
         self._profiles: dict[tuple[str, str, str], tuple[GroupProfile, DeviceSettings]] = {}
         self._known: OrderedDict[str, DeviceSettings] = OrderedDict()
-        self._wanted: dict[tuple[str, str], str] = {}  # robot, device → digest of settings that are not known here
-        self._asked: OrderedDict[str, float] = OrderedDict()
+        # robot, device → digest of settings that are not known here
+        self._unknown_digests: dict[tuple[str, str], str] = {}
+        self._requested_at: OrderedDict[str, float] = OrderedDict()
         self._differences: OrderedDict[tuple[str, str], Difference | None] = OrderedDict()
         self.problem = ""
         with suppress(FileNotFoundError):
@@ -113,15 +114,15 @@ class GroupProfiles:
                     self._take(one)
 
     def _take(self, profile: GroupProfile) -> None:
-        given = profile.settings
-        settings = DeviceSettings(given.protocol, given.product, given.firmware, given.values)
-        self._profiles[profile.group, given.protocol, given.product] = profile, settings
+        target = profile.settings
+        settings = DeviceSettings(target.protocol, target.product, target.firmware, target.values)
+        self._profiles[profile.group, target.protocol, target.product] = profile, settings
 
     def judged(self, robot: RobotSummary) -> RobotSummary:
         """A summary with how far the robot is from the profiles of its group. What is not known is asked for later."""
         for device in robot.devices:
             if robot.state == "live" and device.settings and device.settings not in self._known:
-                self._wanted[robot.name, device.id] = device.settings
+                self._unknown_digests[robot.name, device.id] = device.settings
         if not self._profiles:
             return robot
         checks = [self.check(robot.group, one) for one in robot.devices]
@@ -133,18 +134,18 @@ class GroupProfiles:
 
     def check(self, group: str, device: RobotDevice) -> SettingsCheck:
         """A device against the profile of its group."""
-        profile, wanted = self._profiles.get((group, device.protocol, device.product), (None, None))
-        if profile is None or wanted is None:
+        profile, target = self._profiles.get((group, device.protocol, device.product), (None, None))
+        if profile is None or target is None:
             return SettingsCheck("unknown", "Its group has no profile for this product.")
         if not device.settings:
             why = "The robot does not know its settings: read them once on its page Configure."
             return SettingsCheck("unknown", why, profile)
         if device.settings not in self._known:
             return SettingsCheck("unknown", "The robot was asked for its settings.", profile)
-        found = self._difference(device.settings, wanted)
-        if found is None:
+        difference = self._difference(device.settings, target)
+        if difference is None:
             return SettingsCheck("unknown", "Its settings cannot be compared; the log has details.", profile)
-        return SettingsCheck("drifted" if found.rows else "as-profile", "", profile, found)
+        return SettingsCheck("drifted" if difference.rows else "as-profile", "", profile, difference)
 
     def applies(self, robot: RobotSummary) -> bool:
         """Whether the group of a robot has a profile for one of its devices."""
@@ -156,14 +157,14 @@ class GroupProfiles:
         Raises:
             DomainError: there is none, or this version cannot use it.
         """
-        profile, wanted = self._profiles.get((group, device.protocol, device.product), (None, None))
-        if profile is None or wanted is None:
+        profile, target = self._profiles.get((group, device.protocol, device.product), (None, None))
+        if profile is None or target is None:
             hint = "Make the settings of a device the profile first."
             raise DomainError("not-found", f"The group has no profile for {device.product:.80}.", hint)
-        driver = self._drivers(wanted.protocol)
+        driver = self._drivers(target.protocol)
         if driver is None:
             raise DomainError(
-                "no-driver", f"Devices of {wanted.protocol:.40} cannot be configured.", "Update the fleet server."
+                "no-driver", f"Devices of {target.protocol:.40} cannot be configured.", "Update the fleet server."
             )
         return profile, driver
 
@@ -171,50 +172,50 @@ class GroupProfiles:
         """Settings of a device; None if they are not known here."""
         return self._known.get(device.settings)
 
-    def _difference(self, digest: str, wanted: DeviceSettings) -> Difference | None:
-        key = digest, wanted.digest
+    def _difference(self, digest: str, target: DeviceSettings) -> Difference | None:
+        key = digest, target.digest
         if key not in self._differences:
-            driver = self._drivers(wanted.protocol)
-            found = None
+            driver = self._drivers(target.protocol)
+            result = None
             if driver is not None:
                 try:
-                    found = difference(driver, wanted, self._known[digest])
+                    result = difference(driver, target, self._known[digest])
                 except ReportError as error:
                     log.warning("%s", error)
-            self._differences[key] = found
+            self._differences[key] = result
             while len(self._differences) > MAX_DIFFERENCES:
                 self._differences.popitem(last=False)
         return self._differences[key]
 
     def _with_rate(self, group: str, device: RobotDevice) -> RobotDevice:
         """A device whose rate by its settings is unknown is expected to have that of the profile."""
-        _, wanted = self._profiles.get((group, device.protocol, device.product), (None, None))
-        driver = None if wanted is None else self._drivers(wanted.protocol)
-        if device.expected_rate is not None or wanted is None or driver is None:
+        _, target = self._profiles.get((group, device.protocol, device.product), (None, None))
+        driver = None if target is None else self._drivers(target.protocol)
+        if device.expected_rate is not None or target is None or driver is None:
             return device
         rate = None
         with suppress(Exception):  # values that came from the bus
-            rate = driver.message_rate(wanted.values, wanted.context)
+            rate = driver.message_rate(target.values, target.context)
         return device if rate is None else device.model_copy(update={"expected_rate": rate})
 
     def questions(self, now: float, limit: int) -> Iterator[tuple[str, str]]:
         """Robots and devices to ask for their settings now: one for each digest, another one if no answer comes."""
-        for (robot, device), digest in list(self._wanted.items()):
+        for (robot, device), digest in list(self._unknown_digests.items()):
             if digest in self._known:
-                del self._wanted[robot, device]
-            elif limit > 0 and self._asked.get(digest, -math.inf) + ASK_AGAIN_S <= now:
+                del self._unknown_digests[robot, device]
+            elif limit > 0 and self._requested_at.get(digest, -math.inf) + REQUEST_INTERVAL_S <= now:
                 limit -= 1
-                del self._wanted[robot, device]  # to the end
-                self._wanted[robot, device] = digest
-                self._asked[digest] = now
-                self._asked.move_to_end(digest)
-                while len(self._asked) > MAX_KNOWN:
-                    self._asked.popitem(last=False)
+                del self._unknown_digests[robot, device]  # to the end
+                self._unknown_digests[robot, device] = digest
+                self._requested_at[digest] = now
+                self._requested_at.move_to_end(digest)
+                while len(self._requested_at) > MAX_KNOWN:
+                    self._requested_at.popitem(last=False)
                 yield robot, device
 
     def forget_question(self, robot: str, device: str) -> None:
         """Drop a question to a robot that is lost; it is asked when it reports again."""
-        self._wanted.pop((robot, device), None)
+        self._unknown_digests.pop((robot, device), None)
 
     def learn(self, data: bytes) -> str:
         """Take settings that a robot sent; returns their digest.
@@ -222,12 +223,12 @@ class GroupProfiles:
         Raises:
             ReportError: they are invalid.
         """
-        found = decode_settings(data)
-        self._known[found.digest] = found
-        self._known.move_to_end(found.digest)
+        settings = decode_settings(data)
+        self._known[settings.digest] = settings
+        self._known.move_to_end(settings.digest)
         while len(self._known) > MAX_KNOWN:
             self._known.popitem(last=False)
-        return found.digest
+        return settings.digest
 
     def use(self, robot: RobotSummary, device: RobotDevice, by: str, time: float) -> GroupProfile:
         """Make the settings of a device the profile of its robot's group.

@@ -69,7 +69,7 @@ HEADERS = frozenset(
 """Headers of an answer that are sent; cookies and redirections are not."""
 
 
-def check_allowed(asked: OpenStream, pages: PagesAllowed) -> None:
+def check_allowed(request: OpenStream, pages: PagesAllowed) -> None:
     """Refuse what the robot does not let through.
 
     Args:
@@ -78,17 +78,17 @@ def check_allowed(asked: OpenStream, pages: PagesAllowed) -> None:
     Raises:
         DomainError: with the reason and what to do.
     """
-    path = path_of(asked.path)
+    path = path_of(request.path)
     setting = "in the table [fleet] of the robot's configuration file"
     if pages == "off":
         hint = f'Set pages = "view" {setting}.'
         raise DomainError("not-now", "This robot does not show its pages through the fleet server.", hint)
-    if not (path == "/ws" if asked.socket is not None else path.startswith("/api/")):
+    if not (path == "/ws" if request.socket is not None else path.startswith("/api/")):
         raise DomainError(
             "not-found", "This is not available through the fleet server.", "Open the page at the robot's own address."
         )
-    if asked.socket is None and is_command(asked.method, path):
-        if asked.role != "control":
+    if request.socket is None and is_command(request.method, path):
+        if request.role != "control":
             raise DomainError("view-only", "This token is view-only.", "Open the page with a control token.")
         if pages != "control":
             hint = f'Set pages = "control" {setting}, or open the page at the robot\'s own address.'
@@ -101,7 +101,7 @@ class PageServer:
     Args:
         name, boot: the robot and this run of it.
         pages: `fleet.pages`.
-        tell: takes an event: level and text.
+        report: takes an event: level and text.
         delay_of: seconds until so many bytes may be sent; 0: they are counted as sent now.
     """
 
@@ -110,16 +110,16 @@ class PageServer:
         name: str,
         boot: str,
         pages: PagesAllowed,
-        tell: Callable[[wire.Level, str], None],
+        report: Callable[[wire.Level, str], None],
         delay_of: Callable[[int], float] = lambda size: 0.0,
     ) -> None:
         self._name, self._boot, self.pages = name, boot, pages
-        self._tell, self._delay_of = tell, delay_of
+        self._report, self._delay_of = report, delay_of
         self._inbox = Inbox(self.take)
         self._app: ASGIApp | None = None
         self._session: zenoh.Session | None = None
         self._streams: dict[tuple[str, int], RobotStream] = {}
-        self._heard: dict[str, float] = {}  # fleet server → when, monotonic s
+        self._last_messages: dict[str, float] = {}  # fleet server → when, monotonic s
         self._line = asyncio.Lock()  # one message at a time, in order of arrival: streams take turns
 
     @property
@@ -136,21 +136,21 @@ class PageServer:
         """Begin to receive; from any thread. Returns what has to be kept."""
         self._session = session
 
-        def on_ask(sample: zenoh.Sample) -> None:
+        def on_request(sample: zenoh.Sample) -> None:
             self._inbox.put(keys.server_of(str(sample.key_expr)), sample.payload.to_bytes())
 
-        return session.declare_subscriber(keys.asks(self._name), on_ask)
+        return session.declare_subscriber(keys.request_key(self._name), on_request)
 
     def tick(self) -> None:
         """Close streams of disconnected fleet servers. Call once a second."""
         now = time.monotonic()
-        for server in [one for one, heard in self._heard.items() if now - heard > SILENCE_S]:
-            del self._heard[server]
+        for server in [one for one, received_at in self._last_messages.items() if now - received_at > SILENCE_S]:
+            del self._last_messages[server]
             self._stop_all(server)
 
     def line_lost(self) -> None:
         """End all streams."""
-        self._heard.clear()
+        self._last_messages.clear()
         self._stop_all()
 
     async def close(self) -> None:
@@ -170,41 +170,41 @@ class PageServer:
         if not server:
             return
         try:
-            asked = decode_request(data)
+            message = decode_request(data)
         except TunnelMessageError as error:
             log.warning("A message of the fleet server is ignored. %s", error, extra={"often": ("pages", server)})
             return
-        if server not in self._heard and len(self._heard) >= MAX_SERVERS:
+        if server not in self._last_messages and len(self._last_messages) >= MAX_SERVERS:
             return
-        self._heard[server] = time.monotonic()
-        if isinstance(asked, KeepAlive):
-            if asked.boot == self._boot:
+        self._last_messages[server] = time.monotonic()
+        if isinstance(message, KeepAlive):
+            if message.boot == self._boot:
                 mine = tuple(stream for name, stream in self._streams if name == server)
-                self._put_soon(server, KeepAlive(self._boot, asked.last, mine))
-        elif isinstance(asked, OpenStream):
-            self._open(server, asked)
-        elif (stream := self._streams.get((server, asked.stream))) is not None:
-            stream.take(asked)
+                self._put_soon(server, KeepAlive(self._boot, message.last, mine))
+        elif isinstance(message, OpenStream):
+            self._open(server, message)
+        elif (stream := self._streams.get((server, message.stream))) is not None:
+            stream.take(message)
 
-    def _open(self, server: str, asked: OpenStream) -> None:
-        place = server, asked.stream
-        if asked.boot != self._boot or place in self._streams:
+    def _open(self, server: str, request: OpenStream) -> None:
+        place = server, request.stream
+        if request.boot != self._boot or place in self._streams:
             return
-        changes = asked.socket is None and is_command(asked.method, path_of(asked.path))
-        words = f"{printable(asked.who) or 'an unnamed viewer'}: {asked.method} {printable(asked.path[:200])}"
+        changes = request.socket is None and is_command(request.method, path_of(request.path))
+        words = f"{printable(request.who) or 'an unnamed viewer'}: {request.method} {printable(request.path[:200])}"
         try:
             if self._app is None or len(self._streams) >= MAX_OPEN:
                 words = f"This robot answers at most {MAX_OPEN} requests through the fleet server at once."
                 raise DomainError("full", words, "Close an unused page, or try again later.")
-            check_allowed(asked, self.pages)
+            check_allowed(request, self.pages)
         except DomainError as error:
             if changes:
-                self._tell("warning", f"Refused a command through the fleet server of {words}. {error.message}")
-            self._put_soon(server, StreamError(asked.stream, 0, error.kind, error.message, error.hint))
+                self._report("warning", f"Refused a command through the fleet server of {words}. {error.message}")
+            self._put_soon(server, StreamError(request.stream, 0, error.kind, error.message, error.hint))
             return
         if changes:
-            self._tell("info", f"Command through the fleet server of {words}.")
-        stream = self._streams[place] = RobotStream(self, server, asked)
+            self._report("info", f"Command through the fleet server of {words}.")
+        stream = self._streams[place] = RobotStream(self, server, request)
         stream.task = asyncio.create_task(stream.run(self._app), name="page for the fleet")
         stream.task.add_done_callback(lambda _: self._streams.pop(place, None))
 
@@ -245,32 +245,32 @@ class RobotStream:
 
     task: asyncio.Task[None]
 
-    def __init__(self, pages: PageServer, server: str, asked: OpenStream) -> None:
+    def __init__(self, pages: PageServer, server: str, request: OpenStream) -> None:
         self.server = server
-        self._pages, self._asked = pages, asked
-        self._is_socket = asked.socket is not None
+        self._pages, self._request = pages, request
+        self._is_socket = request.socket is not None
         self._window = Window()
         self._number = 0  # of the next message that is sent
         self._expected = 1
-        self._said: deque[Message] = deque()
+        self._client_messages: deque[Message] = deque()
         self._news = asyncio.Event()
         self._is_stopped = self._has_begun = self._has_ended = False
-        first: Message = {"type": "http.request", "body": asked.body, "more_body": False}
-        self._said.append({"type": "websocket.connect"} if self._is_socket else first)
+        first: Message = {"type": "http.request", "body": request.body, "more_body": False}
+        self._client_messages.append({"type": "websocket.connect"} if self._is_socket else first)
 
     # ── from the fleet server ────────────────────────────────────────────────────────────────────────────────────────
 
-    def take(self, asked: ClientMessage | Acknowledge | CancelStream) -> None:
+    def take(self, message: ClientMessage | Acknowledge | CancelStream) -> None:
         """Take over a message; a gap in the numbers ends the stream."""
-        is_next = asked.number == self._expected
+        is_next = message.number == self._expected
         self._expected += 1
-        if not is_next or isinstance(asked, CancelStream):
+        if not is_next or isinstance(message, CancelStream):
             self.stop()
-        elif isinstance(asked, Acknowledge):
-            if not self._window.taken(asked.size, time.monotonic()):
+        elif isinstance(message, Acknowledge):
+            if not self._window.acknowledge(message.size, time.monotonic()):
                 self.stop()
-        elif self._is_socket and len(self._said) < MAX_CLIENT_MESSAGE:
-            self._said.append({"type": "websocket.receive", "text": asked.text})
+        elif self._is_socket and len(self._client_messages) < MAX_CLIENT_MESSAGE:
+            self._client_messages.append({"type": "websocket.receive", "text": message.text})
             self._news.set()
         else:
             self.stop()
@@ -284,7 +284,7 @@ class RobotStream:
         self._news.set()
         if self._is_socket:
             asyncio.get_running_loop().call_later(LEAVE_S, self.task.cancel)
-        elif self._has_begun or not is_command(self._asked.method, path_of(self._asked.path)):
+        elif self._has_begun or not is_command(self._request.method, path_of(self._request.path)):
             self.task.cancel()
 
     # ── the application ──────────────────────────────────────────────────────────────────────────────────────────────
@@ -304,40 +304,40 @@ class RobotStream:
             self._window.close()
 
     def _scope(self) -> dict[str, Any]:
-        asked = self._asked
+        request = self._request
         scope: dict[str, Any] = {
             "type": "websocket" if self._is_socket else "http",
             "asgi": {"version": "3.0", "spec_version": "2.3"},
             "http_version": "1.1",
             "scheme": "ws" if self._is_socket else "http",
-            "path": asked.path,
-            "raw_path": quote(asked.path).encode(),
-            "query_string": asked.query.encode("latin-1", "replace"),
+            "path": request.path,
+            "raw_path": quote(request.path).encode(),
+            "query_string": request.query.encode("latin-1", "replace"),
             "root_path": "",
             "headers": [
                 (b"host", b"fleet"),
-                *((name.encode(), text.encode("latin-1")) for name, text in asked.headers),
+                *((name.encode(), text.encode("latin-1")) for name, text in request.headers),
             ],
-            "client": (_address(asked.peer), 0),
+            "client": (_address(request.peer), 0),
             "server": None,
-            "state": {"role": asked.role if self._pages.pages == "control" else "view"},
+            "state": {"role": request.role if self._pages.pages == "control" else "view"},
             "extensions": {},
         }
         if self._is_socket:
-            scope["subprotocols"] = list(asked.socket or ())
+            scope["subprotocols"] = list(request.socket or ())
             scope["extensions"] = {"imuscope.transport": self}
         else:
-            scope["method"] = asked.method
+            scope["method"] = request.method
         return scope
 
     async def _receive(self) -> Message:
-        while not self._said:
+        while not self._client_messages:
             if self._is_stopped:
                 gone = {"type": "websocket.disconnect", "code": 1006}
                 return gone if self._is_socket else {"type": "http.disconnect"}
             self._news.clear()
             await self._news.wait()
-        return self._said.popleft()
+        return self._client_messages.popleft()
 
     async def _send(self, message: Message) -> None:
         if self._is_stopped or self._has_ended:
@@ -378,7 +378,7 @@ class RobotStream:
     async def _put(self, answer: ResponseHead | ResponsePart | EndStream | StreamError) -> None:
         self._has_ended |= isinstance(answer, EndStream | StreamError)
         number, self._number = self._number, self._number + 1
-        changes = {"stream": self._asked.stream, "number": number}
+        changes = {"stream": self._request.stream, "number": number}
         await self._pages.put(self.server, _changed(answer, changes))
 
     # ── for the sender of the live view, which tells a slow browser from one that is stuck ──────────────────────────

@@ -72,7 +72,7 @@ class RobotPages:
         self._session: zenoh.Session | None = None
         self._streams: dict[tuple[str, int], PageStream] = {}
         self._numbers = itertools.count(1)
-        self._heard: dict[str, float] = {}
+        self._last_messages: dict[str, float] = {}
         self._beat_at = 0.0
 
     def start(self) -> None:
@@ -104,17 +104,17 @@ class RobotPages:
             words = f"At most {MAX_STREAMS} requests to a robot are open at once."
             raise DomainError("full", words, "Close an unused page, or try again later.")
         number = next(self._numbers)
-        asked = make(number, boot)
+        request = make(number, boot)
         try:
-            decode_request(encode(asked))
+            decode_request(encode(request))
         except TunnelMessageError as error:
             raise DomainError(
                 "bad-request", f"This cannot be sent to a robot. {error}", "Make the request shorter."
             ) from None
         stream = self._streams[robot, number] = PageStream(self, robot, number)
         self.requests += 1
-        self._heard[robot] = time.monotonic()
-        self.put(robot, asked)
+        self._last_messages[robot] = time.monotonic()
+        self.put(robot, request)
         return stream
 
     def _absence(self, robot: str) -> DomainError:
@@ -129,7 +129,7 @@ class RobotPages:
         hint = "Its page opens when it is back; its devices and recordings are not affected."
         return DomainError("gone", f"The line of robot {name} is lost.", hint)
 
-    def put(self, robot: str, ask: TunnelRequest) -> None:
+    def put(self, robot: str, message: TunnelRequest) -> None:
         """Send a message. Never waits: what does not fit is lost, and its number missed."""
         import zenoh
 
@@ -138,14 +138,14 @@ class RobotPages:
             return
         with contextlib.suppress(zenoh.ZError):  # a closed session: the streams end when their robots are silent
             session.put(
-                keys.asks(robot, self.id),
-                encode(ask),
+                keys.request_key(robot, self.id),
+                encode(message),
                 congestion_control=zenoh.CongestionControl.DROP,
             )
 
     def take(self, robot: str, data: bytes) -> None:
         """Take over a message of a robot."""
-        if robot not in self._heard:
+        if robot not in self._last_messages:
             return  # nothing was asked
         self.bytes += len(data)
         try:
@@ -153,7 +153,7 @@ class RobotPages:
         except TunnelMessageError:
             self.invalid += 1
             return
-        self._heard[robot] = time.monotonic()
+        self._last_messages[robot] = time.monotonic()
         if isinstance(answer, KeepAlive):
             for (name, number), one in list(self._streams.items()):
                 if name == robot and number <= answer.last and number not in answer.open:
@@ -174,15 +174,15 @@ class RobotPages:
             boot = self._boot_of(robot)
             if not boot:
                 self._fail(robot, f"The line of robot {robot} is lost.")
-            elif now - self._heard[robot] > SILENCE_S:
+            elif now - self._last_messages[robot] > SILENCE_S:
                 self._fail(robot, f"Robot {robot} has not answered for {SILENCE_S:.0f} s.")
             elif is_due:
                 streams = [one for (name, _), one in self._streams.items() if name == robot]
                 for stream in streams:
                     stream.acknowledge(0)  # in case the last one was lost
                 self.put(robot, KeepAlive(boot, max(one.number for one in streams)))
-        for robot in set(self._heard) - robots:
-            del self._heard[robot]
+        for robot in set(self._last_messages) - robots:
+            del self._last_messages[robot]
 
     def _fail(self, robot: str, words: str) -> None:
         hint = "Try again when the fleet shows it as live. What it was told to do, it does without the line."
@@ -222,7 +222,7 @@ class PageStream:
         self._problem: DomainError | None = None
         self._expected = 0
         self._sent = 1
-        self._received = self._taken = 0
+        self._received = self._acknowledged = 0
         self._is_over = False
 
     def take(self, answer: Answer) -> None:
@@ -239,7 +239,7 @@ class PageStream:
             return
         if isinstance(answer, ResponsePart):
             self._received += len(answer.data)
-        if self._received - self._taken > 2 * LARGEST or len(self._answers) > 2 * LARGEST // 1024:
+        if self._received - self._acknowledged > 2 * LARGEST or len(self._answers) > 2 * LARGEST // 1024:
             self.fail(DomainError("gone", "The robot sent more than was asked for.", "Its version may be too new."))
             return
         self._answers.append(answer)
@@ -270,10 +270,10 @@ class PageStream:
 
     def acknowledge(self, size: int) -> None:
         """Acknowledge `size` delivered bytes (flow control)."""
-        self._taken += size
-        self._put(Acknowledge(self.number, self._next_number(), self._taken))
+        self._acknowledged += size
+        self._put(Acknowledge(self.number, self._next_number(), self._acknowledged))
 
-    def say(self, text: str) -> None:
+    def send_text(self, text: str) -> None:
         """Send a message of the browser."""
         self._put(ClientMessage(self.number, self._next_number(), text))
 
@@ -288,5 +288,5 @@ class PageStream:
         number, self._sent = self._sent, self._sent + 1
         return number
 
-    def _put(self, ask: ClientMessage | Acknowledge | CancelStream) -> None:
-        self._pages.put(self.robot, ask)
+    def _put(self, message: ClientMessage | Acknowledge | CancelStream) -> None:
+        self._pages.put(self.robot, message)

@@ -67,7 +67,7 @@ class _Run:
     boot: str
     dropped_to: int = 0
     last: int = 0
-    asked: int = 0
+    acknowledged: int = 0
     reports: deque[tuple[int, bytes]] = field(default_factory=deque)
 
 
@@ -92,7 +92,7 @@ class Journal:
         self._folder = folder
         self._unwritten: deque[tuple[int, bytes]] = deque()
         self._written = 0
-        self._kept = ("", 0)
+        self._stored_until = ("", 0)
         self._line_is_there = False
         self._wake = threading.Event()
         self._loaded = threading.Event()
@@ -167,11 +167,11 @@ class Journal:
             if status is not None:
                 self._newest = report
             if events:
-                kept = data if status is None else encode(msgspec.structs.replace(report, status=None))
-                run.reports.append((number, kept))
-                self._bytes += len(kept)
+                entry = data if status is None else encode(msgspec.structs.replace(report, status=None))
+                run.reports.append((number, entry))
+                self._bytes += len(entry)
                 if self._files is not None:
-                    self._unwritten.append((number, kept))
+                    self._unwritten.append((number, entry))
                 self._limit_bytes()
                 self._wake.set()
             return data
@@ -192,12 +192,12 @@ class Journal:
             number, data = run.reports.popleft()
             self._bytes -= len(data)
             run.dropped_to = number
-            self._dropped += number > run.asked
+            self._dropped += number > run.acknowledged
             if self._unwritten and run.boot == self.boot and self._unwritten[0][0] <= number:
                 self._unwritten.popleft()
 
     def answer(
-        self, boot: str, after: int, limit: int = ANSWER_BYTES, *, earlier: bool = False, kept: str = ""
+        self, boot: str, after: int, limit: int = ANSWER_BYTES, *, earlier: bool = False, stored: str = ""
     ) -> bytes:
         """The reports after a number, up to which the fleet server has taken them.
 
@@ -205,25 +205,25 @@ class Journal:
             boot: run that the number is of; of another one, all reports of the oldest run are sent.
             limit: bytes of the answer.
             earlier: whether runs that have ended count; without, the reports of this run have all numbers.
-            kept: RUN.NUMBER up to which the fleet server has them on its disk.
+            stored: RUN.NUMBER up to which the fleet server has them on its disk.
         """
         with self._lock:
             if earlier:
-                self._forget(kept)
+                self._forget(stored)
             runs = self._runs if earlier else self._runs[-1:]
             index = next((at for at, one in enumerate(runs) if one.boot == boot), -1)
             run = runs[max(0, index)]
             after = after if index >= 0 else 0
-            run.asked = max(run.asked, min(after, run.last))
-            found: list[RobotReport] = []
+            run.acknowledged = max(run.acknowledged, min(after, run.last))
+            reports: list[RobotReport] = []
             size = 0
             for report, length in self._reports(run, after, fill=not earlier):
                 size += length
-                if (found and size > limit) or len(found) == MAX_REPORTS:
+                if (reports and size > limit) or len(reports) == MAX_REPORTS:
                     break
-                found.append(report)
+                reports.append(report)
             following = runs[max(0, index) + 1].boot if run is not runs[-1] else ""
-            return encode(JournalAnswer(run.boot, run.dropped_to + 1, run.last, tuple(found), following))
+            return encode(JournalAnswer(run.boot, run.dropped_to + 1, run.last, tuple(reports), following))
 
     def _reports(self, run: _Run, after: int, *, fill: bool) -> Iterator[tuple[RobotReport, int]]:
         """Reports of a run in order, with their sizes.
@@ -244,9 +244,9 @@ class Journal:
             expected = number + 1
             yield decode_report(data), len(data)
 
-    def _forget(self, kept: str) -> None:
+    def _forget(self, stored: str) -> None:
         """Forget runs that have ended as far as the fleet server has them on its disk; of this run, the files only."""
-        boot, _, number = kept.partition(".")
+        boot, _, number = stored.partition(".")
         index = next((at for at, one in enumerate(self._runs) if one.boot == boot), -1)
         if index < 0 or not (number.isascii() and number.isdigit() and len(number) < 20):
             return
@@ -257,8 +257,8 @@ class Journal:
         if run.boot != self.boot:
             while run.reports and run.reports[0][0] <= int(number):
                 self._bytes -= len(run.reports.popleft()[1])
-        if self._kept != (boot, int(number)):
-            self._kept = (boot, int(number))
+        if self._stored_until != (boot, int(number)):
+            self._stored_until = (boot, int(number))
             self._wake.set()
 
     # ── in the thread ────────────────────────────────────────────────────────────────────────────────────────────────
@@ -309,7 +309,7 @@ class Journal:
         """Append what is new, and remove files that are not needed; returns whether something was appended."""
         with self._lock:
             reports = tuple(self._unwritten)
-            boot, number = self._kept
+            boot, number = self._stored_until
             runs = [one.boot for one in self._runs]
         if reports:
             files.append(self.boot, reports, self._written)

@@ -104,10 +104,10 @@ class JournalFiles:
 
     def _paths(self) -> list[Path]:
         try:
-            found = list(self._folder.iterdir())
+            paths = list(self._folder.iterdir())
         except OSError:
             return []
-        return sorted(path for path in found if path.suffix == SUFFIX and path.stem.isascii() and path.stem.isdigit())
+        return sorted(path for path in paths if path.suffix == SUFFIX and path.stem.isascii() and path.stem.isdigit())
 
     def _add(self, data: bytes, runs: dict[str, StoredRun], file: _File) -> None:
         run: StoredRun | None = None

@@ -76,7 +76,7 @@ def parse_token(key: str) -> tuple[str, str]:
     return (robot, boot) if robot and is_boot(boot) and key == token_key(robot, boot) else ("", "")
 
 
-def asks(robot: str, server: str = "*") -> str:
+def request_key(robot: str, server: str = "*") -> str:
     """Key at which a fleet server asks for pages of a robot; of all fleet servers unless one is given."""
     return f"{ROBOTS}/{robot}/pages/ask/{server}"
 

@@ -104,22 +104,22 @@ class KnownSettings:
         else:
             return None
         protocol = controller.session.info.protocol
-        found = DeviceSettings(protocol, known.product, known.firmware, writable_settings(driver, known, values))
-        data = encode_settings(found)
+        settings = DeviceSettings(protocol, known.product, known.firmware, writable_settings(driver, known, values))
+        data = encode_settings(settings)
         rate = None
         with suppress(Exception):  # values of a file that was edited
             rate = driver.message_rate(values, known)
-        kept = KnownDeviceSettings(data, found.digest if data else "", rate, read)
-        self._known[device.id] = source, kept
-        return kept
+        entry = KnownDeviceSettings(data, settings.digest if data else "", rate, read)
+        self._known[device.id] = source, entry
+        return entry
 
     def _load(self) -> dict[str, dict[str, Any]]:
         if self._stored is None:
             self._stored = {}
             with suppress(OSError, ValueError, RecursionError):  # without it, settings are unknown until they are read
                 if self._path.stat().st_size <= MAX_FILE:
-                    found = json.loads(self._path.read_text())
-                    rows = found.items() if isinstance(found, dict) else ()
+                    stored = json.loads(self._path.read_text())
+                    rows = stored.items() if isinstance(stored, dict) else ()
                     self._stored = {name: one for name, one in rows if _is_entry(one)}
         return self._stored
 

@@ -72,14 +72,14 @@ def small_tables(store: ColumnStore, probe: RecordingProbe, key: RecordingKey, f
     """Rows of the small tables, by table; `recordings` last."""
     manifest = store.manifest
     devices = list(_devices(manifest))
-    found = {
+    row_lists = {
         DEVICES: devices,
         SETTINGS: list(_settings(manifest)),
         EVENTS: list(_events(manifest, probe)),
         LOSSES: list(_losses(manifest)),
     }
-    found[RECORDINGS] = [_recording(manifest, probe, devices, len(_markers(manifest, probe)), file)]
-    return {table.name: arrow_rows(table, key, rows) for table, rows in found.items()}
+    row_lists[RECORDINGS] = [_recording(manifest, probe, devices, len(_markers(manifest, probe)), file)]
+    return {table.name: arrow_rows(table, key, rows) for table, rows in row_lists.items()}
 
 
 def arrow_rows(table: StoreTable, key: RecordingKey, rows: Sequence[Row]) -> pa.Table:
@@ -142,8 +142,8 @@ def adapter_of(source: str, link: str) -> str:
     >>> adapter_of("/dev/serial/by-id/usb-FTDI_FT232R_A10K-if00-port0?baud=115200", "serial")
     'usb-FTDI_FT232R_A10K-if00-port0'
     """
-    if found := _BY_ID.search(source):
-        return found[1]
+    if match := _BY_ID.search(source):
+        return match[1]
     if link == "serial":
         return source.removeprefix("serial://").partition("?")[0]
     return link

@@ -110,8 +110,8 @@ def _row(
 
 def _quantity(name: str, unit: str) -> str:
     """Quantity of a signal; acceleration without gravity is another one than what an accelerometer measures."""
-    found = QUANTITIES.get(unit, "")
-    return "free acceleration" if found == "acceleration" and "free" in name.lower() else found
+    quantity = QUANTITIES.get(unit, "")
+    return "free acceleration" if quantity == "acceleration" and "free" in name.lower() else quantity
 
 
 def _noise(values: Floats, rate: float) -> float | None:

@@ -46,14 +46,14 @@ def read_operators(path: Path) -> list[Operator]:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise FleetAccessError(f"The file of operators {str(path)!r} cannot be read: {error}.") from None
-    found: list[Operator] = []
+    operators: list[Operator] = []
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                found.append(_operator(line, found))
+                operators.append(_operator(line, operators))
             except ValueError as error:
                 raise FleetAccessError(f"Line {number} of {path}: {error}.") from None
-    return found
+    return operators
 
 
 def _operator(line: str, before: list[Operator]) -> Operator:
@@ -99,18 +99,18 @@ class Operators:
         if operator is None:
             return False
         for pattern, group_of in self._group_of.items():
-            found = pattern.match(path)
-            if found:
-                return group_of(found[1]) in operator.groups
+            match = pattern.match(path)
+            if match:
+                return group_of(match[1]) in operator.groups
         return False
 
     def _of(self, token: str) -> Operator | None:
         self._refresh()
-        given, found = token.encode(), None
+        token_bytes, operator = token.encode(), None
         for one in self._all:
-            if hmac.compare_digest(given, one.token.encode()):
-                found = one
-        return found
+            if hmac.compare_digest(token_bytes, one.token.encode()):
+                operator = one
+        return operator
 
     def _stamp(self) -> object:
         try:

@@ -104,10 +104,10 @@ def _window(
             np.concatenate([store.clock(one, *ranges[one], name) for one in track] or [np.empty(0)])
             for name in ("arrival", "time")
         ]
-        found = next((n for n, known in enumerate(clocks) if _are_same(known, parts)), len(clocks))
-        if found == len(clocks):
+        index = next((n for n, known in enumerate(clocks) if _are_same(known, parts)), len(clocks))
+        if index == len(clocks):
             clocks.append((parts[0], parts[1]))
-        clock_of.append(found)
+        clock_of.append(index)
     time, order, rows = _joined(clocks)
     samples = {}
     for track, which in zip(tracks, clock_of, strict=True):

@@ -79,18 +79,18 @@ async def page_of_robot(robot: str, server: TheFleetServer, request: Request) ->
 @router.api_route("/robots/{robot}/api/{path:path}", methods=METHODS)
 async def request_to_robot(robot: str, path: str, server: TheFleetServer, request: Request) -> Response:
     """Pass a request on to a robot, and its answer back."""
-    asked = _request(request, f"/api/{path}")
+    outgoing = _request(request, f"/api/{path}")
     body = b""
     if int(request.headers.get("content-length", "0")) <= MAX_BODY:
         body = await request.body()
-    elif asked.method in METHODS:
+    elif outgoing.method in METHODS:
         hint = "Open the page at the robot's own address."
         raise DomainError("too-large", f"A body through the fleet may have at most {MAX_BODY} bytes.", hint)
-    changes = is_command(asked.method, path_of(asked.path))
-    said = f"{asked.who}: {asked.method} {printable(asked.path[:200])}"
+    changes = is_command(outgoing.method, path_of(outgoing.path))
+    log_text = f"{outgoing.who}: {outgoing.method} {printable(outgoing.path[:200])}"
     try:
         stream = server.pages.open(
-            robot, lambda number, boot: msgspec.structs.replace(asked, stream=number, boot=boot, body=body)
+            robot, lambda number, boot: msgspec.structs.replace(outgoing, stream=number, boot=boot, body=body)
         )
         try:
             head = await _head(stream, request)
@@ -101,14 +101,14 @@ async def request_to_robot(robot: str, path: str, server: TheFleetServer, reques
             raise
     except DomainError as error:
         if changes:
-            server.note_command(robot, "warning", f"Command of {said}: {error.message}")
+            server.note_command(robot, "warning", f"Command of {log_text}: {error.message}")
         raise
     except _ViewerGoneError:
         if changes:
-            server.note_command(robot, "warning", f"Command of {said}: the viewer left before the answer.")
+            server.note_command(robot, "warning", f"Command of {log_text}: the viewer left before the answer.")
         return Response(status_code=204)  # nobody receives it
     if changes:
-        server.note_command(robot, "info", f"Command of {said}: answered with {head.status}.")
+        server.note_command(robot, "info", f"Command of {log_text}: answered with {head.status}.")
     return StreamingResponse(_body(stream), head.status, _headers(head))
 
 
@@ -166,8 +166,10 @@ async def live_of_robot(robot: str, socket: WebSocket, services: TheServices) ->
     try:
         server = await fleet_server_of(services)
         offered = tuple(str(one) for one in socket.scope.get("subprotocols", ()))[:8]
-        asked = msgspec.structs.replace(_request(socket, "/ws"), socket=offered)
-        stream = server.pages.open(robot, lambda number, boot: msgspec.structs.replace(asked, stream=number, boot=boot))
+        request = msgspec.structs.replace(_request(socket, "/ws"), socket=offered)
+        stream = server.pages.open(
+            robot, lambda number, boot: msgspec.structs.replace(request, stream=number, boot=boot)
+        )
     except DomainError as error:
         await _close(socket, error)
         return
@@ -210,7 +212,7 @@ async def _to_robot(socket: WebSocket, stream: PageStream) -> None:
         text = message.get("text")
         if text is None or len(text) > MAX_CLIENT_MESSAGE:
             raise DomainError("bad-request", "A browser sends short text frames only.", "Reload the page.")
-        stream.say(text)
+        stream.send_text(text)
 
 
 async def _from_robot(socket: WebSocket, stream: PageStream) -> None:

@@ -58,15 +58,15 @@ def _robot(server: FleetServer, name: str) -> RobotSummary:
 
 def device_of(server: FleetServer, robot: str, device: str) -> tuple[RobotSummary, RobotDevice]:
     """A robot and a device of it; DomainError if there is none."""
-    found = _robot(server, robot)
-    for one in found.devices:
+    summary = _robot(server, robot)
+    for one in summary.devices:
         if one.id == device:
-            return found, one
+            return summary, one
     raise DomainError("not-found", f"Device {device:.80} not found.", "The robot may have another one by now.")
 
 
 def _answer(device: RobotDevice, check: SettingsCheck) -> DeviceSettingsCheck:
-    found, profile = check.difference, check.profile
+    difference, profile = check.difference, check.profile
     names = ("robot", "device", "by", "time")
     return DeviceSettingsCheck(
         device=device.id,
@@ -75,28 +75,30 @@ def _answer(device: RobotDevice, check: SettingsCheck) -> DeviceSettingsCheck:
         why=check.why,
         read=device.settings_read,
         profile=None if profile is None else ProfileOrigin(**{name: getattr(profile, name) for name in names}),
-        same=0 if found is None else found.same,
+        same=0 if difference is None else difference.same,
         rows=[
             SettingDifference(title=row.title, unit=row.unit, profile=row.right, robot=row.left)
-            for row in (() if found is None else found.rows)
+            for row in (() if difference is None else difference.rows)
         ],
-        missing={} if found is None else found.missing,
+        missing={} if difference is None else difference.missing,
     )
 
 
 @router.get("/{robot}/settings", responses=responses(404, 409, 422))
 async def compare_settings(robot: str, server: TheFleetServer) -> list[DeviceSettingsCheck]:
     """Settings of a robot's devices against the profiles of its group."""
-    found = _robot(server, robot)
-    return [_answer(one, server.profiles.check(found.group, one)) for one in found.devices]
+    summary = _robot(server, robot)
+    return [_answer(one, server.profiles.check(summary.group, one)) for one in summary.devices]
 
 
 @router.post("/{robot}/profile", responses=responses(404, 409, 422, 507))
 async def use_profile(robot: str, body: ProfileRequest, server: TheFleetServer) -> list[DeviceSettingsCheck]:
     """Make the settings of a device the profile of its group, for its product. Nothing is written to any robot."""
-    found, device = device_of(server, robot, body.device)
-    profile = server.profiles.use(found, device, body.by, time.time())
-    server.profile_changed(found, f"The settings of {device.name} are the profile of {_group(found)} now", profile.by)
+    summary, device = device_of(server, robot, body.device)
+    profile = server.profiles.use(summary, device, body.by, time.time())
+    server.profile_changed(
+        summary, f"The settings of {device.name} are the profile of {_group(summary)} now", profile.by
+    )
     return await compare_settings(robot, server)
 
 
@@ -108,9 +110,9 @@ async def remove_profile(
     by: Annotated[str, Query(max_length=200, description="name of the person")],
 ) -> list[DeviceSettingsCheck]:
     """Remove the profile that a device is compared with."""
-    found, one = device_of(server, robot, device)
-    server.profiles.remove(found, one, by)
-    server.profile_changed(found, f"The profile of {_group(found)} for {one.product} was removed", by)
+    summary, one = device_of(server, robot, device)
+    server.profiles.remove(summary, one, by)
+    server.profile_changed(summary, f"The profile of {_group(summary)} for {one.product} was removed", by)
     return await compare_settings(robot, server)
 
 

@@ -157,7 +157,7 @@ class FleetPublisher:
         self._reserved = rate * BURST_S * RESERVED
         self._budget_lock = threading.Lock()
         pages = allowed_pages(self._settings)
-        self.pages = PageServer(self.name, self.journal.boot, pages, self._tell_command, self._delay_of_pages)
+        self.pages = PageServer(self.name, self.journal.boot, pages, self._report_command, self._delay_of_pages)
         self._session: zenoh.Session | None = None
         self._publisher: zenoh.Publisher | None = None
         self._declared: list[object] = []  # a token ends with its object
@@ -219,7 +219,7 @@ class FleetPublisher:
 
     def _report(self) -> None:
         publisher = self._publisher
-        self._tell_connection()
+        self._report_connection()
         self.pages.tick()
         session = self._session
         if session is not None and time.monotonic() >= self._measure_at:
@@ -237,7 +237,7 @@ class FleetPublisher:
         with contextlib.suppress(Exception):  # a closed session: the journal has the report
             publisher.put(data)
 
-    def _tell_connection(self) -> None:
+    def _report_connection(self) -> None:
         session = self._session
         is_connected = session is not None and _is_connected(session)
         if is_connected == self._was_connected:
@@ -254,7 +254,7 @@ class FleetPublisher:
         self._was_connected = is_connected
         self.journal.set_line(is_there=is_connected)
 
-    def _tell_command(self, level: wire.Level, text: str) -> None:
+    def _report_command(self, level: wire.Level, text: str) -> None:
         self._bus.event("", "command", level, text)
 
     def _delay_of_pages(self, size: int) -> float:
@@ -318,16 +318,16 @@ class FleetPublisher:
 
     def _on_query(self, query: zenoh.Query) -> None:
         """Answer with the reports after a number."""
-        asked = query.selector.parameters
+        parameters = query.selector.parameters
         try:
-            boot, after = str(asked.get("boot") or ""), int(asked.get("after") or 0)
+            boot, after = str(parameters.get("boot") or ""), int(parameters.get("after") or 0)
         except (TypeError, ValueError):
             boot, after = "", 0
         with self._budget_lock:
             room = self._budget.available(time.monotonic())
             limit = ANSWER_BYTES if room == float("inf") else max(0, int(room))
-            earlier, kept = bool(asked.get("earlier")), str(asked.get("kept") or "")
-            data = self.journal.answer(boot, after, limit, earlier=earlier, kept=kept)
+            earlier, stored = bool(parameters.get("earlier")), str(parameters.get("kept") or "")
+            data = self.journal.answer(boot, after, limit, earlier=earlier, stored=stored)
             self._budget.acquire(time.monotonic(), len(data))
         with query:
             query.reply(keys.journal_key(self.name), data)
@@ -341,11 +341,11 @@ class FleetPublisher:
                 query.reply(keys.settings_key(self.name), data)
 
     def _measure_latency(self, session: zenoh.Session) -> None:
-        asked = time.monotonic()
+        start = time.monotonic()
 
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                self._latency_ms = (time.monotonic() - asked) * 1000
+                self._latency_ms = (time.monotonic() - start) * 1000
 
         with contextlib.suppress(Exception):  # a closed session
             session.get(keys.CLOCK, on_reply, timeout=5.0)

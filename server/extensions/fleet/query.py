@@ -58,7 +58,7 @@ class QueryLimits:
 
 
 @contextmanager
-def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> Iterator[pa.RecordBatchReader]:
+def run_query(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> Iterator[pa.RecordBatchReader]:
     """The answer to a question, batch by batch; to be read within the `with`.
 
     Raises:
@@ -72,14 +72,14 @@ def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> 
         with _explained(connection, sql, guard, limits, store), storage_errors(store):
             _check(connection, sql)
             words = {word.lower() for word in _WORD.findall(sql)}
-            asked = [
+            tables = [
                 _stored(connection, store, table)
                 for table in TABLES.values()
                 if table is RECORDINGS or words & {table.name, f"{table.name}_wide", *_CATALOG}
             ]
-            allow(connection, [one.files for one in asked if one.files is not None])
+            allow(connection, [one.files for one in tables if one.files is not None])
             _lock(connection, limits)  # before anything is used that others wrote
-            for one in asked:
+            for one in tables:
                 _view(connection, one, sql)
             with guard, ThreadPoolExecutor(1, "question") as thread:
                 yield _Answer(connection.sql(sql), guard, thread).reader()
@@ -109,15 +109,15 @@ class _Stored:
 
 def _stored(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable) -> _Stored:
     """The source of a table, without rows before anything was uploaded."""
-    found = open_table(store, table.name)
-    if found is None:
+    dataset = open_table(store, table.name)
+    if dataset is None:
         connection.register(f"stored_{table.name}", ds.dataset(table.schema.empty_table()))
         return _Stored(table, table.schema, None)
-    check_readable(store, found)
-    files = files_of(store, found, table)
+    check_readable(store, dataset)
+    files = files_of(store, dataset, table)
     if files is None:
-        connection.register(f"stored_{table.name}", dataset_of(store, found, table))
-    return _Stored(table, pa.schema(found.schema().to_arrow()), files)
+        connection.register(f"stored_{table.name}", dataset_of(store, dataset, table))
+    return _Stored(table, pa.schema(dataset.schema().to_arrow()), files)
 
 
 def _view(connection: duckdb.DuckDBPyConnection, stored: _Stored, sql: str) -> None:
@@ -140,11 +140,11 @@ def _view(connection: duckdb.DuckDBPyConnection, stored: _Stored, sql: str) -> N
 
 def _nameable(schema: pa.Schema, table: StoreTable) -> Iterator[pa.Field]:
     """Further columns that a question can name: SQL does not tell capitals from small letters."""
-    taken = {column.name for column in table.columns}
+    names = {column.name for column in table.columns}
     for field in schema:
         name = field.name.casefold()
-        if name and name.isprintable() and name not in taken:
-            taken.add(name)
+        if name and name.isprintable() and name not in names:
+            names.add(name)
             yield field
 
 
@@ -304,8 +304,8 @@ def _query_error(
 def _words_and_place(text: str, sql: str) -> tuple[str, str]:
     """The words of an error, and where it is: "line 2, column 5: ", or "" if it has no place."""
     try:
-        found = json.loads(text.partition(": ")[2])
-        words, at = str(found["exception_message"]), int(found.get("position", -1))  # in bytes
+        details = json.loads(text.partition(": ")[2])
+        words, at = str(details["exception_message"]), int(details.get("position", -1))  # in bytes
     except (ValueError, KeyError, TypeError):
         return text.split("\n\nLINE ", 1)[0], ""
     if at < 0:

@@ -56,7 +56,7 @@ def answer(request: QueryRequest, out: TextIO, binary: BinaryIO) -> None:
     if not 64 <= request.memory_mb <= 1 << 24:
         raise QueryCommandError(f"--memory {request.memory_mb} is outside 64 … {1 << 24} MB")
     try:
-        from imuscope.server.extensions.fleet.query import QueryError, QueryLimits, ask
+        from imuscope.server.extensions.fleet.query import QueryError, QueryLimits, run_query
         from imuscope.server.extensions.fleet.results import write_arrow, write_csv, write_json, write_table
     except ModuleNotFoundError as error:
         if error.name not in ("deltalake", "obstore", "duckdb"):
@@ -64,7 +64,7 @@ def answer(request: QueryRequest, out: TextIO, binary: BinaryIO) -> None:
         raise QueryCommandError(MISSING) from None
     try:
         store = location(request.store)
-        with ask(store, request.sql, QueryLimits(request.memory_mb, request.timeout_s)) as reader:
+        with run_query(store, request.sql, QueryLimits(request.memory_mb, request.timeout_s)) as reader:
             match request.format:
                 case "arrow":
                     write_arrow(reader, binary)

@@ -53,29 +53,29 @@ class QuestionRequest:
 
 
 @dataclass(slots=True)
-class AskedQuestion:
+class RunningQuery:
     """A question that waits or runs."""
 
     id: str
     turn: Turn
-    asked: float = field(default_factory=time.monotonic)
+    started: float = field(default_factory=time.monotonic)
 
 
-class QuestionService:
+class QueryService:
     """The questions of all users."""
 
     def __init__(self, settings: StoreSettings) -> None:
         self.settings = settings
         self.queue = FairQueue(max(2, (os.cpu_count() or 2) // 2), EACH, WAITING_EACH)
-        self._asked: dict[int, AskedQuestion] = {}
+        self._running: dict[int, RunningQuery] = {}
         self._numbers = itertools.count()
         self._words: tuple[float, dict[str, Any]] | None = None
         self._reads_words = asyncio.Lock()
         self._fetches = asyncio.Lock()
 
-    def asked_by(self, user: str) -> list[AskedQuestion]:
+    def running_of(self, user: str) -> list[RunningQuery]:
         """Questions of a user, those that wait too."""
-        return [one for one in self._asked.values() if one.turn.user == user]
+        return [one for one in self._running.values() if one.turn.user == user]
 
     @asynccontextmanager
     async def answer(self, user: str, question: QuestionRequest) -> AsyncIterator[AsyncIterator[bytes]]:
@@ -88,14 +88,14 @@ class QuestionService:
         with self._full():
             async with self.queue.turn(user) as turn:
                 number = next(self._numbers)
-                self._asked[number] = AskedQuestion(question.id, turn)
+                self._running[number] = RunningQuery(question.id, turn)
                 try:
                     await turn.granted()
                     request = {key: value for key, value in asdict(question).items() if key != "id"}
                     async with self._worker(request) as pieces:
                         yield pieces
                 finally:
-                    del self._asked[number]
+                    del self._running[number]
 
     async def words(self) -> dict[str, Any]:
         """Tables, columns, signals and functions.
@@ -109,8 +109,8 @@ class QuestionService:
             if self._words is None or now >= self._words[0] + WORDS_S:
                 request = {"words": True, "memory_mb": self.settings.query_mb, "timeout_s": self.settings.query_s}
                 async with self._worker(request) as pieces:
-                    found = json.loads(b"".join([piece async for piece in pieces]))
-                self._words = now, found
+                    report = json.loads(b"".join([piece async for piece in pieces]))
+                self._words = now, report
             return self._words[1]
 
     async def fetch(self, recording: str, path: Path) -> None:

@@ -37,8 +37,8 @@ def query_words(store: StoreLocation) -> dict[str, Any]:
     """
     tables, signals = [], []
     for table in TABLES.values():
-        found = open_table(store, table.name)
-        schema = pa.schema(found.schema().to_arrow()) if found is not None else table.schema
+        dataset = open_table(store, table.name)
+        schema = pa.schema(dataset.schema().to_arrow()) if dataset is not None else table.schema
         if table is SAMPLES:
             long = [{"name": name, "type": type, "doc": doc} for name, type, doc in LONG]
             doc = "samples of all signals; samples('Acceleration.x') has those of one"

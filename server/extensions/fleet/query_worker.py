@@ -23,7 +23,7 @@ from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.resource_limits import TooLong, bounded
 from imuscope.server.extensions.fleet.fetch import NotInStoreError, fetch
-from imuscope.server.extensions.fleet.query import QueryError, QueryLimits, ask
+from imuscope.server.extensions.fleet.query import QueryError, QueryLimits, run_query
 from imuscope.server.extensions.fleet.query_words import query_words
 from imuscope.server.extensions.fleet.results import plain, text_of_csv, unique, write_arrow
 from imuscope.server.extensions.fleet.store import StoreError, location
@@ -70,7 +70,9 @@ def _answer(request: dict[str, Any], output: _Output) -> None:
         output.write(json.dumps({"bytes": fetch(store, request["fetch"], Path(request["path"]))}).encode())
         return
     began = time.monotonic()
-    with ask(store, request["sql"], QueryLimits(request["memory_mb"], request["timeout_s"], spills=False)) as reader:
+    with run_query(
+        store, request["sql"], QueryLimits(request["memory_mb"], request["timeout_s"], spills=False)
+    ) as reader:
         if request["format"] == "json":
             output.write(_json(reader, request["rows"], began))
         else:

@@ -17,7 +17,7 @@ from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, 
 from imuscope.server.api.errors import bytes_of, responses
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
-from imuscope.server.extensions.fleet.query_service import AskedQuestion, QuestionRequest, QuestionService
+from imuscope.server.extensions.fleet.query_service import QueryService, QuestionRequest, RunningQuery
 
 router = APIRouter(prefix="/api/query", tags=["query"])
 
@@ -135,7 +135,7 @@ class QueryWords(BaseModel):
 @router.get("")
 async def get_query_state(request: Request, services: TheServices) -> QueryState:
     """The store of this server, its limits, and the questions of this client that wait or run."""
-    service = services.parts.get(QuestionService)
+    service = services.parts.get(QueryService)
     queue, settings = service.queue, service.settings
     return QueryState(
         store=settings.url,
@@ -144,11 +144,11 @@ async def get_query_state(request: Request, services: TheServices) -> QueryState
         waiting=queue.waiting,
         timeout_s=settings.query_s,
         memory_mb=settings.query_mb,
-        questions=[_state(service, one) for one in service.asked_by(user_of(request))],
+        questions=[_state(service, one) for one in service.running_of(user_of(request))],
     )
 
 
-def _state(service: QuestionService, one: AskedQuestion) -> QuestionState:
+def _state(service: QueryService, one: RunningQuery) -> QuestionState:
     return QuestionState(id=one.id, is_running=one.turn.is_running, before=service.queue.before(one.turn))
 
 
@@ -161,7 +161,7 @@ async def list_questions() -> list[PreparedQuestionInfo]:
 @router.get("/tables", responses=responses(409, 502))
 async def list_tables(services: TheServices) -> QueryWords:
     """Tables with their columns, signals, and functions of SQL: what an editor completes."""
-    return QueryWords.model_validate(await services.parts.get(QuestionService).words())
+    return QueryWords.model_validate(await services.parts.get(QueryService).words())
 
 
 @router.post(
@@ -174,7 +174,7 @@ async def list_tables(services: TheServices) -> QueryWords:
 )
 async def query(body: QueryBody, request: Request, services: TheServices) -> Response:
     """Ask the store a question. The answer ends with the connection: whoever closes it cancels the question."""
-    service = services.parts.get(QuestionService)
+    service = services.parts.get(QueryService)
     question = _question(body, service)
     stack = AsyncExitStack()
     answer = service.answer(user_of(request), question)
@@ -211,7 +211,7 @@ async def fetch_recording(recording: str, services: TheServices) -> FetchedRecor
     try:
         path = await asyncio.to_thread(library.incoming, name)
         try:
-            await services.parts.get(QuestionService).fetch(recording, path)
+            await services.parts.get(QueryService).fetch(recording, path)
             entry = await asyncio.to_thread(library.add_file, path)
         finally:
             await asyncio.to_thread(library.refuse, path)
@@ -221,7 +221,7 @@ async def fetch_recording(recording: str, services: TheServices) -> FetchedRecor
     return FetchedRecording(id=entry.id, is_new=True)
 
 
-def _question(body: QueryBody, service: QuestionService) -> QuestionRequest:
+def _question(body: QueryBody, service: QueryService) -> QuestionRequest:
     if bool(body.sql.strip()) == bool(body.question):
         raise DomainError(
             "bad-request", "Give sql or question: one of the two.", "`question` is the name of a prepared one."

@@ -52,18 +52,18 @@ def files_of(source: Source) -> list[Path]:
 
 def _add_messages(path: Path, digest: hashlib._Hash) -> bool:
     """Add the messages of a recording; False if it has none."""
-    found = False
+    has_messages = False
     with McapReader(path) as recording:
         for block in recording.blocks():
             rows = block.table
             apart = np.flatnonzero(rows[DATA, 1:] - HEAD != rows[DATA, :-1] + rows[LENGTH, :-1]) + 1
             for start, stop in pairwise([0, *apart.tolist(), rows.shape[1]]):
                 if stop > start:
-                    found = True
+                    has_messages = True
                     digest.update(
                         block.data[int(rows[DATA, start]) - HEAD : int(rows[DATA, stop - 1] + rows[LENGTH, stop - 1])]
                     )
-    return found
+    return has_messages
 
 
 def checksum_of(path: Path) -> str:

@@ -211,8 +211,8 @@ def _with_further(report: RobotReport, raw: Any) -> RobotReport:
     if status is None or not fields:
         return report
     devices = tuple(
-        msgspec.structs.replace(one, more=with_further_fields(one.more, given, ReportedDevice.__struct_fields__))
-        for one, given in zip(status.devices, fields.get("devices") or (), strict=True)
+        msgspec.structs.replace(one, more=with_further_fields(one.more, device, ReportedDevice.__struct_fields__))
+        for one, device in zip(status.devices, fields.get("devices") or (), strict=True)
     )
     more = with_further_fields(status.more, fields, RobotStatus.__struct_fields__)
     return msgspec.structs.replace(report, status=msgspec.structs.replace(status, devices=devices, more=more))

@@ -80,14 +80,14 @@ def unique(names: Sequence[str]) -> list[str]:
     >>> unique(["a", "b", "a"])
     ['a', 'b', 'a_2']
     """
-    found: list[str] = []
+    out: list[str] = []
     for name in names:
         count, free = 1, name
-        while free in found:
+        while free in out:
             count += 1
             free = f"{name}_{count}"
-        found.append(free)
-    return found
+        out.append(free)
+    return out
 
 
 def write_json(reader: pa.RecordBatchReader, out: TextIO) -> None:

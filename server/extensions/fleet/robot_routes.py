@@ -101,6 +101,6 @@ async def list_events(
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> list[FleetEvent]:
     """Events of all robots, the newest first, each once. They are stored within a second of their arrival."""
-    found = await asyncio.to_thread(server.database.events, robot, before, limit)
+    events = await asyncio.to_thread(server.database.events, robot, before, limit)
     names = ("robot", "time", "kind", "level", "text", "device")
-    return [FleetEvent(id=id, **{name: getattr(event, name) for name in names}) for id, event in found]
+    return [FleetEvent(id=id, **{name: getattr(event, name) for name in names}) for id, event in events]

@@ -154,13 +154,13 @@ def wave_sizes(text: str, count: int) -> list[int]:
         DomainError: the text is not valid.
     """
     parts = [_PART.fullmatch(one.strip()) for one in text.split(",")]
-    given = [(int(one[1]), bool(one[2])) for one in parts if one is not None]
-    if len(given) != len(parts) or len(parts) > MAX_PARTS or any(n < 1 or (share and n > 100) for n, share in given):
+    waves = [(int(one[1]), bool(one[2])) for one in parts if one is not None]
+    if len(waves) != len(parts) or len(parts) > MAX_PARTS or any(n < 1 or (share and n > 100) for n, share in waves):
         hint = f"Give sizes and percentages of the rest, such as {DEFAULT_WAVES}; up to {MAX_PARTS}."
         raise DomainError("bad-value", f"waves: {text[:80]!r} cannot be used.", hint)
     sizes: list[int] = []
     while count > 0:
-        number, is_share = given[min(len(sizes), len(given) - 1)]
+        number, is_share = waves[min(len(sizes), len(waves) - 1)]
         size = min(count, math.ceil(count * number / 100) if is_share else number)
         sizes.append(size)
         count -= size

@@ -51,7 +51,7 @@ class GroupPlan:
 
     id: str
     profile: GroupProfile
-    wanted: DeviceSettings
+    target: DeviceSettings
     devices: tuple[DeviceChange, ...]
     changes: tuple[RolloutChanges, ...]
     left_out: tuple[DeviceLeftOut, ...]
@@ -92,25 +92,25 @@ class _Changes:
         return self._made[device.settings]
 
     def _make(self, device: RobotDevice, check: SettingsCheck) -> _Change | None:
-        known, found = self._profiles.settings_of(device), check.difference
-        if known is None or found is None or not found.changes:
+        known, difference = self._profiles.settings_of(device), check.difference
+        if known is None or difference is None or not difference.changes:
             return None
         rows = {row.name: row for row in self._driver.settings(known.context)}
         risks: list[str] = []
-        for name, values in found.changes.items():
+        for name, values in difference.changes.items():
             try:
                 dangers = dangers_of_write(self._driver, rows[name], known.values.get(name), values, known.context)
             except Exception:  # values from the bus can have any shape below the names; the robot checks them again
                 return None
             risks += [one.consequence for one in dangers]
         shown = RolloutChanges(
-            rows=[RolloutChange(title=row.title, now=row.left, profile=row.right) for row in found.rows],
+            rows=[RolloutChange(title=row.title, now=row.left, profile=row.right) for row in difference.rows],
             risks=list(dict.fromkeys(risks)),
         )
         if shown not in self.shown:
             self.shown.append(shown)
-        base = {name: known.values[name] for name in found.changes if name in known.values}
-        return _Change(self.shown.index(shown), to_json_safe(found.changes), to_json_safe(base))
+        base = {name: known.values[name] for name in difference.changes if name in known.values}
+        return _Change(self.shown.index(shown), to_json_safe(difference.changes), to_json_safe(base))
 
 
 def plan_of(
@@ -121,15 +121,15 @@ def plan_of(
     Raises:
         DomainError: it concerns too many devices.
     """
-    wanted = profile.settings
-    found: list[DeviceChange] = []
+    target = profile.settings
+    devices: list[DeviceChange] = []
     left_out: list[DeviceLeftOut] = []
     changes = _Changes(profiles, driver)
     parts: list[Any] = [profile.by, profile.time]
     same = 0
     for robot in sorted((one for one in robots if one.group == profile.group), key=lambda one: one.name):
         for device in robot.devices:
-            if (device.protocol, device.product) != (wanted.protocol, wanted.product):
+            if (device.protocol, device.product) != (target.protocol, target.product):
                 continue
             check = profiles.check(robot.group, device)
             if check.state == "as-profile":
@@ -142,14 +142,14 @@ def plan_of(
                 left_out.append(DeviceLeftOut(**named, why=why or "What differs cannot be written."))
             else:
                 shown = PlannedDevice(**named, change=change.place)
-                found.append(DeviceChange(shown, change.changes, change.base))
+                devices.append(DeviceChange(shown, change.changes, change.base))
                 parts.append([robot.name, device.id, device.settings])
-    if len(found) > MAX_DEVICES:
+    if len(devices) > MAX_DEVICES:
         hint = "Split the group, or write to some of the robots on their own pages first."
-        raise DomainError("full", f"A rollout can have {MAX_DEVICES} devices; this one has {len(found)}.", hint)
+        raise DomainError("full", f"A rollout can have {MAX_DEVICES} devices; this one has {len(devices)}.", hint)
     digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
-    settings = DeviceSettings(wanted.protocol, wanted.product, wanted.firmware, wanted.values)
-    return GroupPlan(digest, profile, settings, tuple(found), tuple(changes.shown), tuple(left_out), same)
+    settings = DeviceSettings(target.protocol, target.product, target.firmware, target.values)
+    return GroupPlan(digest, profile, settings, tuple(devices), tuple(changes.shown), tuple(left_out), same)
 
 
 def _obstacle(robot: RobotSummary, device: RobotDevice, check: SettingsCheck) -> str:

@@ -42,7 +42,7 @@ class RolloutTiming:
     """Times, s.
 
     Args:
-        look_s: between two looks at a device.
+        poll_s: between two polls of a device.
         lost_s: a robot that answers nothing for this long is left.
         write_s: time to read, write and read back.
         back_s: time to roll back.
@@ -50,7 +50,7 @@ class RolloutTiming:
         watch_more_s: beyond it, for a device that does not deliver yet.
     """
 
-    look_s: float = 1.0
+    poll_s: float = 1.0
     lost_s: float = 20.0
     write_s: float = 300.0
     back_s: float = 180.0
@@ -115,7 +115,7 @@ class DeviceRollout:
     """One device.
 
     Args:
-        wanted: the profile.
+        target: the profile.
         reason: stored with the robot's snapshot.
         report: takes the state, and returns when it is on disk; DomainError: it is not.
     """
@@ -124,7 +124,7 @@ class DeviceRollout:
         self,
         line: RobotLine,
         change: DeviceChange,
-        wanted: DeviceSettings,
+        target: DeviceSettings,
         driver: DeviceDriver,
         *,
         watch_s: float,
@@ -132,7 +132,7 @@ class DeviceRollout:
         report: Report,
         timing: RolloutTiming,
     ) -> None:
-        self._line, self._change, self._wanted, self._driver = line, change, wanted, driver
+        self._line, self._change, self._target, self._driver = line, change, target, driver
         self._watch_s, self._reason, self._report, self._timing = watch_s, reason, report, timing
         self._at = f"/api/devices/{quote(change.shown.device, safe='')}"
         self._job = -1
@@ -166,7 +166,7 @@ class DeviceRollout:
         body = {
             "changes": self._change.changes,
             "base": self._change.base,
-            "product": self._wanted.product,
+            "product": self._target.product,
             "reason": self._reason,
             "confirmed": True,
             "confirm_s": self._watch_s + self._timing.confirm_more_s,
@@ -189,7 +189,7 @@ class DeviceRollout:
                 if job.state == "done":
                     return False
                 raise _EndedError("failed", _clipped(job.message))
-            await asyncio.sleep(self._timing.look_s)
+            await asyncio.sleep(self._timing.poll_s)
         raise _EndedError("failed", f"It was not written within {self._timing.write_s:.0f} s. {UNKNOWN}")
 
     async def _keep(self) -> None:
@@ -215,7 +215,7 @@ class DeviceRollout:
                     is_sent = False  # the next poll shows whether it has arrived
                 except DomainError:
                     pass  # it has just been rolled back; the next poll shows it
-            await asyncio.sleep(self._timing.look_s)
+            await asyncio.sleep(self._timing.poll_s)
         raise _EndedError("unknown", f"The robot did not finish. {UNKNOWN}")
 
     async def _checked(self) -> str:
@@ -231,11 +231,11 @@ class DeviceRollout:
         """Reason why the data rate is too low; empty if it is as expected."""
         rate = None
         with suppress(Exception):  # values that came from the bus
-            rate = self._driver.message_rate(self._wanted.values, self._wanted.context)
+            rate = self._driver.message_rate(self._target.values, self._target.context)
         if rate == 0:
             return ""
         figures: deque[tuple[float, dict[str, int]]] = deque()
-        seen = 0.0
+        actual_rate = 0.0
         end = _now() + self._watch_s + self._timing.watch_more_s
         while _now() < end:
             if (job := self._ended(await self._jobs())) is not None:  # a user at the robot has decided
@@ -254,26 +254,26 @@ class DeviceRollout:
                 figures.popleft()
             span = health.time - figures[0][0]
             arrived = max((n - figures[0][1].get(name, 0) for name, n in counts.items()), default=0)
-            seen = arrived / span if span > 0 else 0.0
+            actual_rate = arrived / span if span > 0 else 0.0
             expected = None if rate is None else rate * span
             is_well = arrived > 0 if expected is None else _is_near(arrived, expected)
             if span >= self._watch_s and is_well:
                 return ""
-            await asyncio.sleep(self._timing.look_s)
+            await asyncio.sleep(self._timing.poll_s)
         should = "" if rate is None else f" instead of {rate:g}"
-        return f"It delivered {seen:.3g} samples/s{should}."
+        return f"It delivered {actual_rate:.3g} samples/s{should}."
 
     async def _difference(self) -> str:
         """Difference of the settings from the profile, in words; empty if there is none."""
-        found = await self._poll("values", _SettingValues)
-        robot = DeviceSettings(self._wanted.protocol, found.info.product, found.info.firmware, {})
+        answer = await self._poll("values", _SettingValues)
+        robot = DeviceSettings(self._target.protocol, answer.info.product, answer.info.firmware, {})
         try:
             rows = {row.name: row for row in self._driver.settings(robot.context)}
-            values = {name: numbers(rows[name].fields, given) for name, given in found.values.items() if name in rows}
+            values = {name: numbers(rows[name].fields, raw) for name, raw in answer.values.items() if name in rows}
             robot = DeviceSettings(
                 robot.protocol, robot.product, robot.firmware, writable_settings(self._driver, robot.context, values)
             )
-            changes = difference(self._driver, self._wanted, robot)
+            changes = difference(self._driver, self._target, robot)
         except ReportError as error:
             return str(error)
         except Exception as error:  # values that came from the bus can have any shape
@@ -296,7 +296,7 @@ class DeviceRollout:
             except (LineError, DomainError) as error:
                 if _now() > end:
                     raise _EndedError("unknown", f"{error} {UNKNOWN}") from None
-            await asyncio.sleep(self._timing.look_s)
+            await asyncio.sleep(self._timing.poll_s)
 
     def _is_pending(self, jobs: _Jobs) -> bool:
         is_ours = jobs.running is not None and jobs.running.id == self._job
@@ -326,7 +326,7 @@ class DeviceRollout:
                 raise _EndedError("unknown", f"{why} {ended.outcome.words}") from None
             if job is not None:
                 raise _EndedError("failed", f"{why} {_clipped(job.message)}")
-            await asyncio.sleep(self._timing.look_s)
+            await asyncio.sleep(self._timing.poll_s)
         raise _EndedError("unknown", f"{why} {UNKNOWN}")
 
     async def _try_report(self, state: RolloutDeviceState, words: str) -> None:

@@ -59,13 +59,13 @@ class RolloutFiles:
 
     def all(self) -> list[Rollout]:
         """Stored rollouts, the oldest first. A file that cannot be read is logged, and stays."""
-        found = []
+        rollouts = []
         for path in sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []:
             try:
-                found.append(Rollout.model_validate_json(read_regular(path)))
+                rollouts.append(Rollout.model_validate_json(read_regular(path)))
             except (OSError, ValueError) as error:
                 log.error("%s cannot be read: %s", path, type(error).__name__)
-        return sorted(found, key=lambda one: one.id)
+        return sorted(rollouts, key=lambda one: one.id)
 
     def next_id(self) -> int:
         """A number that no file has."""
@@ -142,7 +142,7 @@ class Rollouts:
         rollout.interrupt(time.time())
         for one in rollout.devices:
             if one.state == "unknown":
-                self._tell(rollout, one)
+                self._log(rollout, one)
         text = f"Rollout {rollout.id} of {rollout.by} was interrupted: the fleet server ended."
         self._note("", "warning", text)
         log.warning("%s", text)
@@ -163,10 +163,10 @@ class Rollouts:
         Raises:
             DomainError: there is none of this number.
         """
-        found = self._all.get(number)
-        if found is None:
+        rollout = self._all.get(number)
+        if rollout is None:
             raise DomainError("not-found", f"Rollout {number} not found.", "Choose one of the list.")
-        return found
+        return rollout
 
     def plan(self, robot: RobotSummary, device: RobotDevice, waves: str) -> RolloutPlan:
         """Plan of a rollout of the profile that a device is compared with.
@@ -178,7 +178,7 @@ class Rollouts:
         return RolloutPlan(
             id=plan.id,
             group=plan.profile.group,
-            product=plan.wanted.product,
+            product=plan.target.product,
             profile=plan.origin,
             devices=[one.shown for one in plan.devices],
             changes=list(plan.changes),
@@ -193,7 +193,7 @@ class Rollouts:
         return plan_of(self._profiles, self._robots.summaries.values(), profile, driver), driver
 
     def _running(self, plan: GroupPlan) -> int | None:
-        key = plan.profile.group, plan.wanted.protocol, plan.wanted.product
+        key = plan.profile.group, plan.target.protocol, plan.target.product
         for number, run in self._runs.items():
             if (run.rollout.group, run.rollout.protocol, run.rollout.product) == key:
                 return number
@@ -226,8 +226,8 @@ class Rollouts:
         rollout = Rollout(
             id=self._next,
             group=plan.profile.group,
-            product=plan.wanted.product,
-            protocol=plan.wanted.protocol,
+            product=plan.target.product,
+            protocol=plan.target.protocol,
             profile=plan.origin,
             by=name,
             started=time.time(),
@@ -340,7 +340,7 @@ class Rollouts:
                 one.state, one.words, one.time = "left", f"{why} before anything was sent.", time.time()
             else:
                 await self._write(run, one, change)
-            self._tell(run.rollout, one)
+            self._log(run.rollout, one)
             run.is_halted |= one.state in BAD
             await self._save_quietly(run)
 
@@ -355,7 +355,7 @@ class Rollouts:
         device = DeviceRollout(
             RobotLine(self._pages, one.robot, who),
             change,
-            run.plan.wanted,
+            run.plan.target,
             run.driver,
             watch_s=rollout.watch_s,
             reason=f"Before the profile of {_group(rollout)}, by {who}.",
@@ -370,7 +370,7 @@ class Rollouts:
             one.state, one.words = "unknown", BROKEN
         one.time = time.time()
 
-    def _tell(self, rollout: Rollout, one: RolloutDevice) -> None:
+    def _log(self, rollout: Rollout, one: RolloutDevice) -> None:
         level = {"done": "info", "failed": "error", "unknown": "error"}.get(one.state, "warning")
         text = f"Rollout {rollout.id} of {rollout.by}, {one.name}: {one.state}. {one.words}"
         self._note(one.robot, level, text)

@@ -103,19 +103,19 @@ def _signals(name: str, info: ChannelInfo) -> Iterator[StoredSignal]:
 
 def fields_for(groups: Sequence[SampleRows], known: pa.Schema) -> dict[tuple[str, str, str], pa.Field]:
     """The column of each signal, by its name, unit and type: one of the table, or a new one."""
-    found: dict[tuple[str, str, str], pa.Field] = {}
+    fields: dict[tuple[str, str, str], pa.Field] = {}
     columns = list(known)
-    taken = {field.name.lower() for field in columns}
+    names = {field.name.lower() for field in columns}
     for signal in (signal for group in groups for signal in group.signals):
         field = next((field for field in columns if signal.is_in(field)), None)
         if field is None:
-            name = _free(plain_name(signal.name), taken)
+            name = _free(plain_name(signal.name), names)
             about = {SIGNAL: signal.name.encode(), UNIT: signal.unit.encode()}
             field = pa.field(name, signal.type, metadata=about)
             columns.append(field)
-            taken.add(name.lower())
-        found[_key(signal)] = field
-    return found
+            names.add(name.lower())
+        fields[_key(signal)] = field
+    return fields
 
 
 def _key(signal: StoredSignal) -> tuple[str, str, str]:
@@ -131,9 +131,9 @@ def plain_name(signal: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "_", signal).strip("_") or "signal"
 
 
-def _free(name: str, taken: set[str]) -> str:
+def _free(name: str, names: set[str]) -> str:
     count, free = 1, name
-    while free.lower() in taken:
+    while free.lower() in names:
         count += 1
         free = f"{name}_{count}"
     return free

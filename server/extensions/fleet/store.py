@@ -172,9 +172,9 @@ def location(text: str) -> StoreLocation:
 
 def _folder(path: Path) -> StoreLocation:
     path = path.absolute()
-    if found := _NOT_IN_A_PATH.search(str(path)):
+    if match := _NOT_IN_A_PATH.search(str(path)):
         hint = "Rename the folder, or give another: without [ ] ^ | \\, and without % before two digits."
-        raise StoreError(f"the path of a store cannot have {found[0]!r}: {str(path)!r:.200}", hint)
+        raise StoreError(f"the path of a store cannot have {match[0]!r}: {str(path)!r:.200}", hint)
     for one in (path, *path.parents):
         if one.exists():
             if not one.is_dir():

@@ -34,28 +34,28 @@ def with_further_fields(more: Mapping[str, str], raw: Mapping[Any, Any], known: 
     """`more` and the fields of a map that are not known, as text, as many as are kept."""
     if all(name in known for name in raw):
         return dict(more)
-    found = dict(more)
+    fields = dict(more)
     for name, value in raw.items():
-        if isinstance(name, str) and name not in known and len(found) < MAX_MORE:
-            found[_short(printable(name))] = _text(value)
-    return found
+        if isinstance(name, str) and name not in known and len(fields) < MAX_MORE:
+            fields[_short(printable(name))] = _text(value)
+    return fields
 
 
 def unknown_parts(report: RobotReport) -> Counter[str]:
     """Number of words and fields of a report that this version does not know, by part."""
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for event in report.events:
-        found["kind"] += event.kind not in _KNOWN["kind"]
-        found["level"] += event.level not in _KNOWN["level"]
+        counts["kind"] += event.kind not in _KNOWN["kind"]
+        counts["level"] += event.level not in _KNOWN["level"]
     if report.status is not None:
-        found["field"] += len(report.status.more)
+        counts["field"] += len(report.status.more)
         for alarm in report.status.alarms:
-            found["level"] += alarm.level not in _KNOWN["level"]
-            found["state"] += alarm.state not in _KNOWN["state"]
+            counts["level"] += alarm.level not in _KNOWN["level"]
+            counts["state"] += alarm.state not in _KNOWN["state"]
         for device in report.status.devices:
-            found["status"] += device.status not in _KNOWN["status"]
-            found["field"] += len(device.more)
-    return +found
+            counts["status"] += device.status not in _KNOWN["status"]
+            counts["field"] += len(device.more)
+    return +counts
 
 
 def _text(value: Any) -> str:

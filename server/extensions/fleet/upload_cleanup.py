@@ -37,7 +37,7 @@ def next_to_go(
         played: sources of devices; a recording that is one of them stays.
     """
     excess = sum(entry.size for entry in entries) - settings.keep_gb * 1e9 if settings.keep_gb else 0.0
-    kept = {tag.casefold() for tag in settings.keep_tags}
+    protected_tags = {tag.casefold() for tag in settings.keep_tags}
     for entry in sorted(entries, key=lambda one: one.began):
         outcome = outcome_of(entry)
         if outcome is None or outcome.state != "stored":
@@ -46,7 +46,7 @@ def next_to_go(
         if not is_old and excess <= 0:
             continue
         is_ours = entry.probe.format == "mcap" and len(entry.files) == 1
-        has_tag = bool(kept & {tag.casefold() for tag in entry.edits.tags or ()})
+        has_tag = bool(protected_tags & {tag.casefold() for tag in entry.edits.tags or ()})
         is_played = any(source.partition("?")[0] == str(entry.path) for source in played)
         if not is_ours or has_tag or is_played or entry.edits.pinned or edits_of(entry) != outcome.edits:
             continue

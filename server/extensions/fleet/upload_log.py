@@ -65,8 +65,8 @@ class UploadLog:
 
     def of(self, entry: LibraryEntry) -> UploadOutcome | None:
         """Outcome of a recording; None if there is none of its file as it is now."""
-        found = self._outcomes.get(entry.path.name)
-        return found if found is not None and (found.size, found.modified) == (entry.size, entry.modified) else None
+        latest = self._outcomes.get(entry.path.name)
+        return latest if latest is not None and (latest.size, latest.modified) == (entry.size, entry.modified) else None
 
     def add(self, entry: LibraryEntry, outcome: UploadOutcome) -> None:
         """Add an outcome; `save` writes it."""

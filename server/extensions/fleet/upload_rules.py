@@ -16,8 +16,8 @@ ALARM_TITLE, ALARM_MARKER = "Alarm ", "Alarm “"  # as server/extensions/alarms
 def refusal(entry: LibraryEntry, settings: StoreSettings) -> str:
     """Reason against an upload, one sentence; "" if there is none."""
     tags = {tag.casefold() for tag in entry.edits.tags or ()}
-    if found := [tag for tag in settings.skip_tags if tag.casefold() in tags]:
-        return f"It has the tag {found[0]}."
+    if matches := [tag for tag in settings.skip_tags if tag.casefold() in tags]:
+        return f"It has the tag {matches[0]}."
     if settings.upload_tags and not tags & {tag.casefold() for tag in settings.upload_tags}:
         return f"It has none of the tags {', '.join(settings.upload_tags)}."
     duration = entry.probe.duration

@@ -44,7 +44,7 @@ SETTLED_S = 5.0  # a file that changed later may still be copied into the folder
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 5.0, 900.0
 MAX_CRASHES = 3
 DOUBT_S = 3600.0  # pause of deletion after the store did not confirm a recording
-TOLD_SHARE, AGAIN_SHARE = 0.8, 0.6  # of the quota: what waits is told from the one, and again after the other
+WARN_SHARE, AGAIN_SHARE = 0.8, 0.6  # of the quota: what waits is told from the one, and again after the other
 FOLDER = "uploading"  # temporary files of the worker process
 
 UploadState = Literal["waiting", "uploading", "stored", "refused"]
@@ -95,7 +95,7 @@ class UploadService:
         self._failed = 0
         self._doubt_until = float("-inf")
         self._states: Counter[str] = Counter()
-        self._backlog_told = False
+        self._backlog_reported = False
 
     @property
     def is_enabled(self) -> bool:
@@ -134,7 +134,7 @@ class UploadService:
         entries = (entry for entry in self._catalogue.library.all() if entry.deleted is None)
         return {entry.path for entry in entries if self._state_of(entry).state in ("waiting", "uploading")}
 
-    def _tell_backlog(self, entries: list[LibraryEntry], states: list[RecordingUpload]) -> None:
+    def _warn_backlog(self, entries: list[LibraryEntry], states: list[RecordingUpload]) -> None:
         """Warn once when pending uploads occupy most of the quota."""
         most = self._config.recordings_quota_gb * 1e9
         if not most:
@@ -142,15 +142,15 @@ class UploadService:
         size = sum(
             entry.size for entry, one in zip(entries, states, strict=True) if one.state in ("waiting", "uploading")
         )
-        if size >= TOLD_SHARE * most and not self._backlog_told:
-            self._backlog_told = True
+        if size >= WARN_SHARE * most and not self._backlog_reported:
+            self._backlog_reported = True
             words = (
                 f"Recordings that wait for their upload take {size / 1e9:.2g} GB of the quota of {most / 1e9:g} GB. "
                 "They are kept beyond it until the disk is short."
             )
             self._bus.event("", "device", "warning", words)
         elif size < AGAIN_SHARE * most:
-            self._backlog_told = False
+            self._backlog_reported = False
 
     # ── in the background ────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -180,7 +180,7 @@ class UploadService:
         self._log.keep_only({entry.path.name for entry in entries})
         states = [self._state_of(entry) for entry in entries]
         self._states = Counter(state.state for state in states)
-        self._tell_backlog(entries, states)
+        self._warn_backlog(entries, states)
         waiting = [entry for entry, state in zip(entries, states, strict=True) if state.state == "waiting"]
         if not waiting or self._compactor.is_busy or pause_until(self.settings, datetime.now()):
             return 0.0 if await self._clean(entries) else None

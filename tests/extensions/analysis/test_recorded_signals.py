@@ -126,7 +126,7 @@ async def test_definitions_are_recorded_and_those_that_change_too(tmp_path: Path
     definitions = SignalDefinitions(tmp_path)
     async with recorder(tmp_path) as (made, plain):
         desk = await made.add("sim:xbus")
-        plan = RecordingOptions(tmp_path / "recordings", Limits(), ask_head=False)
+        plan = RecordingOptions(tmp_path / "recordings", Limits(), request_header=False)
         one = Recorder(made.telemetry.bus, made.sessions, made.desks, plan, None, signals=definitions)
         total, double = SignalDefinition("Total", "norm(Acceleration)"), SignalDefinition("Double", "2 * Total")
         definitions.put(desk.session.info, total)

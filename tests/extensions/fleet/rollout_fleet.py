@@ -37,7 +37,7 @@ PROFILE_HZ, OTHER_HZ = 20, 10
 QUATERNION = 0x2010
 LONG_S = 300.0
 """A time of watching that somebody at the robot ends."""
-BRIEF = RolloutTiming(look_s=0.05, lost_s=0.1, watch_more_s=PATIENCE_S)
+BRIEF = RolloutTiming(poll_s=0.05, lost_s=0.1, watch_more_s=PATIENCE_S)
 
 
 class CutLine:

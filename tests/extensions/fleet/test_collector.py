@@ -87,7 +87,7 @@ class Bus:
         """Journals that are asked for now; each answers."""
         asked = list(self.collector.questions(10))
         for name, boot, after, kept in asked:
-            data = self.journal.answer(boot, after, 400, earlier=True, kept=kept)
+            data = self.journal.answer(boot, after, 400, earlier=True, stored=kept)
             self.collector.on_journal(keys.journal_key(name), data)
         return len(asked)
 
@@ -122,7 +122,7 @@ def test_reports_that_overtake_the_first_answer_are_asked_for(tmp_path: Path) ->
     bus.announce(alive=True)
     bus.report()
     [(_, boot, after, kept)] = bus.collector.questions(10)
-    answer = bus.journal.answer(boot, after, earlier=True, kept=kept)
+    answer = bus.journal.answer(boot, after, earlier=True, stored=kept)
     bus.report()
     bus.report()
     bus.collector.on_journal(keys.journal_key(NAME), answer)

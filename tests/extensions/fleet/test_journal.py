@@ -126,9 +126,9 @@ def test_what_the_fleet_server_has_on_its_disk_is_removed(tmp_path: Path) -> Non
     first.close()
     second = started(tmp_path)
     happens(second, "c")
-    second.answer(first.boot, 1, earlier=True, kept=f"{first.boot}.1")
+    second.answer(first.boot, 1, earlier=True, stored=f"{first.boot}.1")
     assert texts(second) == ["b", "c"]
-    second.answer(second.boot, 1, earlier=True, kept=f"{second.boot}.1")
+    second.answer(second.boot, 1, earlier=True, stored=f"{second.boot}.1")
     block_until(lambda: first.boot not in stored(tmp_path), "the file of the earlier run is removed")
     assert texts(second) == ["c"]
     second.close()

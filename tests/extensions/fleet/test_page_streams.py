@@ -194,7 +194,7 @@ def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
             assert isinstance(head, ResponseHead)
             assert head.subprotocol == "imuscope.v1"
             for text in ("é", "b" * 30_000):
-                stream.say(text)
+                stream.send_text(text)
                 for expected, is_text in ((text.encode() * 3, True), (LONG, False)):
                     message = b""
                     while True:
@@ -359,15 +359,15 @@ def test_a_window_shrinks_on_a_slow_line_and_grows_on_a_fast_one() -> None:
         for step in range(10):
             sent += window.piece
             window.sent(window.piece, now=10.0 * step)
-            assert window.taken(sent, now=10.0 * step + 5)
+            assert window.acknowledge(sent, now=10.0 * step + 5)
         assert window.size == SMALLEST
         for step in range(100):
             sent += window.piece
             window.sent(window.piece, now=1000.0 + step)
-            assert window.taken(sent, now=1000.01 + step)
+            assert window.acknowledge(sent, now=1000.01 + step)
         assert window.size == LARGEST
-        assert not window.taken(sent + 1, 2000.0)
-        assert not window.taken(sent - 1, 2000.0)
+        assert not window.acknowledge(sent + 1, 2000.0)
+        assert not window.acknowledge(sent - 1, 2000.0)
         window.sent(LARGEST, 2000.0)
         waiting = asyncio.create_task(window.wait(1))
         await asyncio.sleep(0)
