@@ -114,13 +114,13 @@ class Access:
 
     def role_of(self, token: str) -> Role | None:
         """Rights of a token. Compared in constant time."""
-        found: Role | None = None
+        granted: Role | None = None
         for role, right in (("view", self.view_token), ("control", self.control_token)):
             if right and hmac.compare_digest(token.encode(), right.encode()):
-                found = "control" if role == "control" else "view"
-        if found is None and self.operators is not None and self.operators.holder(token):
-            found = "view"
-        return found
+                granted = "control" if role == "control" else "view"
+        if granted is None and self.operators is not None and self.operators.holder(token):
+            granted = "view"
+        return granted
 
     def operator_of(self, headers: Mapping[str, str], query_token: str) -> str:
         """Name of the operator whose token a request has; empty if it has none of them."""
@@ -304,8 +304,8 @@ def is_command(method: str, path: str) -> bool:
 
 def path_on_robot(path: str) -> str:
     """The path at the robot of a request to its fleet server: /robots/otter-7/api/devices → /api/devices."""
-    found = ON_ROBOT.match(path)
-    return found[1] if found else path
+    match = ON_ROBOT.match(path)
+    return match[1] if match else path
 
 
 class Guard:

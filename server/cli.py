@@ -45,14 +45,14 @@ from imuscope.server.printable import printable
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
     if sys.stdout is None:  # closed by the caller: discard the output
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end
-    if not given or (given[0] not in COMMANDS and given[0] not in ("-h", "--help", "--version")):
-        given.insert(0, "serve")
+    if not words or (words[0] not in COMMANDS and words[0] not in ("-h", "--help", "--version")):
+        words.insert(0, "serve")
     logging.basicConfig(level=logging.WARNING, format="imuscope: %(levelname)s: %(message)s")
     try:
-        options = parse(given)
+        options = parse(words)
         own = extension_commands().get(options.command)
         reads_file = options.command in OF_FILES if own is None else own.reads_file
         with _cleaning_up_at_sigterm() if reads_file else contextlib.nullcontext():
@@ -227,10 +227,10 @@ def _record(options: argparse.Namespace) -> None:
     from imuscope.server.commands.record import RecordError, RecordRequest, record
     from imuscope.server.links.base import LinkError
 
-    given = decode_options_of(options)
+    reading = decode_options_of(options)
     named = normalized_sources(options.sources)
-    sources = [parse_source_options(source, given) for source in named]
-    check_sources(named, given)
+    sources = [parse_source_options(source, reading) for source in named]
+    check_sources(named, reading)
     requests = tuple((source, checked_protocol(decode_options)) for source, decode_options in sources)
     try:
         with BackgroundLoad(print_status):

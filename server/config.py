@@ -211,8 +211,8 @@ class Config:
             DecodeOptionError: an invalid setting, or a file that cannot be read.
         """
         declared = declared_options() if self.decode_options else {}
-        given = ((name, value) for name, value in self.decode_options.items() if value)
-        return checked_options(self.protocol, {name: option_text(declared[name], value) for name, value in given})
+        options = ((name, value) for name, value in self.decode_options.items() if value)
+        return checked_options(self.protocol, {name: option_text(declared[name], value) for name, value in options})
 
     @property
     def bytes_limit_mb(self) -> float:
@@ -335,12 +335,12 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
 }
 
 
-def load(toml: Path | None = None, **given: Any) -> Config:
+def load(toml: Path | None = None, **values: Any) -> Config:
     """The configuration.
 
     Args:
-        toml: configuration file; `given` overrides it.
-        given: settings from the command line; None means "not given". A table overrides only what it has.
+        toml: configuration file; `values` overrides it.
+        values: settings from the command line; None means "not given". A table overrides only what it has.
 
     Raises:
         ConfigError: the file cannot be read, a name is unknown or a value is not allowed.
@@ -353,8 +353,8 @@ def load(toml: Path | None = None, **given: Any) -> Config:
             raise ConfigError(f"{toml} cannot be read: {error.strerror}.") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{toml} is not valid TOML: {error}.") from None
-    given = {name: value for name, value in given.items() if value is not None}
-    for name, value in given.items():
+    values = {name: value for name, value in values.items() if value is not None}
+    for name, value in values.items():
         table = settings.get(name, {})
         if name in _TABLE_NAMES and isinstance(value, Mapping):
             value = {**table, **value} if isinstance(table, dict) else table
@@ -387,8 +387,8 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     if (config.store.keep_days or config.store.keep_gb) and not config.store.upload:
         raise ConfigError("store.keep_days and store.keep_gb need store.upload: only what was uploaded is deleted.")
     if bool(config.tls_cert) != bool(config.tls_key):
-        given, other = ("tls_cert", "tls_key") if config.tls_cert else ("tls_key", "tls_cert")
-        raise ConfigError(f"{given} needs {other}: the files of a certificate and of its key.")
+        present, other = ("tls_cert", "tls_key") if config.tls_cert else ("tls_key", "tls_cert")
+        raise ConfigError(f"{present} needs {other}: the files of a certificate and of its key.")
     if config.tls and config.tls_cert:
         raise ConfigError("tls creates a certificate and tls_cert names one: give one of the two.")
     _check_shares(config)

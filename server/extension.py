@@ -164,8 +164,8 @@ class Extension:
 
 def _named(place: str) -> Callable[..., Any]:
     module, _, name = place.partition(":")
-    found: Callable[..., Any] = getattr(import_module(module), name)
-    return found
+    function: Callable[..., Any] = getattr(import_module(module), name)
+    return function
 
 
 def extensions() -> tuple[Extension, ...]:
@@ -214,23 +214,23 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
     Raises:
         Exception: one of imuscope's own fails to load; a defect that must not be overlooked.
     """
-    found: dict[str, Extension] = {}
+    extensions: dict[str, Extension] = {}
     wrong: list[str] = []
     for plugin in plugins:
         if not plugin.is_there:
             continue
         try:
             extension = replace(plugin.load(Extension), package=plugin.package)
-            if extension.name in found:
+            if extension.name in extensions:
                 raise ValueError(f"there is an extension {extension.name!r} already")
-            found[extension.name] = extension
+            extensions[extension.name] = extension
         except Exception as error:  # third-party code may raise anything
             if not plugin.package:
                 raise
             wrong.append(plugin.problem("extension", error))
             log.debug("%s failed", plugin.value, exc_info=True)
     ordered: dict[str, Extension] = {}
-    waiting = [found[name] for name in sorted(found)]
+    waiting = [extensions[name] for name in sorted(extensions)]
     while ready := [one for one in waiting if all(name in ordered for name in one.requires)]:
         ordered |= {one.name: one for one in ready}
         waiting = [one for one in waiting if one.name not in ordered]

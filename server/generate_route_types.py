@@ -142,15 +142,15 @@ class _Writer:
 
     def _needed(self) -> set[str]:
         """The components that the routes use, and those that components of this file refer to."""
-        found: set[str] = set()
+        names: set[str] = set()
         todo = list(self._used)
         while todo:
             name = todo.pop()
-            if name not in found:
-                found.add(name)
+            if name not in names:
+                names.add(name)
                 if name not in self._sources:
                     todo += _references(self._components[name])
-        return found
+        return names
 
     def _routes(self) -> Iterator[str]:
         for path, ways in self._paths.items():
@@ -164,10 +164,10 @@ class _Writer:
         """Parameters, body and response of a route. Optional ones have a question mark behind the key."""
         fields: dict[str, str] = {}
         for place in ("path", "query"):
-            found = [one for one in operation.get("parameters", []) if one["in"] == place]
-            if found:
-                mark = "" if any(one.get("required") for one in found) else "?"
-                fields[f"readonly {place}{mark}"] = _record(found)
+            parameters = [one for one in operation.get("parameters", []) if one["in"] == place]
+            if parameters:
+                mark = "" if any(one.get("required") for one in parameters) else "?"
+                fields[f"readonly {place}{mark}"] = _record(parameters)
         if body := operation.get("requestBody"):
             content = body["content"]
             schema = content["application/json"]["schema"] if "application/json" in content else _only(content)

@@ -140,9 +140,9 @@ def install(style: str, level: str, secrets: Collection[str] = (), out: TextIO |
         logging.getLogger(name).setLevel(level.upper())
 
 
-def secrets_of(*given: str) -> list[str]:
+def secrets_of(*texts: str) -> list[str]:
     """Secrets that are long enough to be masked; a short one would match parts of every line."""
-    return [one for one in given if len(one) >= SHORTEST and not one.startswith("@")]
+    return [one for one in texts if len(one) >= SHORTEST and not one.startswith("@")]
 
 
 def print_or_log(text: str) -> None:

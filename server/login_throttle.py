@@ -66,11 +66,11 @@ def short_tokens(config: Config) -> list[str]:
 def client_group(address: str) -> str:
     """Address or network that is counted as one client: 2001:db8::1 → 2001:db8::/64; ::ffff:192.0.2.7 → 192.0.2.7."""
     try:
-        found = ipaddress.ip_address(address.partition("%")[0])
+        parsed_address = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
         return address[:64]
-    if isinstance(found, ipaddress.IPv4Address):
-        return str(found)
-    if found.ipv4_mapped is not None:
-        return str(found.ipv4_mapped)
-    return str(ipaddress.ip_network((found, 64), strict=False))
+    if isinstance(parsed_address, ipaddress.IPv4Address):
+        return str(parsed_address)
+    if parsed_address.ipv4_mapped is not None:
+        return str(parsed_address.ipv4_mapped)
+    return str(ipaddress.ip_network((parsed_address, 64), strict=False))

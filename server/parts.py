@@ -66,8 +66,8 @@ class Parts:
         """
         new = [*parts]
         names = Counter(part.name for part in (*self._all, *new))
-        if taken := [name for name, count in names.items() if count > 1]:
-            raise ValueError(f"there is a part {taken[0]!r} already")
+        if duplicates := [name for name, count in names.items() if count > 1]:
+            raise ValueError(f"there is a part {duplicates[0]!r} already")
         self._all += new
 
     def __iter__(self) -> Iterator[ServicePart]:
@@ -79,9 +79,9 @@ class Parts:
         Raises:
             DomainError: "no-extension": its extension is not installed.
         """
-        found = self.find(kind)
-        if found is not None:
-            return found
+        part = self.find(kind)
+        if part is not None:
+            return part
         raise DomainError(
             "no-extension", f"This server has no {kind.__name__}.", "Install the extension that brings it."
         )

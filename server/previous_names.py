@@ -64,11 +64,11 @@ def with_previous_keys(value: Any) -> Any:
         return [with_previous_keys(one) for one in value]
     if not isinstance(value, dict):
         return value
-    found = {key: with_previous_keys(one) for key, one in value.items()}
+    renamed = {key: with_previous_keys(one) for key, one in value.items()}
     for row in _KEYS:
-        if row.keys() <= found.keys():
-            found |= {old: found[new] for new, old in row.items()}
-    return found
+        if row.keys() <= renamed.keys():
+            renamed |= {old: renamed[new] for new, old in row.items()}
+    return renamed
 
 
 def rename_folder(old: Path, new: Path) -> None:

@@ -28,6 +28,6 @@ def json_text(value: Any, **how: Any) -> str:
     return text if text.isprintable() else _ODD.sub(_escaped, text)
 
 
-def _escaped(found: re.Match[str]) -> str:
-    one = found[0]
+def _escaped(match: re.Match[str]) -> str:
+    one = match[0]
     return one if one.isprintable() or one == "\n" else json.dumps(one)[1:-1]

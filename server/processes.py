@@ -49,7 +49,7 @@ def process_folders(root: Path = ROOT) -> list[Path]:
 
 def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str, list[Program]]:
     """Programs by the wanted file that they have open, in the order of their processes."""
-    found: dict[str, list[Program]] = {}
+    programs: dict[str, list[Program]] = {}
     for folder in sorted(process_folders(root), key=lambda one: int(one.name)):
         try:
             links = list((folder / "fd").iterdir())
@@ -62,8 +62,8 @@ def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str,
             except OSError:
                 continue
         for place in filter(is_wanted, places):
-            found.setdefault(place, []).append(program_of(folder))
-    return found
+            programs.setdefault(place, []).append(program_of(folder))
+    return programs
 
 
 def unblock_steps(place: str, name: str) -> tuple[str, ...]:

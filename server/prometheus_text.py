@@ -65,13 +65,13 @@ class PrometheusText:
         if value is not None:
             self._line("", value, labels.items())
 
-    def histogram(self, found: Histogram, **labels: str) -> None:
+    def histogram(self, values: Histogram, **labels: str) -> None:
         """Add all samples of a histogram."""
         count = 0
-        for bound, more in zip((*found.bounds, float("inf")), found.counts, strict=True):
+        for bound, more in zip((*values.bounds, float("inf")), values.counts, strict=True):
             count += more
             self._line("_bucket", count, [*labels.items(), ("le", _number(bound))])
-        self._line("_sum", found.sum, labels.items())
+        self._line("_sum", values.sum, labels.items())
         self._line("_count", count, labels.items())
 
     def __str__(self) -> str:

@@ -36,5 +36,5 @@ def is_name(text: str) -> bool:
 
 def is_router_address(text: str) -> bool:
     """Whether a text is an address of a router: tcp/HOST:PORT."""
-    found = _ADDRESS.fullmatch(text)
-    return found is not None and 0 < int(found[1]) <= 65_535
+    match = _ADDRESS.fullmatch(text)
+    return match is not None and 0 < int(match[1]) <= 65_535

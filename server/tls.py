@@ -90,11 +90,11 @@ class CertificateManager:
         Raises:
             ConfigError: the certificate on disk is not valid; the previous one stays in use.
         """
-        found = tls_of(self._config)
-        if found.fingerprint == self.tls.fingerprint:
+        files = tls_of(self._config)
+        if files.fingerprint == self.tls.fingerprint:
             return False
-        self.context.load_cert_chain(found.cert, found.key)
-        self.tls = found
+        self.context.load_cert_chain(files.cert, files.key)
+        self.tls = files
         return True
 
 
@@ -138,12 +138,12 @@ def load_certificate(cert: Path, key: Path) -> Tls:
         raise ConfigError(
             f"tls_cert {cert} is valid from {certificate.not_valid_before_utc:%Y-%m-%d}; it is {now:%Y-%m-%d} here."
         )
-    found = Tls(cert, key, _fingerprint(certificate), False)
+    tls = Tls(cert, key, _fingerprint(certificate), False)
     try:
-        found.context()
+        tls.context()
     except (ssl.SSLError, OSError) as error:
         raise ConfigError(f"tls_cert {cert} and tls_key {key} cannot be used: {error.args[-1]}.") from None
-    return found
+    return tls
 
 
 def ensure_self_signed(folder: Path, names: Iterable[str]) -> Tls:
@@ -157,13 +157,13 @@ def ensure_self_signed(folder: Path, names: Iterable[str]) -> Tls:
     """
     cert, key = folder / "certificate.pem", folder / "key.pem"
     with contextlib.suppress(ConfigError):
-        found = load_certificate(cert, key)
+        tls = load_certificate(cert, key)
         certificate = x509.load_pem_x509_certificate(cert.read_bytes())
         left = certificate.not_valid_after_utc - _now()
-        wanted = {name for name in names if _address(name) is None}
-        if left > datetime.timedelta(days=RENEW_DAYS) and wanted <= set(_names_in(certificate)):
+        hosts = {name for name in names if _address(name) is None}
+        if left > datetime.timedelta(days=RENEW_DAYS) and hosts <= set(_names_in(certificate)):
             key.chmod(0o600)
-            return Tls(cert, key, found.fingerprint, True)
+            return Tls(cert, key, tls.fingerprint, True)
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     secret = ec.generate_private_key(ec.SECP256R1())
     certificate = _certificate(secret, names)
@@ -180,45 +180,45 @@ def names_of(config: Config) -> list[str]:
     node = platform.node()
     short = node.partition(".")[0]
     names = ["localhost", node, short, f"{short}.local" if short else "", config.host, *config.allowed_hosts]
-    found = [name.strip("[]").lower().rstrip(".") for name in (*names, *ALWAYS, *addresses())]
-    valid = [name for name in found if name and len(name) <= LONGEST_NAME and name.isascii() and name.isprintable()]
+    hosts = [name.strip("[]").lower().rstrip(".") for name in (*names, *ALWAYS, *addresses())]
+    valid = [name for name in hosts if name and len(name) <= LONGEST_NAME and name.isascii() and name.isprintable()]
     unspecified = ("0.0.0.0", "::")
     return sorted(dict.fromkeys(name for name in valid if name not in unspecified), key=lambda one: bool(_address(one)))
 
 
 def addresses() -> list[str]:
     """Addresses of this machine, as far as known without a library; never those of other machines."""
-    found = set[str]()
+    result = set[str]()
     with contextlib.suppress(OSError, UnicodeError):
-        found |= {str(row[4][0]) for row in socket.getaddrinfo(platform.node(), None)}
+        result |= {str(row[4][0]) for row in socket.getaddrinfo(platform.node(), None)}
     for family, target in ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1")):
         # Local address of the route to a documentation address (RFC 5737, RFC 3849). Nothing is sent.
         with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
             probe.connect((target, 9))
-            found.add(str(probe.getsockname()[0]))
+            result.add(str(probe.getsockname()[0]))
     if sys.platform == "linux":
-        found |= _interfaces()
-    return sorted({address.partition("%")[0] for address in found})
+        result |= _interfaces()
+    return sorted({address.partition("%")[0] for address in result})
 
 
 def _interfaces() -> set[str]:
     """IPv4 addresses of the interfaces: SIOCGIFADDR of netdevice(7), ifreq with the name, sockaddr_in at byte 16."""
     import fcntl
 
-    found = set[str]()
+    result = set[str]()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         for _, name in socket.if_nameindex():
             with contextlib.suppress(OSError):
                 answer = fcntl.ioctl(probe.fileno(), 0x8915, name.encode()[:15].ljust(40, b"\0"))
-                found.add(socket.inet_ntoa(answer[20:24]))
-    return found
+                result.add(socket.inet_ntoa(answer[20:24]))
+    return result
 
 
 def _certificate(secret: ec.EllipticCurvePrivateKey, names: Iterable[str]) -> x509.Certificate:
-    given = list(names)
+    hosts = list(names)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"imuscope {platform.node()}"[:64])])
     alternatives: list[x509.GeneralName] = []
-    for name in given:
+    for name in hosts:
         address = _address(name)
         alternatives.append(x509.IPAddress(address) if address is not None else x509.DNSName(name))
     now, public = _now(), secret.public_key()

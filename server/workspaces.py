@@ -59,11 +59,11 @@ def clean_name(name: str) -> str:
     Raises:
         DomainError: it is empty or too long, or has characters that cannot be shown.
     """
-    found = " ".join(name.split())
-    if not 1 <= len(found) <= MAX_NAME or not found.isprintable():
+    text = " ".join(name.split())
+    if not 1 <= len(text) <= MAX_NAME or not text.isprintable():
         hint = f"Use 1 to {MAX_NAME} printable characters."
         raise DomainError("bad-request", f"“{name:.100}” cannot be the name of a workspace.", hint)
-    return found
+    return text
 
 
 class WorkspaceStore:
@@ -76,8 +76,8 @@ class WorkspaceStore:
 
     def all(self) -> list[StoredWorkspace]:
         """By name; a damaged file is left out and logged."""
-        found = [self._read(path) for path in self._paths()]
-        return sorted((one for one in found if one is not None), key=lambda one: one.name.casefold())
+        workspaces = [self._read(path) for path in self._paths()]
+        return sorted((one for one in workspaces if one is not None), key=lambda one: one.name.casefold())
 
     def get(self, name: str) -> StoredWorkspace:
         """The workspace of that name.
@@ -85,10 +85,10 @@ class WorkspaceStore:
         Raises:
             DomainError: there is none, or the name is not valid.
         """
-        found = self._read(self._path(clean_name(name)))
-        if found is None:
+        workspace = self._read(self._path(clean_name(name)))
+        if workspace is None:
             raise _unknown(name)
-        return found
+        return workspace
 
     def put(self, name: str, workspace: dict[str, Any], replaces: str | None) -> StoredWorkspace:
         """Store a workspace.
@@ -132,14 +132,14 @@ class WorkspaceStore:
     def defaults(self) -> dict[str, str]:
         """The workspace of each family that has one, by family."""
         try:
-            found = json.loads((self._folder / DEFAULTS).read_text())
+            content = json.loads((self._folder / DEFAULTS).read_text())
         except FileNotFoundError:
             return {}
         except (OSError, ValueError) as error:
             log.warning("%s cannot be read: %s", DEFAULTS, error)
             return {}
         names = {one.name for one in self.all()}
-        chosen = found if isinstance(found, dict) else {}
+        chosen = content if isinstance(content, dict) else {}
         return {str(family): name for family, name in chosen.items() if name in names}
 
     def set_default(self, family: str, name: str | None) -> dict[str, str]:
@@ -171,8 +171,8 @@ class WorkspaceStore:
     def _read(self, path: Path) -> StoredWorkspace | None:
         try:
             content = read_regular(path)
-            found = json.loads(content)
-            name, modified, workspace = found["name"], float(found["modified"]), found["workspace"]
+            document = json.loads(content)
+            name, modified, workspace = document["name"], float(document["modified"]), document["workspace"]
             _check(workspace)
             if clean_name(name) != name or self._path(name) != path:
                 raise ValueError("its name is not the one of the file")

@@ -64,9 +64,9 @@ WantedSensor = Annotated[str, Depends(wanted_sensor)]
 """Serial number of the sensor that a request is for; "" if it names the device by its id."""
 
 
-def confirmed(dangers: list[Risk], given: bool) -> None:
+def confirmed(dangers: list[Risk], is_confirmed: bool) -> None:
     """Raise DomainError 409 with the consequences, unless the client has confirmed them."""
-    if dangers and not given:
+    if dangers and not is_confirmed:
         words = " ".join(dict.fromkeys(danger.consequence for danger in dangers))
         raise DomainError("confirm", words, "Send it again with `confirmed` once you have read this.")
 
@@ -111,13 +111,13 @@ async def get_health(controller: OneController) -> DeviceHealth:
 
 @router.post("/apply", status_code=202, responses=responses(404, 409, 422))
 async def apply(
-    body: ApplyRequest, controller: OneController, wanted: WantedSensor, controllers: AllControllers
+    body: ApplyRequest, controller: OneController, sensor: WantedSensor, controllers: AllControllers
 ) -> JobAnswer:
     """Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be
     lost, or whatever they are with `confirm_s`. Devices that are named by their key are written only if this sensor is
     still there.
     """
-    sensors = {controller.device: wanted}
+    sensors = {controller.device: sensor}
     targets = [controller]
     for device in body.devices:
         other = controller_of(device, controllers)
@@ -158,25 +158,25 @@ async def _change_request(
 
 @router.post("/run", status_code=202, responses=responses(404, 409, 422))
 async def run(
-    body: RunRequest, controller: OneController, wanted: WantedSensor, controllers: AllControllers
+    body: RunRequest, controller: OneController, sensor: WantedSensor, controllers: AllControllers
 ) -> JobAnswer:
     """Run a command. A command that writes a setting is applied like any change, with snapshot and rollback."""
     request = plan_command(controller, body.command, body.values)
     reads_first = request.setting or request.changes
-    confirmed([*([] if reads_first else doubts(controller, wanted)), *request.risks], body.confirmed)
+    confirmed([*([] if reads_first else doubts(controller, sensor)), *request.risks], body.confirmed)
     if request.setting:
-        work = controllers.jobs.apply(controller, request.values, "", sensor=wanted)
+        work = controllers.jobs.apply(controller, request.values, "", sensor=sensor)
         return controller.add(request.title, work).job
     values = request.values[body.command]
     work = controllers.jobs.run(
-        controller, body.command, values, changes=request.changes, restarts=request.restarts, sensor=wanted
+        controller, body.command, values, changes=request.changes, restarts=request.restarts, sensor=sensor
     )
     return controller.add(request.title, work).job
 
 
 @router.post("/raw", status_code=202, responses=responses(404, 409, 422))
 async def send_raw(
-    body: RawRequest, controller: OneController, wanted: WantedSensor, controllers: AllControllers
+    body: RawRequest, controller: OneController, sensor: WantedSensor, controllers: AllControllers
 ) -> JobAnswer:
     """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`, unless they are one message
     that only asks. 409 names what they are and do.
@@ -187,7 +187,7 @@ async def send_raw(
         raise DomainError("bad-request", "Invalid hex.", "Write two digits for each byte: FA FF 30 00 D1.") from None
     if not 0 < len(data) <= MAX_RAW:
         raise DomainError("bad-request", f"1 to {MAX_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
-    confirmed([*doubts(controller, wanted), *risks_of_bytes(controller, data)], body.confirmed)
+    confirmed([*doubts(controller, sensor), *risks_of_bytes(controller, data)], body.confirmed)
     return controller.add(f"Send {len(data)} bytes", controllers.jobs.raw(controller, data)).job
 
 

@@ -45,7 +45,7 @@ class _ProtocolBody(BaseModel):
             raise bad_setting(error) from None
 
     @property
-    def given(self) -> set[str]:
+    def option_names(self) -> set[str]:
         """Names of the options in the body."""
         return {name.removeprefix(PREFIX) for name in self.model_fields_set} & {"protocol", *declared_options()}
 

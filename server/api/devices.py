@@ -121,7 +121,7 @@ async def read_device(body: DecodeOptionsBody, services: TheServices, session: O
     stay. A `schema` is added to the existing descriptions.
     """
     check_protocol(body.protocol, services)
-    await session.read_as(changed(session.reading, body.reading(), body.given))
+    await session.read_as(changed(session.reading, body.reading(), body.option_names))
     return session.info
 
 

@@ -91,8 +91,8 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def _(_: Request, error: RequestValidationError) -> Response:
-        found = error.errors()
-        parts = [f"{_place(one['loc'])}: {one['msg']:.120}" for one in found[:4]]
+        problems = error.errors()
+        parts = [f"{_place(one['loc'])}: {one['msg']:.120}" for one in problems[:4]]
         return problem(422, "bad-request", "; ".join(parts) + ".", "The shapes are listed at /openapi.json.")
 
     @app.exception_handler(Exception)

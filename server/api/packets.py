@@ -66,8 +66,8 @@ async def live_frames(
     moment, names = SampleArrival(round(time * 1e9), rank), NO_NAMES
     if channel is not None:
         stored = services.telemetry.store.get(channel)
-        found = live_moment(stored, time, base) if stored is not None else None
-        moment, names = _sample(found, channel), _names(stored.info) if stored is not None else ()
+        sample = live_moment(stored, time, base) if stored is not None else None
+        moment, names = _sample(sample, channel), _names(stored.info) if stored is not None else ()
     if not span[0] - 1_000_000_000 <= moment.arrival_ns <= span[1] + 1_000_000_000:
         words = f"The bytes from then are no longer in memory, which reaches back {(span[1] - span[0]) / 1e9:.0f} s."
         raise DomainError("not-found", words, "bytes_mb in the configuration makes it longer; a recording has all.")
@@ -82,7 +82,7 @@ async def live_frames(
         beside=beside,
         newest_ns=span[1],
     )
-    return _found(view)
+    return _available(view)
 
 
 @router.get("/api/recordings/{recording}/frames", responses=responses(404, 422))
@@ -102,8 +102,8 @@ async def recorded_frames(
     if channel is not None:
         store = await columns_of(recording, services)
         info = next((one for one in store.manifest["channels"] if one["id"] == channel), None)
-        found = await asyncio.to_thread(recorded_moment, store, channel, time, base) if info is not None else None
-        moment = _sample(found, channel)
+        sample = await asyncio.to_thread(recorded_moment, store, channel, time, base) if info is not None else None
+        moment = _sample(sample, channel)
         if info is not None:
             device, names = str(info["device"]), (str(info["message"]), str(info["name"]))
     return await asyncio.to_thread(_recorded, services, recording, device, moment, names, kind, beside)
@@ -136,7 +136,9 @@ def _recorded(
     family = _family(known.protocol)
     settings = recorded(DecodeOptions(), known.identity, services.reading).settings(family.name)
     read = recorded_bytes(source, device)
-    return _found(packets_around(device, family, settings, read, moment, names=names, kind=kind or None, beside=beside))
+    return _available(
+        packets_around(device, family, settings, read, moment, names=names, kind=kind or None, beside=beside)
+    )
 
 
 def _family(protocol: str) -> ProtocolInfo:
@@ -150,19 +152,19 @@ def _family(protocol: str) -> ProtocolInfo:
     return family
 
 
-def _sample(found: SampleArrival | None, channel: int) -> SampleArrival:
-    if found is None:
+def _sample(sample: SampleArrival | None, channel: int) -> SampleArrival:
+    if sample is None:
         raise DomainError(
             "not-found", f"Channel {channel} has no sample at that time.", "Choose a time within its plot."
         )
-    return found
+    return sample
 
 
 def _names(info: ChannelInfo) -> tuple[str, ...]:
     return info.message, info.name
 
 
-def _found(view: PacketView | None) -> PacketView:
+def _available(view: PacketView | None) -> PacketView:
     if view is None:
         raise DomainError("not-found", "No bytes were received around that time.", "Choose a time within a plot.")
     return view

@@ -43,5 +43,5 @@ async def scan_ports(services: TheServices, body: ScanPortsRequest | None = None
     """
     async with services.sessions.scan_lock:
         known = {info.device for info in await asyncio.to_thread(list_ports)}
-        wanted = None if body is None or body.ports is None else [port for port in body.ports if port in known]
-        return await scan(wanted, _in_use(services.sessions))
+        ports = None if body is None or body.ports is None else [port for port in body.ports if port in known]
+        return await scan(ports, _in_use(services.sessions))

@@ -51,13 +51,13 @@ async def start(body: StartRequest, services: TheServices) -> wire.RecorderState
 @router.get("/api/recorder/memory")
 async def get_memory(services: TheServices) -> list[HeldBytes]:
     """The bytes of each live link that are in memory, and so can be saved."""
-    found = []
+    rows = []
     for session in services.sessions.all:
         device = session.info.id
         link = services.sessions.memory_of(device)
         if link is not None and (span := link.span) is not None:
-            found.append(HeldBytes(device, span[0] / 1e9, span[1] / 1e9, link.nbytes))
-    return found
+            rows.append(HeldBytes(device, span[0] / 1e9, span[1] / 1e9, link.nbytes))
+    return rows
 
 
 @router.post("/api/recordings/save-memory", responses=responses(404, 422, 507))

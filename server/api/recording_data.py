@@ -108,16 +108,16 @@ async def get_recording(recording: str, request: Request, services: TheServices,
     the first time; with `partial`, the RecordingDetail of the part decoded so far, with `progress` below 1.
     """
     try:
-        found = services.columns.open(recording)
+        columns = services.columns.open(recording)
     except (KeyError, FileNotFoundError):
         raise unknown_recording(recording) from None
-    if isinstance(found, DecodeJob):
-        if found.error is not None:
-            raise DomainError("cannot-open", found.error.message, found.error.hint)
-        if not partial or found.partial is None:
-            state = OpeningState(recording, found.progress, "Decoding the recording for the first time.")
+    if isinstance(columns, DecodeJob):
+        if columns.error is not None:
+            raise DomainError("cannot-open", columns.error.message, columns.error.hint)
+        if not partial or columns.partial is None:
+            state = OpeningState(recording, columns.progress, "Decoding the recording for the first time.")
             return JSONResponse(asdict(state), 202, headers={"cache-control": "no-store"})
-    store = found if isinstance(found, ColumnStore) else found.partial
+    store = columns if isinstance(columns, ColumnStore) else columns.partial
     assert store is not None
     catalogue = services.catalogue
     body = await asyncio.to_thread(lambda: detail(catalogue.info(recording), store, catalogue.markers(recording)))
@@ -140,8 +140,8 @@ def get_window(  # not async, so in a thread: it may read from the disk, and liv
     """Sample frames of the wire; a bucket is two rows (min, max). `X-Exact: 1` when no channel is summarised."""
     t0, t1 = _span(t0, t1)
     infos = channels_of(store)
-    wanted = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
-    answers = [recorded(store, infos[number], t0, t1, width, base=base) for number in wanted]
+    numbers = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
+    answers = [recorded(store, infos[number], t0, t1, width, base=base) for number in numbers]
     exact = "1" if all(_is_whole(answer) for answer in answers) else "0"
     body = b"".join(frame_of(answer) for answer in answers)
     return Response(body, media_type=SAMPLES, headers={"x-exact": exact, "cache-control": "no-store"})
@@ -158,8 +158,8 @@ def get_statistics(  # in a thread, like the window
     """Count, mean, σ, min and max of every column of channels over a time range of any length, by channel."""
     t0, t1 = _span(t0, t1)
     infos = channels_of(store)
-    wanted = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
-    return {number: statistics_in(store, infos[number], t0, t1, base=base) for number in wanted}
+    numbers = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
+    return {number: statistics_in(store, infos[number], t0, t1, base=base) for number in numbers}
 
 
 @router.get("/api/recordings/{recording}/health", responses=responses(404, 422))
@@ -271,12 +271,12 @@ def _only_one(request: Request) -> None:
 
 def _positions(info: wire.ChannelInfo, words: str) -> list[int] | None:
     names = [column.name for column in info.columns]
-    wanted = [word for word in words.split(",") if word]
-    for word in wanted:
+    column_names = [word for word in words.split(",") if word]
+    for word in column_names:
         if word not in names:
             there = ", ".join(names)
             raise DomainError("not-found", f"{info.name} has no column {word:.60}.", f"It has: {there:.400}.")
-    return [names.index(word) for word in wanted] or None
+    return [names.index(word) for word in column_names] or None
 
 
 def _is_whole(answer: QueryResult) -> bool:

@@ -139,20 +139,24 @@ async def delete_snapshot(name: str, controller: OneController, controllers: All
 async def compare_sides(body: CompareRequest, controller: OneController, controllers: AllControllers) -> Difference:
     """Compare two sides field by field, with the changes that would make the left side equal the right one."""
     left, right = await _side(body.left, controller, controllers), await _side(body.right, controller, controllers)
-    found = compare(controller.driver, controller.context, left, right, body.take)
-    if found.changes and body.left.side == "device":
-        found = replace(found, dangers=_dangers(controller, found), blocked=overload(controller.present, found.changes))
+    result = compare(controller.driver, controller.context, left, right, body.take)
+    if result.changes and body.left.side == "device":
+        result = replace(
+            result,
+            dangers=_dangers(controller, result),
+            blocked=overload(controller.present, result.changes),
+        )
     rows = [
         replace(row, left_value=to_json_safe(row.left_value), right_value=to_json_safe(row.right_value))
-        for row in found.rows
+        for row in result.rows
     ]
-    return replace(found, rows=rows, changes=to_json_safe(found.changes), profile=to_json_safe(found.profile))
+    return replace(result, rows=rows, changes=to_json_safe(result.changes), profile=to_json_safe(result.profile))
 
 
-def _dangers(controller: DeviceController, found: Difference) -> list[str]:
+def _dangers(controller: DeviceController, difference: Difference) -> list[str]:
     """Risks of writing the right side to this device, in words."""
-    words = [mismatch(found.product, controller.context.product)]
-    for name, values in found.changes.items():
+    words = [mismatch(difference.product, controller.context.product)]
+    for name, values in difference.changes.items():
         words += [danger.consequence for danger in dangers_of(controller, controller.rows[name], values)]
     return [one for one in dict.fromkeys(words) if one]
 

@@ -97,11 +97,11 @@ async def page(request: Request, name: str, services: TheServices) -> Response:
     """A file of the page. Addresses of its views (no dot in the last part, HTML accepted) return index.html."""
     files = services.page_files
     is_view = "." not in name.rpartition("/")[2] and "text/html" in request.headers.get("accept", "")
-    found = serve(request, files, SAME.get(name, name)) if name else None
-    if found is None and (not name or (is_view and not name.startswith("api/"))):
-        found = serve(request, files, "index.html") or HTMLResponse(
+    answer = serve(request, files, SAME.get(name, name)) if name else None
+    if answer is None and (not name or (is_view and not name.startswith("api/"))):
+        answer = serve(request, files, "index.html") or HTMLResponse(
             MISSING, 503, {**HEADERS, "cache-control": "no-store"}
         )
-    if found is None:
+    if answer is None:
         raise HTTPException(404)
-    return found
+    return answer

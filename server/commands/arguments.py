@@ -131,22 +131,22 @@ def variable_of(secret: DecodeOption) -> str:
     return f"IMUSCOPE_{secret.name.upper()}"
 
 
-def parse(given: Sequence[str]) -> argparse.Namespace:
+def parse(words: Sequence[str]) -> argparse.Namespace:
     """The options of a command line whose first word is a command, --help or --version."""
-    root = parser(with_help=not {"-h", "--help"}.isdisjoint(given), command=given[0])
-    command = root.commands.get(given[0])
+    root = parser(with_help=not {"-h", "--help"}.isdisjoint(words), command=words[0])
+    command = root.commands.get(words[0])
     if command is None:
-        return root.parse_args(list(given))
-    rest = list(given[1:])
+        return root.parse_args(list(words))
+    rest = list(words[1:])
     for at, word in enumerate(rest):  # its port may be left out, and then no source is one
         if word == "--foxglove" and not (at + 1 < len(rest) and rest[at + 1].lstrip("-").isdigit()):
             rest[at] = f"--foxglove={FOXGLOVE_PORT}"
-    owners = _owners_of_shares(command, rest) if given[0] == "serve" else []
+    owners = _owners_of_shares(command, rest) if words[0] == "serve" else []
     options = command.parse_intermixed_args(rest)
     options.share_owners = owners
-    options.command = given[0]
+    options.command = words[0]
     variables = dict(ENVIRONMENT)
-    if given[0] in DECODE_SCOPES or given[0] == "simulate":
+    if words[0] in DECODE_SCOPES or words[0] == "simulate":
         variables |= {one.name: variable_of(one) for one in declared_options().values() if one.kind == "secret"}
     for name, variable in variables.items():
         if getattr(options, name, 0) in (None, "") and os.environ.get(variable):

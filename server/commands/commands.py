@@ -43,12 +43,12 @@ def manual(reading: DecodeOptions = DecodeOptions(), name: str = "") -> Iterator
         for family, rows in tables.items():
             yield from _overview(family, rows)
         return
-    found = [(family, row) for family, rows in tables.items() for row in rows if row.name == name]
-    if not found:
+    rows_of_name = [(family, row) for family, rows in tables.items() for row in rows if row.name == name]
+    if not rows_of_name:
         names = [row.name for rows in tables.values() for row in rows]
         near = difflib.get_close_matches(name, names, 3, 0.5)
         raise ComposeError(f"unknown command {name!r}" + (f"; similar: {', '.join(near)}" if near else ""))
-    for family, row in found:
+    for family, row in rows_of_name:
         yield from _entry(family, row)
 
 

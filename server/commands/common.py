@@ -63,12 +63,12 @@ def given_options(options: argparse.Namespace) -> dict[str, str | bool]:
         UsageError: two of them contradict each other.
     """
     declared = declared_options()
-    given = {name: value for name in declared if (value := getattr(options, name, None)) not in (None, False)}
-    for name in given:
+    values = {name: value for name in declared if (value := getattr(options, name, None)) not in (None, False)}
+    for name in values:
         for other, reason in declared[name].conflicts.items():
-            if other in given:
+            if other in values:
                 raise UsageError(reason)
-    return given
+    return values
 
 
 def decode_options_of(options: argparse.Namespace, protocol: str = "") -> DecodeOptions:
@@ -134,24 +134,24 @@ def temporary_copy(pieces: Iterable[bytes]) -> Iterator[Path]:
         yield Path(file.name)
 
 
-def check_sources(sources: Sequence[str], given: DecodeOptions) -> None:
+def check_sources(sources: Sequence[str], decode_options: DecodeOptions) -> None:
     """Raise UsageError for a source that can never be opened."""
     from imuscope.server.links import LinkError, open_link
     from imuscope.server.links.capture_file import FileLink
     from imuscope.server.links.pipe import PipeLink
     from imuscope.server.links.simulator import SimulatorLink
 
-    seen: set[str] = set()
+    known: set[str] = set()
     for source in sources:
         try:
-            place, own = parse_source_options(source, given)
+            place, own = parse_source_options(source, decode_options)
             link = open_link(place)
         except LinkError as error:
             raise UsageError(str(error)) from None
         check_protocol(own.protocol)
-        if place in seen and not isinstance(link, SimulatorLink):
+        if place in known and not isinstance(link, SimulatorLink):
             raise UsageError(f"the source {place} is given twice; give it once")
-        seen.add(place)
+        known.add(place)
         if isinstance(link, FileLink) and not isinstance(link, PipeLink) and not link.path.is_file():
             # A port may be plugged in later, but a missing file is probably a typing error.
             near = get_close_matches(source, COMMANDS, 1)
@@ -159,7 +159,7 @@ def check_sources(sources: Sequence[str], given: DecodeOptions) -> None:
             raise UsageError(
                 f"{missing_file_text(str(link.path))} See `imuscope --help` for commands and sources.{words}"
             )
-    check_protocol(given.protocol)
+    check_protocol(decode_options.protocol)
 
 
 def normalized_sources(sources: Sequence[str]) -> list[str]:
@@ -176,12 +176,12 @@ def shares_by_source(shares: Sequence[str], owners: Sequence[int], sources: Sequ
     Raises:
         UsageError: a --share is before all sources.
     """
-    found: dict[str, list[str]] = {}
+    by_source: dict[str, list[str]] = {}
     for share, owner in zip(shares, owners, strict=True):
         if owner < 0:
             raise UsageError(f"--share {share} has no source before it: give the source first, then its shares")
-        found.setdefault(sources[owner], []).append(share)
-    return found
+        by_source.setdefault(sources[owner], []).append(share)
+    return by_source
 
 
 def missing_file_text(path: str) -> str:

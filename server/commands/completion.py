@@ -37,20 +37,20 @@ def _words(command: argparse.ArgumentParser) -> str:
     return " ".join(name for action in _options(command) for name in action.option_strings)
 
 
-def _cases(commands: Mapping[str, argparse.ArgumentParser], given: str, values: str, words: str) -> Iterator[str]:
+def _cases(commands: Mapping[str, argparse.ArgumentParser], before: str, values: str, words: str) -> Iterator[str]:
     """Completion cases of bash and zsh: the values of a command's option, and its options.
 
     Args:
-        given: the command and the previous word, in the shell's syntax.
+        before: the command and the previous word, in the shell's syntax.
         values, words: shell code that completes {words}; `words` only applies to a begun option.
     """
-    yield f'    case "{given}" in'
+    yield f'    case "{before}" in'
     for name, command in commands.items():
         for option, known in _values(command):
             patterns = "|".join(f'"{name} {one}"' for one in option.split("|"))
             yield f"        {patterns}) {values.format(words=known)}; return ;;"
     yield "    esac"
-    yield f'    case "{given.split()[0]}" in'
+    yield f'    case "{before.split()[0]}" in'
     for name, command in commands.items():
         yield f"        {name}) {words.format(words=_words(command))} ;;"
     yield "    esac"
@@ -65,8 +65,8 @@ def _bash(commands: Mapping[str, argparse.ArgumentParser]) -> Iterator[str]:
     yield '            $(compgen -f -- "$word"))'
     yield "        return"
     yield "    fi"
-    found = 'COMPREPLY=($(compgen -W "{words}" -- "$word"))'
-    yield from _cases(commands, "$command $before", found, f'[[ "$word" == -* ]] && {found}')
+    reply = 'COMPREPLY=($(compgen -W "{words}" -- "$word"))'
+    yield from _cases(commands, "$command $before", reply, f'[[ "$word" == -* ]] && {reply}')
     yield '    [[ "$word" == -* ]] || COMPREPLY=($(compgen -f -- "$word"))'
     yield "}"
     yield "complete -o filenames -F _imuscope imuscope"

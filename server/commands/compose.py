@@ -99,8 +99,8 @@ def _numbered(candidates: Sequence[ProtocolComposer], message: str, pairs: Seque
     Raises:
         ComposeError: several protocols qualify.
     """
-    given = {pair.partition("=")[0] for pair in pairs}
-    able = [one for one in candidates if one.numbered and given <= {field.name for field in one.opaque_fields}]
+    paths = {pair.partition("=")[0] for pair in pairs}
+    able = [one for one in candidates if one.numbered and paths <= {field.name for field in one.opaque_fields}]
     if len(able) == 1:
         return able[0]
     names = " or ".join(one.name for one in candidates if one.numbered)
@@ -158,8 +158,8 @@ def names_elements(pairs: Sequence[str], fields: Sequence[Field]) -> bool:
     Raises:
         ComposeError: unknown field.
     """
-    found = (_found(pair.partition("=")[0], fields) for pair in pairs)
-    return any(rest and _is_vector(field) for field, rest in found)
+    fields_of_paths = (_match(pair.partition("=")[0], fields) for pair in pairs)
+    return any(rest and _is_vector(field) for field, rest in fields_of_paths)
 
 
 def _is_vector(field: Field) -> bool:
@@ -181,7 +181,7 @@ def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, A
         path, equals, text = pair.partition("=")
         if not equals or not path:
             raise ComposeError(f"{pair!r} is not valid; write it as FIELD=VALUE")
-        field, rest = _found(path, fields)
+        field, rest = _match(path, fields)
         if rest and _is_vector(field) and field.name not in values and field.name in present:
             values |= to_shown((field,), {field.name: list(present[field.name])})
         _put(values, field.name, field, rest, path, text)
@@ -191,7 +191,7 @@ def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, A
         raise ComposeError(str(error)) from None
 
 
-def _found(path: str, fields: Sequence[Field]) -> tuple[Field, list[str]]:
+def _match(path: str, fields: Sequence[Field]) -> tuple[Field, list[str]]:
     """The field that a path begins with, and the rest of the path. Names may contain dots."""
     for field in sorted(fields, key=lambda one: len(one.name), reverse=True):
         if path == field.name or path.startswith(f"{field.name}."):
@@ -210,7 +210,7 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
     if not field.shape and not field.fields:
         raise ComposeError(f"{path}: {field.name} has no parts")
     if not field.shape:
-        part, deeper = _found(".".join(rest), field.fields)
+        part, deeper = _match(".".join(rest), field.fields)
         _put(into.setdefault(name, {}), part.name, part, deeper, path, text)
         return
     if not rest[0].isdecimal():
@@ -235,7 +235,7 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
     if not rest[1:]:
         rows[place] = value_of(text, _one(field), path)
         return
-    part, deeper = _found(".".join(rest[1:]), field.fields)
+    part, deeper = _match(".".join(rest[1:]), field.fields)
     _put(rows[place], part.name, part, deeper, path, text)
 
 

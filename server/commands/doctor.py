@@ -29,7 +29,7 @@ def format_findings(findings: Sequence[Finding], out: TextIO, *, as_json: bool =
     else:
         width = max((len(one.about) for one in ordered), default=0)
         for one in ordered:
-            out.write(printable(f"{one.status:<8} {one.about:<{width}}  {one.found}") + "\n")
+            out.write(printable(f"{one.status:<8} {one.about:<{width}}  {one.message}") + "\n")
             for step in one.todo:
                 out.write(printable(f"{'':<8} {'':<{width}}  → {step}") + "\n")
     return int(any(one.status == "problem" for one in findings))

@@ -181,16 +181,16 @@ def _opened(
         raise ValueError(f"unknown protocol {protocol!r}; available: {', '.join(PROTOCOLS)}")
     named = "" if protocol == "auto" else protocol
     if path.is_file():
-        with _of_file(path, path.name, named, device, direction) as found:
-            yield found
+        with _of_file(path, path.name, named, device, direction) as stream:
+            yield stream
         return
     name = "standard input" if str(path) == "/dev/stdin" else path.name
     with path.open("rb") as pipe:
         head = _head(pipe)
         if head.startswith(MAGIC):
             every = itertools.chain((head,), _pieces(pipe))
-            with temporary_copy(every) as copy, _of_file(copy, name, named, device, direction) as found:
-                yield found
+            with temporary_copy(every) as copy, _of_file(copy, name, named, device, direction) as stream:
+                yield stream
             return
         if device:
             raise ValueError(f"{name} {NO_DEVICES}")

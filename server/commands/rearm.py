@@ -52,7 +52,7 @@ def rearm(request: RearmRequest) -> str:
         raise RearmError(f"{request.server!r:.80} is not a valid server address; write http://host:port")
     device_text = request.device or "every device"
     try:
-        devices = _ask(request, "/api/devices")
+        devices = _request(request, "/api/devices")
     except ConnectionRefusedError:
         try:
             count = SequenceStore(request.data).forget(None, int(request.device) if request.device else None)
@@ -64,7 +64,7 @@ def rearm(request: RearmRequest) -> str:
         )
     links = [one["id"] for one in devices if not one["parent"] and _may_restart(one["protocol"])]
     for link in links:
-        _ask(request, f"/api/devices/{link}/rearm", {"sender": request.device})
+        _request(request, f"/api/devices/{link}/rearm", {"sender": request.device})
     if not links:
         raise RearmError(f"{request.server} has no device with a sequence")
     return f"{device_text} re-armed on {counted(len(links), 'link')} of {request.server}."
@@ -77,7 +77,7 @@ def _may_restart(protocol: str) -> bool:
     return protocol not in PROTOCOLS or hasattr(PROTOCOLS[protocol].decoding.decoder, "rearm")
 
 
-def _ask(request: RearmRequest, path: str, body: Any = None) -> Any:
+def _request(request: RearmRequest, path: str, body: Any = None) -> Any:
     """Answer of the server.
 
     Raises:

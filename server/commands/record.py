@@ -169,7 +169,7 @@ async def _until_end(
     printed_texts: set[str] = set()
     rounds = 0
 
-    def say() -> None:
+    def print_status() -> None:
         if notes.isatty():
             _show(notes, progress(sessions, status, recorder.state))
             return
@@ -201,7 +201,7 @@ async def _until_end(
         ):
             return
         rounds += 1
-        say()
+        print_status()
 
 
 def progress(sessions: Sequence[Session], status: RecordStatus, state: wire.RecorderState) -> str:

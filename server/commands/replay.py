@@ -272,11 +272,11 @@ class PtySink:
     async def close(self) -> None:
         asyncio.get_running_loop().remove_reader(self._master)
         if self._slave >= 0:
-            await self._taken()
+            await self._drained()
             os.close(self._slave)
         os.close(self._master)
 
-    async def _taken(self) -> None:
+    async def _drained(self) -> None:
         """Wait until the receiver has read all bytes, or nothing for a while: closing the master discards the rest."""
         clock = asyncio.get_running_loop().time
         poll = select.poll()

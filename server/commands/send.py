@@ -365,8 +365,8 @@ def _target(
     """The setting that a command writes, and its values."""
     other = driver.instead(command.name, values, {}, known)
     if other is not None and other[1]:
-        found = _setting(driver, other[0], known)
-        return None if found is None else (found, other[1])
+        setting = _setting(driver, other[0], known)
+        return None if setting is None else (setting, other[1])
     for row in driver.settings(known):
         if row.write == command.name and command.kind == "set" and set(values) <= {one.name for one in row.fields}:
             return row, values
@@ -387,18 +387,18 @@ async def _allow_write(
     old: Values | None = None
     with contextlib.suppress(DeviceRejectedError):
         old = await play(driver.read(setting.name, known))
-    found = dangers_of_write(driver, setting, old, values, known, restarts=False)
-    if found:
-        words = " ".join(dict.fromkeys(one.consequence or "This can do harm." for one in found))
+    risks = dangers_of_write(driver, setting, old, values, known, restarts=False)
+    if risks:
+        words = " ".join(dict.fromkeys(one.consequence or "This can do harm." for one in risks))
         raise SendError(f"{setting.name}: {words} Add --yes to send it")
 
 
 def _report_altered(driver: DeviceDriver, setting: Setting, requested: Values, got: Values, notes: TextIO) -> None:
     """Report values that the device altered (it rounds rates)."""
-    shown, asked = to_shown(setting.fields, got), to_shown(setting.fields, requested)
+    shown, intended = to_shown(setting.fields, got), to_shown(setting.fields, requested)
     for path in driver.same(setting.name, {name: requested[name] for name in requested if name in got}, got):
-        actual, wanted = value_at(shown, path), value_at(asked, path)
-        notes.write(f"imuscope: {setting.name} {path} was changed by the device: {actual!r} instead of {wanted!r}.\n")
+        actual, target = value_at(shown, path), value_at(intended, path)
+        notes.write(f"imuscope: {setting.name} {path} was changed by the device: {actual!r} instead of {target!r}.\n")
 
 
 def _readable(fields: Sequence[Field], values: Values | None) -> Values | None:

@@ -60,8 +60,8 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
 
     decode_options, access = config.reading(), Access(config)
     secrets = decode_options.secrets
-    given = [str(value) for name, value in config.decode_options.items() if name in secrets]
-    keys = logging_setup.secrets_of(access.view_token, access.control_token, *given, *secrets.values())
+    secrets_in_config = [str(value) for name, value in config.decode_options.items() if name in secrets]
+    keys = logging_setup.secrets_of(access.view_token, access.control_token, *secrets_in_config, *secrets.values())
     logging_setup.install(config.log_format, config.log_level, keys)
     tls_renewal = http_server.keeper_of(config)
     _check_extensions(config)
@@ -88,7 +88,7 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
 
 def _config(options: argparse.Namespace) -> Config:
     declared = declared_options()
-    given = {
+    values = {
         name: option_text(declared[name], value) if declared[name].kind == "secret" else value
         for name, value in given_options(options).items()
     }
@@ -114,14 +114,14 @@ def _config(options: argparse.Namespace) -> Config:
         fleet=_fleet(options),
         log_format=options.log_format,
         log_level=options.log_level,
-        **given,
+        **values,
     )
 
 
 def _fleet(options: argparse.Namespace) -> dict[str, str] | None:
     """Settings of the fleet that options give; those of the file stay beside them."""
-    given = {"router": options.fleet, "name": options.fleet_name}
-    return {name: text for name, text in given.items() if text is not None} or None
+    values = {"router": options.fleet, "name": options.fleet_name}
+    return {name: text for name, text in values.items() if text is not None} or None
 
 
 def _check_extensions(config: Config) -> None:

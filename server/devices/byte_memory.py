@@ -215,13 +215,13 @@ class LinkMemory:
 def _runs(
     parts: list[tuple[Direction, list[ByteRun], list[Sequence[Chunk]]]], since_ns: int, until_ns: int
 ) -> list[ByteRun]:
-    found: list[ByteRun] = []
+    runs: list[ByteRun] = []
     for direction, blocks, waiting in parts:
         stored = [block for block in blocks if block.arrival_ns[-1] >= since_ns and block.arrival_ns[0] < until_ns]
         if waiting:
             stored.append(_packed(direction, waiting))
-        found += [run for block in stored if (run := block.between(since_ns, until_ns)) is not None]
-    return found
+        runs += [run for block in stored if (run := block.between(since_ns, until_ns)) is not None]
+    return runs
 
 
 class Follower:

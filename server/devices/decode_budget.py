@@ -91,17 +91,17 @@ class Slices:
         self._costs = Costs()
         self._most = INITIAL_BYTES  # largest size known to fit
         self._began = 0.0
-        self._taken = 0
+        self._used = 0
         self._has_room = asyncio.Event()
 
     def add(self, size: int) -> None:
         """Add bytes that are to be decoded."""
-        self._taken += size
+        self._used += size
 
     @property
     def is_full(self) -> bool:
         """Whether a whole slice has been added."""
-        return self._taken >= self.size
+        return self._used >= self.size
 
     async def wait_for_room(self) -> None:
         """Wait until a whole slice is decoded."""
@@ -115,7 +115,7 @@ class Slices:
 
     def end(self) -> None:
         """End a slice, and determine the size of the next one."""
-        size, self._taken = self._taken, 0
+        size, self._used = self._used, 0
         self._has_room.set()
         if not size:
             return

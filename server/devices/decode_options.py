@@ -104,13 +104,13 @@ def checked_options(protocol: str = "", texts: Mapping[str, str] | None = None) 
     )
 
 
-def changed(old: DecodeOptions, new: DecodeOptions, given: Collection[str]) -> DecodeOptions:
-    """`old` with the options of `new` that are in `given`: names, and "protocol".
+def changed(old: DecodeOptions, new: DecodeOptions, names: Collection[str]) -> DecodeOptions:
+    """`old` with the options of `new` that are in `names`: names, and "protocol".
 
     Descriptions of a vendor's own messages are added to the existing ones.
     """
-    values = {name: _merged(name, old, new) for name in given if name != PROTOCOL}
-    return old.replaced(values, new.protocol if PROTOCOL in given else None)
+    values = {name: _merged(name, old, new) for name in names if name != PROTOCOL}
+    return old.replaced(values, new.protocol if PROTOCOL in names else None)
 
 
 def recorded(options: DecodeOptions, about: Mapping[str, Any], usual: DecodeOptions) -> DecodeOptions:
@@ -131,24 +131,24 @@ def recorded(options: DecodeOptions, about: Mapping[str, Any], usual: DecodeOpti
     return made
 
 
-def secret_text(given: str, name: str = "key") -> str:
+def secret_text(secret: str, name: str = "key") -> str:
     """A secret that is given directly, or as @FILE.
 
     Raises:
         DecodeOptionError: the secret is empty, or the file cannot be read or is empty.
     """
-    if not given:
+    if not secret:
         raise DecodeOptionError(f"an empty {name} is not valid: give the {name}, or @FILE containing it")
-    if not given.startswith("@"):
-        return given
+    if not secret.startswith("@"):
+        return secret
     try:
-        text = Path(given[1:]).expanduser().read_text(encoding="ascii").strip()
+        text = Path(secret[1:]).expanduser().read_text(encoding="ascii").strip()
     except OSError as error:
-        raise DecodeOptionError(f"the {name} cannot be read from {given[1:]}: {error.strerror}") from None
+        raise DecodeOptionError(f"the {name} cannot be read from {secret[1:]}: {error.strerror}") from None
     except UnicodeDecodeError:
         text = ""
     if not text:
-        raise DecodeOptionError(f"{given[1:]} contains no {name}: it must contain its characters and nothing else")
+        raise DecodeOptionError(f"{secret[1:]} contains no {name}: it must contain its characters and nothing else")
     return text
 
 
@@ -166,27 +166,27 @@ def file_text(path: str, name: str) -> str:
         raise DecodeOptionError(f"{path} is not a text file") from None
 
 
-def option_text(option: DecodeOption, given: str | bool) -> str:
+def option_text(option: DecodeOption, value: str | bool) -> str:
     """Text of an option as written on the command line or in the settings: secrets and files may be in a file.
 
     Raises:
         DecodeOptionError: the file cannot be read.
     """
-    if isinstance(given, bool):
-        return "1" if given else ""
+    if isinstance(value, bool):
+        return "1" if value else ""
     if option.kind == "secret":
-        return secret_text(given, option.name)
-    return file_text(given, option.name) if option.kind == "file" and given else given
+        return secret_text(value, option.name)
+    return file_text(value, option.name) if option.kind == "file" and value else value
 
 
-def parse_source_options(source: str, given: DecodeOptions) -> tuple[str, DecodeOptions]:
-    """A source without its decode options, and `given` overridden by these options.
+def parse_source_options(source: str, defaults: DecodeOptions) -> tuple[str, DecodeOptions]:
+    """A source without its decode options, and `defaults` overridden by these options.
 
     Raises:
         DecodeOptionError: invalid value.
     """
     if "?" not in source or os.path.exists(source):
-        return source, given
+        return source, defaults
     place, _, query = source.partition("?")
     names = url_options()
     rest = []
@@ -194,12 +194,12 @@ def parse_source_options(source: str, given: DecodeOptions) -> tuple[str, Decode
         name, _, value = part.partition("=")
         value = unquote_plus(value)
         if name == PROTOCOL:
-            given = given.replaced({}, "" if value == "auto" else value)
+            defaults = defaults.replaced({}, "" if value == "auto" else value)
         elif name in names:
-            given = given.replaced({name: _checked(name, value)})
+            defaults = defaults.replaced({name: _checked(name, value)})
         else:
             rest.append(part)
-    return f"{place}?{'&'.join(rest)}" if rest else place, given
+    return f"{place}?{'&'.join(rest)}" if rest else place, defaults
 
 
 def _checked(name: str, text: str) -> str:

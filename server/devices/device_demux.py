@@ -289,14 +289,14 @@ class LinkDevices:
         """The figures of every device of the link for the page, its own first. Rejects are those of the link, because
         their sender is unknown.
         """
-        found = []
+        reports = []
         for sender in self.all:
             clock = sender.intake.clock if sender.intake is not None else None
             cause = sender.intake.jitter_cause(now) if sender.intake is not None else None
-            found.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause))
-        for one in found[1:]:
-            one.rejects, one.rejects_by = found[0].rejects, found[0].rejects_by
-        return found
+            reports.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause))
+        for one in reports[1:]:
+            one.rejects, one.rejects_by = reports[0].rejects, reports[0].rejects_by
+        return reports
 
     def unknown_payloads(self, now: float) -> list[wire.UnknownPayload]:
         """Unknown payloads of every device of the link."""

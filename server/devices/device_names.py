@@ -47,10 +47,10 @@ class DeviceNames:
         self._listeners: list[Callable[[], None]] = []
         self._read()
 
-    def id_of(self, source: str, taken: Collection[str]) -> str:
+    def id_of(self, source: str, ids_in_use: Collection[str]) -> str:
         """The id of a source that is opened; a new one if all of its ids are taken by devices that are open."""
         known = self._ids.get(source, [])
-        free = next((one for one in known if one not in taken), None)
+        free = next((one for one in known if one not in ids_in_use), None)
         if free is not None:
             return free
         new = str(self._next)
@@ -127,9 +127,9 @@ class DeviceNames:
         for source, ids in _texts(content.get("ids"), list):
             self._ids[source] = [one for one in ids if isinstance(one, str) and one.isascii() and one.isdigit()]
         self._names = dict(_texts(content.get("names"), str))
-        given = content.get("next")
+        next_number = content.get("next")
         used = [int(one) for ids in self._ids.values() for one in ids]
-        self._next = max([given if type(given) is int else 1, *(one + 1 for one in used)])
+        self._next = max([next_number if type(next_number) is int else 1, *(one + 1 for one in used)])
 
 
 def _texts(rows: object, kind: type[T]) -> list[tuple[str, T]]:

@@ -18,7 +18,7 @@ from imuscope.server.devices.link_stats import LinkStatistics
 from imuscope.server.listeners import CallbackList
 from imuscope.server.streaming.sink import TelemetrySink
 
-ATTEMPTS_KEPT = 12
+MAX_ATTEMPTS = 12
 ARRIVES_S = 2.0  # what is late is known from bytes that arrive
 FEWEST = 100  # delays, for one that 99 of 100 stay below
 _TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")
@@ -62,7 +62,7 @@ class DeviceState:
         attempts = self.info.attempts
         if attempts and (attempts[-1].what, attempts[-1].outcome) == (attempt.what, attempt.outcome):
             attempts = attempts[:-1]
-        self.set(attempts=[*attempts, attempt][-ATTEMPTS_KEPT:])
+        self.set(attempts=[*attempts, attempt][-MAX_ATTEMPTS:])
 
     def identified(self, identity: DeviceIdentity) -> None:
         """Store the reported identity of the device. With another serial number it is another sensor, of which nothing

@@ -84,5 +84,5 @@ class LinkStatistics:
 
     def report(self, now: float) -> list[MessageHealth]:
         """Rates and counts of all messages, the most frequent first."""
-        found = [MessageHealth(name, meter.rate(now), meter.total) for name, meter in self.messages.items()]
-        return sorted(found, key=lambda one: -one.count)
+        messages = [MessageHealth(name, meter.rate(now), meter.total) for name, meter in self.messages.items()]
+        return sorted(messages, key=lambda one: -one.count)

@@ -108,15 +108,15 @@ class SequenceStore:
     def _merge(self) -> None:
         """Merge numbers that another process wrote; the newer number wins."""
         known = self._read()
-        for (key_mark, device), (number, seen) in self._new.items():
+        for (key_mark, device), (number, stamp) in self._new.items():
             stored = known.setdefault(key_mark, {}).get(device)
             if stored is None or check_format_version(number, stored[0]):
-                known[key_mark][device] = (number, seen)
+                known[key_mark][device] = (number, stamp)
         self._states = known if self._path is not None else self._states
 
     def _write(self) -> None:
         entries = sorted(
-            ((seen, key_mark, one) for key_mark, all_ in self._states.items() for one, (_, seen) in all_.items())
+            ((stamp, key_mark, one) for key_mark, all_ in self._states.items() for one, (_, stamp) in all_.items())
         )
         for _, key_mark, one in entries[:-MAX_DEVICES]:
             del self._states[key_mark][one]
@@ -133,11 +133,11 @@ class SequenceStore:
             content = json.loads(self._path.read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError):
             return {}
-        found: Numbers = {}
+        numbers: Numbers = {}
         for key_mark, devices in content.items() if isinstance(content, dict) else ():
             for device, row in devices.items() if isinstance(devices, dict) else ():
                 with contextlib.suppress(TypeError, ValueError, IndexError, KeyError, OverflowError):
-                    number, seen, sender = int(row[0]), float(row[1]), int(device)
+                    number, stamp, sender = int(row[0]), float(row[1]), int(device)
                     if 0 <= number <= _MASK and 0 <= sender <= 0xFFFF:
-                        found.setdefault(str(key_mark), {})[str(sender)] = (number, seen)
-        return found
+                        numbers.setdefault(str(key_mark), {})[str(sender)] = (number, stamp)
+        return numbers

@@ -332,8 +332,8 @@ class Session(LinkAccess):
         stream = self._pipeline.stream
         if back and self.info.serial_number and stream is not None and not stream.identity.serial_number:
             self._set(unconfirmed_since=self._sink.now())  # another one may have been plugged in
-        is_asked = self._link.kind != "file" and not self.other_users  # else their own dialogue may tell it
-        if stream is not None and not stream.identity.product and is_asked:
+        is_identified = self._link.kind != "file" and not self.other_users  # else their own dialogue may tell it
+        if stream is not None and not stream.identity.product and is_identified:
             self._identification.request(self._protocols.about(self.info.protocol).identify_request)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._reporter.report("link", "info", text, data={"kind": "back" if back else "live"})
@@ -357,8 +357,8 @@ class Session(LinkAccess):
 
     def _on_contradiction(self, option: str, doubt: Doubt) -> None:
         """Use another value of an option if arrival times indicate it and the user has not set one."""
-        given = option in self.reading.values
-        if self._diagnostics.on_contradiction(option, doubt, given=given) and not given:
+        is_configured = option in self.reading.values
+        if self._diagnostics.on_contradiction(option, doubt, is_configured=is_configured) and not is_configured:
             self._pipeline.set_option(option, doubt.value)
         self._set(notices=self._notices)
 
@@ -393,16 +393,16 @@ class Session(LinkAccess):
         last, stream = self._stats.last_arrival, self._pipeline.stream
         if self._notices != self.info.notices:  # a link may learn later who is connected, or what was lost
             self._set(notices=self._notices)
-        self._ticks_since_bytes, looked = self._ticks_since_bytes + 1, self._ticks_since_bytes + 1 >= STALL_TICKS
+        self._ticks_since_bytes, is_due = self._ticks_since_bytes + 1, self._ticks_since_bytes + 1 >= STALL_TICKS
         quiet = self._silence.silence(now, max(last or 0.0, self._opened_at))
         if stream is None and self._pipeline.detector:
             self._pipeline.mark_dirty()
             self._scheduler.request()
-        if looked and stream is not None and stream.buffered and quiet > STALL_S:
+        if is_due and stream is not None and stream.buffered and quiet > STALL_S:
             is_new, self._stalled = not self._stalled, True
             if quiet > GIVE_UP_S or (is_new and self._pipeline.hides_messages()):
                 self._drain(final=True)
-        if self.info.status == "live" and looked and quiet > self._silence.limit and not self._link.backlog:
+        if self.info.status == "live" and is_due and quiet > self._silence.limit and not self._link.backlog:
             text = f"No data from {self.info.source} for {quiet:.1f} s; the link is still open."
             self._fell_silent(text, LINK_SILENT_HINT)
         elif self.info.status in ("live", "lost") and self._decode_watchdog.update(
@@ -430,11 +430,11 @@ class Session(LinkAccess):
 
     def health_of_all(self, now: float) -> list[wire.DeviceHealth]:
         """The figures for the page of every device on the link."""
-        found = self.devices.health_of_all(now, self._link.capacity)
+        reports = self.devices.health_of_all(now, self._link.capacity)
         decoding = self.behind(now)
-        for one in found:
+        for one in reports:
             one.behind.decoding = decoding
-        return found
+        return reports
 
     def behind(self, now: float) -> float:
         """Age of the oldest bytes that have arrived and are not decoded, s; 0 if there are none."""

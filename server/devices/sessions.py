@@ -145,9 +145,9 @@ class Sessions:
         Raises:
             LinkError: kind "bad-source".
         """
-        wanted = SourceUrl.parse(source)
-        found = (one for one in self._sessions.values() if SourceUrl.parse(one.info.source).same_place(wanted))
-        return next(found, None)
+        address = SourceUrl.parse(source)
+        sessions = (one for one in self._sessions.values() if SourceUrl.parse(one.info.source).same_place(address))
+        return next(sessions, None)
 
     def add_all(self, source: str, reading: DecodeOptions = DecodeOptions()) -> list[Session]:  # noqa: B008 - frozen
         """Open a source, or each device of a recording. As `add`; returns at least one session."""
@@ -179,12 +179,12 @@ class Sessions:
         infos = self.infos
         if any(info.id == device for info in infos):
             return device
-        found = [info.id for info in infos if info.key == device]
-        if len(found) > 1:
-            raise DomainError("which-device", f"{len(found)} devices are {device}.", f"Name one: {', '.join(found)}.")
-        if not found:
+        ids = [info.id for info in infos if info.key == device]
+        if len(ids) > 1:
+            raise DomainError("which-device", f"{len(ids)} devices are {device}.", f"Name one: {', '.join(ids)}.")
+        if not ids:
             raise KeyError(device)
-        return found[0]
+        return ids[0]
 
     def _renamed(self) -> None:
         for session in self._sessions.values():

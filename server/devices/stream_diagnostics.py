@@ -158,21 +158,21 @@ class StreamDiagnostics:
         if not is_network(kind) or "exposed" in self._reported:
             return False
         families = [(one.protection, *_unprotected(one.protocol)) for one in devices]
-        found = [(mode, hint) for protection, mode, hint in families if mode and protection.startswith(mode)]
-        if not found:
+        hints = [(mode, hint) for protection, mode, hint in families if mode and protection.startswith(mode)]
+        if not hints:
             return False
-        [(mode, hint), *_] = found
+        [(mode, hint), *_] = hints
         self._reported.add("exposed")
         words = "arrive over a network, where their values are not protected against damage or forgery."
         self._report("warning", f"Frames in {mode} mode {words} {hint}", {"reason": "exposed"})
         return True
 
-    def on_contradiction(self, option: str, doubt: Doubt, *, given: bool) -> bool:
+    def on_contradiction(self, option: str, doubt: Doubt, *, is_configured: bool) -> bool:
         """Report that arrival times contradict the value of an option; True if that is new."""
         if option in self._reported:
             return False
         self._reported.add(option)
-        if given:
+        if is_configured:
             words = f"The {doubt.subject} contradict their arrival: {doubt.reason}. Consider {option}={doubt.value}."
         else:
             words = doubt_text(option, doubt)
@@ -189,15 +189,15 @@ class StreamDiagnostics:
         if "mixed" in self._reported or not self._recent or (now - self._checked_at < CHECK_INTERVAL_S and not at_once):
             return False
         self._checked_at = now
-        found = self._count_messages(b"".join(self._recent)[-RECENT_BYTES:])
+        counts = self._count_messages(b"".join(self._recent)[-RECENT_BYTES:])
         self._recent.clear()
-        others = [name for name, count in found.items() if count >= FEW and name != protocol]
+        others = [name for name, count in counts.items() if count >= FEW and name != protocol]
         if not others:
             return False
         self._reported.add("mixed")
         here, names = self._title(protocol), " and ".join(self._title(name) for name in others)
         data = {"protocols": [protocol, *others]}
-        if samples or found.get(protocol, 0) >= FEW:
+        if samples or counts.get(protocol, 0) >= FEW:
             words = f"Two protocols are mixed in this stream, {here} and {names}: it is decoded as {here}."
             self._report("warning", f"{words} Use a separate link for each device.", data)
             return True

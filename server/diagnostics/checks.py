@@ -53,13 +53,13 @@ class Finding:
 
     Args:
         about: subject: "/dev/ttyUSB0", "data folder".
-        found: one sentence.
+        message: one sentence.
         todo: remedies: commands, or sentences.
     """
 
     status: Status
     about: str
-    found: str
+    message: str
     todo: tuple[str, ...] = ()
 
 
@@ -100,8 +100,8 @@ class Machine:
 def run_checks(machine: Machine) -> list[Finding]:
     """All findings, in the order listed at the top of this file."""
     offset = machine.wall() - machine.steady()
-    found = [*ports(machine), *programs(machine), *disk(machine)]
-    return [*found, *clock(machine, offset), *memory(machine), *processor(machine), *program(machine)]
+    findings = [*ports(machine), *programs(machine), *disk(machine)]
+    return [*findings, *clock(machine, offset), *memory(machine), *processor(machine), *program(machine)]
 
 
 # ── ports ────────────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -279,10 +279,10 @@ def clock(machine: Machine, offset: float) -> Iterator[Finding]:
         todo = ("sudo timedatectl set-ntp true", "without a network: sudo date -s '2026-11-21 08:30:00'")
         yield Finding("problem", "clock", f"It says {time.strftime('%Y-%m-%d', time.gmtime(now))}: never set.", todo)
         return
-    kept = machine.synchronised()
-    if kept:
+    is_synchronised = machine.synchronised()
+    if is_synchronised:
         yield Finding("ok", "clock", "It is synchronised.")
-    elif kept is not None:
+    elif is_synchronised is not None:
         words = "It is not synchronised: the times of recordings of several machines will differ."
         yield Finding("warning", "clock", words, ("sudo timedatectl set-ntp true", "or: sudo apt install chrony"))
     step = now - machine.steady() - offset

@@ -47,8 +47,8 @@ def load_alone(name: str) -> Any:
         ImportError: there is no such module.
     """
     package, _, own = name.rpartition(".")
-    found = find_spec(package) if package else None
-    for folder in (found.submodule_search_locations or ()) if found is not None else ():
+    location = find_spec(package) if package else None
+    for folder in (location.submodule_search_locations or ()) if location is not None else ():
         spec = spec_from_file_location(name, Path(folder) / f"{own}.py")
         if spec is not None and spec.loader is not None and Path(folder, f"{own}.py").is_file():
             module = module_from_spec(spec)

@@ -19,7 +19,7 @@ from typing import Any
 
 READ_BYTES = 1 << 16
 CONNECT_S = 5.0
-LOCKED_S, LOOK_S = 0.5, 0.02
+LOCKED_S, POLL_S = 0.5, 0.02
 MOST_WAITING = 1 << 15  # bytes for the device beyond which clients are not read
 NETWORK_CAPACITY = 1e6  # bytes/s, of a device server: more than any serial line behind it
 EMPTY_READS = 3  # consecutive empty reads after which the port counts as gone
@@ -87,7 +87,7 @@ class Port:
             except PortError as error:
                 if error.number not in (errno.EAGAIN, errno.EBUSY) or time.monotonic() > deadline:
                     raise
-                time.sleep(LOOK_S)
+                time.sleep(POLL_S)
             else:
                 self._empty_reads = 0
                 return

@@ -109,7 +109,7 @@ class Holder:
 
     def _tick(self, now: float) -> None:
         self.sharing.server_waits = bool(self.server.writes) or self.arbiter.is_locked
-        self.sharing.look(now)
+        self.sharing.update(now)
         if not self.port.is_open and now >= self._retry_at:
             self._open_port()
         if self.server.writes and self.arbiter.may_speak(SERVER, now):

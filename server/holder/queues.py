@@ -77,12 +77,12 @@ class ClientQueue:
         self.size, self._is_cut = 0, False
 
     def _drop_chunks(self) -> None:
-        kept = [self._chunks.popleft()] if self._is_cut else []
+        chunks = [self._chunks.popleft()] if self._is_cut else []
         while len(self._chunks) > 1 and self.size > self._most // 2:
             size = len(self._chunks.popleft())
             self.size -= size
             self.dropped_bytes += size
-        self._chunks.extendleft(kept)
+        self._chunks.extendleft(chunks)
 
     def _drop_frames(self, frame_size: FrameSize) -> None:
         data = b"".join(self._chunks)

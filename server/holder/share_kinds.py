@@ -80,7 +80,7 @@ class Share(ABC):
     def clean(self) -> None:  # noqa: B027 - most kinds have a connection for each client
         """Discard what a client that has left did not read: the next one must not get it."""
 
-    def look(self) -> tuple[Client | None, Client | None]:
+    def update(self) -> tuple[Client | None, Client | None]:
         """The client that came and the one that left since the last call, for shares without a listener."""
         return None, None
 
@@ -154,7 +154,7 @@ class PtyShare(Share):
         except OSError:
             pass
 
-    def look(self) -> tuple[Client | None, Client | None]:
+    def update(self) -> tuple[Client | None, Client | None]:
         if self._master < 0:
             return None, None
         poll = select.poll()
@@ -281,7 +281,7 @@ class UdpShare(Share):
             self._socket.close()
             self._socket = None
 
-    def look(self) -> tuple[Client | None, Client | None]:
+    def update(self) -> tuple[Client | None, Client | None]:
         if self.clients or self._socket is None:
             return None, None
         return self._add(self.address.text, self._socket.fileno(), UdpClient), None

@@ -124,10 +124,10 @@ class Sharing:
 
     # ── clients come and leave ───────────────────────────────────────────────────────────────────────────────────────
 
-    def look(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """Find who opened or closed a terminal, or set its rate; let those speak who waited. Called at every tick."""
         for share in self.shares:
-            came, left = share.look()
+            came, left = share.update()
             for client in share.clients:
                 self._follow_rate(client, now)
             if left is not None:
@@ -231,12 +231,12 @@ class Sharing:
         if client.wanted_baud is None or client.paused_since or now - client.wanted_since < SETTLE_S:
             return
         if self._port.has_sent_all() or now - client.wanted_since > MOST_SETTLE_S:
-            wanted, client.wanted_baud = client.wanted_baud, None
-            if wanted != self._port.baud:
+            baud, client.wanted_baud = client.wanted_baud, None
+            if baud != self._port.baud:
                 try:
-                    self._port.set_baud(wanted)
+                    self._port.set_baud(baud)
                 except PortError:
-                    client.refused_baud = wanted
+                    client.refused_baud = baud
                 self.changed = True
 
     # ── to clients ───────────────────────────────────────────────────────────────────────────────────────────────────

@@ -57,15 +57,15 @@ class TileSource:
         Raises:
             DomainError: the tile does not exist or cannot be fetched.
         """
-        found = self._cached.get((z, x, y))
-        if found is not None:
+        entry = self._cached.get((z, x, y))
+        if entry is not None:
             self._cached.move_to_end((z, x, y))
-            return found
+            return entry
         address = self.settings.tiles.replace("{z}", str(z)).replace("{x}", str(x)).replace("{y}", str(y))
         async with self._slots:
-            found = await asyncio.to_thread(self._fetch, address)
-        self._cache((z, x, y), found)
-        return found
+            entry = await asyncio.to_thread(self._fetch, address)
+        self._cache((z, x, y), entry)
+        return entry
 
     def _fetch(self, address: str) -> Tile:
         request = urllib.request.Request(address, headers={"user-agent": f"imuscope/{VERSION}"})

@@ -122,19 +122,19 @@ class FoxgloveLink(MessageLink):
         if not self._connected:
             return []
         channels = list(self._advertised.values())
-        seen = [one.topic for one in channels]
-        found = [one.reason for one in channels if one.reason and self._is_asked(one.topic.name)]
-        if absent := [name for name in self.where.topics if all(topic.name != name for topic in seen)]:
-            found.append(missing_topic(absent, sorted(seen, key=lambda one: one.name), self.where.place))
+        topics = [one.topic for one in channels]
+        reasons = [one.reason for one in channels if one.reason and self._is_requested(one.topic.name)]
+        if absent := [name for name in self.where.topics if all(topic.name != name for topic in topics)]:
+            reasons.append(missing_topic(absent, sorted(topics, key=lambda one: one.name), self.where.place))
         elif not self.where.topics and not any(one.channel for one in channels):
-            found.append(nameless(seen))
-        return found
+            reasons.append(nameless(topics))
+        return reasons
 
     @notices.setter
     def notices(self, notices: list[str]) -> None:
         """Ignore notices: they are made on request."""
 
-    def _is_asked(self, topic: str) -> bool:
+    def _is_requested(self, topic: str) -> bool:
         return topic in self.where.topics
 
     # -- the thread ----------------------------------------------------------------------------------------------------
@@ -277,9 +277,9 @@ class FoxgloveLink(MessageLink):
                     if not opened.done():
                         opened.set_result(str(message.get("name", ""))[:80])
                 case "advertise":
-                    wanted = [one for one in message["channels"] if self._advertise(one)]
-                    if wanted:
-                        subscriptions = [{"id": one["id"], "channelId": one["id"]} for one in wanted]
+                    channels = [one for one in message["channels"] if self._advertise(one)]
+                    if channels:
+                        subscriptions = [{"id": one["id"], "channelId": one["id"]} for one in channels]
                         await connection.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
                 case "unadvertise":
                     for number in message["channelIds"]:
@@ -295,13 +295,13 @@ class FoxgloveLink(MessageLink):
             return False
         topic = SeenTopic(str(about["topic"])[:256], str(about.get("schemaName", ""))[:256])
         one = self._advertised[number] = _Advertised(topic, 0)
-        asked = self._is_asked(topic.name)
-        if self.where.topics and not asked:
+        is_requested = self._is_requested(topic.name)
+        if self.where.topics and not is_requested:
             return False
         if self.where.type and topic.type != self.where.type:
             one.reason = other_type(topic, self.where.type)
             return False
-        if not asked and topic.type in NO_NUMBERS:
+        if not is_requested and topic.type in NO_NUMBERS:
             return False
         encoding = str(about["encoding"])
         schema_encoding = str(about.get("schemaEncoding") or SCHEMA_ENCODINGS.get(encoding, ""))
@@ -338,8 +338,8 @@ class FoxgloveLink(MessageLink):
 def _words_of(body: bytes | bytearray | None) -> tuple[str, str, str] | None:
     """Kind, message and hint of an error of another imuscope; None for any other answer."""
     try:
-        said = json.loads(body or b"")
-        return str(said["kind"]), str(said["message"])[:200], str(said["hint"])[:200]
+        answer = json.loads(body or b"")
+        return str(answer["kind"]), str(answer["message"])[:200], str(answer["hint"])[:200]
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
 

@@ -51,16 +51,16 @@ class FtdiPacketizer:
             room = self._packet - len(self._held)
             full_ns = begin_ns + room * byte_ns
             if len(data) >= room and full_ns <= expires_ns:
-                taken, at_ns = int(room), full_ns
+                size, at_ns = int(room), full_ns
             else:
                 arrived = (expires_ns - begin_ns) / byte_ns if byte_ns else (math.inf if begin_ns <= expires_ns else 0)
                 if arrived >= len(data):
                     self._held += data
                     return out
-                taken, at_ns = max(0, math.floor(arrived)), expires_ns
-            out.append((math.ceil(at_ns), self._held + data[:taken]))
+                size, at_ns = max(0, math.floor(arrived)), expires_ns
+            out.append((math.ceil(at_ns), self._held + data[:size]))
             self._held, self._started_ns = b"", at_ns
-            data, begin_ns = data[taken:], begin_ns + taken * byte_ns
+            data, begin_ns = data[size:], begin_ns + size * byte_ns
         return out
 
     def expired(self, now_ns: int) -> tuple[int, bytes] | None:

@@ -212,8 +212,8 @@ class SharedPortLink(ThreadedLink):
                         text = f"{self.source} is held for another imuscope (process {hello['busy']})."
                         raise LinkError("busy", text, hint)
                 if kind == MessageKind.STATE:
-                    found: Mapping[str, Any] = json.loads(body)
-                    return found
+                    greeting: Mapping[str, Any] = json.loads(body)
+                    return greeting
         raise ConnectionResetError("it ended")
 
     def _take_state(self, state: Mapping[str, Any]) -> None:
@@ -285,7 +285,7 @@ class SharedPortLink(ThreadedLink):
     # ── sending ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def write(self, data: bytes) -> int | None:
-        stamp_ns = await self._ask(lambda number: message(MessageKind.WRITE, number.to_bytes(4, "little") + data))
+        stamp_ns = await self._transfer(lambda number: message(MessageKind.WRITE, number.to_bytes(4, "little") + data))
         return None if stamp_ns is None else stamp_ns + self._offset_ns
 
     async def request(self, do: str, **arguments: Any) -> None:
@@ -294,9 +294,9 @@ class SharedPortLink(ThreadedLink):
         Raises:
             LinkError: it cannot be carried out.
         """
-        await self._ask(lambda number: json_message(MessageKind.REQUEST, {"id": number, "do": do, **arguments}))
+        await self._transfer(lambda number: json_message(MessageKind.REQUEST, {"id": number, "do": do, **arguments}))
 
-    async def _ask(self, make: Callable[[int], bytes]) -> int | None:
+    async def _transfer(self, make: Callable[[int], bytes]) -> int | None:
         """Send a message and wait for its answer: of a write, its monotonic time in ns. LinkError: as `request`."""
         connection = self._connection
         if connection is None:
@@ -372,8 +372,8 @@ class SharedPortLink(ThreadedLink):
         if (frames, configuration) != self._frames:
             self._frames = frames, configuration
             if self._connection is not None:
-                asked = self.request("frames", module=frames, configuration=configuration)
-                task = asyncio.get_running_loop().create_task(asked, name="frames")
+                request = self.request("frames", module=frames, configuration=configuration)
+                task = asyncio.get_running_loop().create_task(request, name="frames")
                 task.add_done_callback(lambda done: done.cancelled() or done.exception())
 
     # ── the rate ─────────────────────────────────────────────────────────────────────────────────────────────────────

@@ -196,17 +196,17 @@ def listed(topics: Sequence[SeenTopic]) -> str:
     return f"{some} and {more} more" if more > 0 else some
 
 
-def missing_topic(topics: Sequence[str], seen: Sequence[SeenTopic], place: str) -> str:
+def missing_topic(topics: Sequence[str], available: Sequence[SeenTopic], place: str) -> str:
     """A sentence about topics that nobody publishes, and what there is."""
     names = " or ".join(topics)
-    if not seen:
+    if not available:
         return f"No publisher of {names} at {place} yet; no topics are seen there."
-    return f"No publisher of {names}; topics seen: {listed(seen)}."
+    return f"No publisher of {names}; topics seen: {listed(available)}."
 
 
-def other_type(topic: SeenTopic, wanted: str) -> str:
+def other_type(topic: SeenTopic, expected: str) -> str:
     """A sentence about a topic of another type than asked for."""
-    return f"{topic.name} is {topic.type}, not {wanted}: leave type out of the source, or set it to {topic.type}."
+    return f"{topic.name} is {topic.type}, not {expected}: leave type out of the source, or set it to {topic.type}."
 
 
 def nameless(topics: Sequence[SeenTopic]) -> str:

@@ -134,14 +134,14 @@ class PipeLink(FileLink):
         now_ns = self.settings.now_ns
         start_ns = 0  # when the first byte was due; moved while no more data is waiting
         for piece in CaptureTiming(cast(BinaryIO, reader), decoder, LONGEST_PAUSE_NS):
-            given = reader.take(len(piece.data))
+            size = reader.take(len(piece.data))
             now = now_ns()
-            if given == len(piece.data) or not start_ns or not pipe.is_ready:
+            if size == len(piece.data) or not start_ns or not pipe.is_ready:
                 start_ns = now - piece.due_ns
             elif wait((start_ns + piece.due_ns - now) / 1e9 if start_ns + piece.due_ns > now else 0.0):
                 return
-            if given < len(piece.data):
-                self._give(inbox, piece.data[given:])
+            if size < len(piece.data):
+                self._give(inbox, piece.data[size:])
 
     def _give(self, inbox: ChunkQueue, data: bytes) -> None:
         inbox.put(Chunk(data, self.settings.now_ns()))
@@ -171,7 +171,7 @@ class _PipeReader:
 
     def take(self, size: int) -> int:
         """Take the next `size` bytes, which are due; return how many of them were released before."""
-        given = min(self._ahead, size)
-        self._ahead -= given
-        del self._held[: size - given]
-        return given
+        amount = min(self._ahead, size)
+        self._ahead -= amount
+        del self._held[: size - amount]
+        return amount

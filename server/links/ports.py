@@ -72,12 +72,12 @@ def list_ports(in_use: Collection[str] = ()) -> list[PortInfo]:
     Args:
         in_use: paths in use by sessions.
     """
-    found = {port.device: _describe(port) for port in system_ports.comports() if not _is_empty(port.device)}
+    by_device = {port.device: _describe(port) for port in system_ports.comports() if not _is_empty(port.device)}
     for pattern in BOARD_PORTS:
         for path in glob.glob(f"/dev/{pattern}"):
-            found.setdefault(path, "serial port of this board")
-    taken = {os.path.realpath(path) for path in in_use}
-    return [_info(device, found[device], taken) for device in sorted(found, key=_natural)]
+            by_device.setdefault(path, "serial port of this board")
+    in_use_paths = {os.path.realpath(path) for path in in_use}
+    return [_info(device, by_device[device], in_use_paths) for device in sorted(by_device, key=_natural)]
 
 
 def _is_empty(device: str) -> bool:
@@ -88,9 +88,9 @@ def _is_empty(device: str) -> bool:
         return False
 
 
-def _info(device: str, description: str, taken: Collection[str]) -> PortInfo:
+def _info(device: str, description: str, in_use_paths: Collection[str]) -> PortInfo:
     info = PortInfo(device, description)
-    if os.path.realpath(device) in taken:
+    if os.path.realpath(device) in in_use_paths:
         info.busy = "a session of this server"
         return info
     info.busy = holder(device)
@@ -146,8 +146,8 @@ async def listen(port: str, progress: Callable[[Attempt], None] | None, windows:
         report(Attempt("open", str(error), time.time()))
         return attempts
     try:
-        found = await scan_rates(opened, progress=report, windows=windows)
-        if not any(one.result.size for one in found):
+        result = await scan_rates(opened, progress=report, windows=windows)
+        if not any(one.result.size for one in result):
             report(Attempt("all rates", "0 B at every rate: is it powered, and set to send?", time.time()))
     except (OSError, SerialException) as failure:
         report(Attempt("read", str(gone(port, failure)), time.time()))
@@ -173,8 +173,8 @@ async def scan(
     infos = await asyncio.to_thread(list_ports, in_use)
     if ports is not None:
         known = {info.device: info for info in infos}
-        taken = {os.path.realpath(path) for path in in_use}
-        infos = [known.get(path) or _info(path, "as named", taken) for path in ports]
+        in_use_paths = {os.path.realpath(path) for path in in_use}
+        infos = [known.get(path) or _info(path, "as named", in_use_paths) for path in ports]
 
     async def one(info: PortInfo) -> None:
         report = (lambda attempt: progress(info.device, attempt)) if progress is not None else None

@@ -150,23 +150,23 @@ class ChunkQueue:
 
     def _take_some(self) -> list[Chunk]:
         """Remove and return the oldest chunks, about `Flow.at_once` bytes."""
-        most, taken = self._link.flow.at_once, 0
+        most, size = self._link.flow.at_once, 0
         if self._size <= most:
             chunks = list(self._chunks)
             self._chunks.clear()
             self._size = 0
             return chunks
         chunks = []
-        while self._chunks and taken < most:
+        while self._chunks and size < most:
             chunk = self._chunks.popleft()
-            room = max(most - taken, MIN_BYTES)
+            room = max(most - size, MIN_BYTES)
             if len(chunk.data) > room and not (self._link.datagrams and self._link.flow.keep_datagrams):
                 self._chunks.appendleft(Chunk(chunk.data[room:], chunk.arrival_ns))
                 chunk = Chunk(chunk.data[:room], chunk.arrival_ns, chunk.restart)
                 self._size += CHUNK_COST
             chunks.append(chunk)
-            taken += len(chunk.data) + CHUNK_COST
-        self._size -= taken
+            size += len(chunk.data) + CHUNK_COST
+        self._size -= size
         return chunks
 
     def expect_reply(self) -> None:

@@ -76,8 +76,8 @@ def load_links() -> list[str]:
     Returns:
         One sentence for each package whose links cannot be used.
     """
-    for found in pkgutil.iter_modules([str(Path(__file__).parent)]):
-        import_module(f"{__package__}.{found.name}")
+    for module in pkgutil.iter_modules([str(Path(__file__).parent)]):
+        import_module(f"{__package__}.{module.name}")
     return import_plugins(GROUP, "link")
 
 

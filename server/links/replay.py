@@ -66,13 +66,13 @@ def split_devices(text: str) -> list[str]:
     if len(devices) < 2:
         return [text]
     options = [f"{name}={value}" for name, value in source.options.items()]
-    found = []
+    sources = []
     for device in devices.values():
         mine = [*options, f"device={quote(device.id)}"]
         if device.protocol and "protocol" not in source.options:
             mine.append(f"protocol={device.protocol}")
-        found.append(f"{source.place}?{'&'.join(mine)}")
-    return found
+        sources.append(f"{source.place}?{'&'.join(mine)}")
+    return sources
 
 
 class ReplayLink(FileLink):

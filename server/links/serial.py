@@ -283,15 +283,15 @@ def lock_of(place: str) -> tuple[str, str, str]:
 
 def busy(place: str) -> LinkError:
     """Error for a port that another program has, and how both can use it."""
-    found = programs_with(place)
-    other = next((one for one in found if one.name != OWN and one.pid != os.getpid()), None)
+    programs = programs_with(place)
+    other = next((one for one in programs if one.name != OWN and one.pid != os.getpid()), None)
     if other is not None:
         return LinkError("busy", f"{place} is in use by {other}.", " ".join(unblock_steps(place, other.name)))
-    if any(one.pid == os.getpid() for one in found):
+    if any(one.pid == os.getpid() for one in programs):
         hint = "A port can have only one source: remove the other, or choose another port."
         return LinkError("busy", f"{place} is in use by this server.", hint)
-    if found:
-        return LinkError("busy", f"{place} is in use by {found[0]}.", "Open the page of that one, or stop it.")
+    if programs:
+        return LinkError("busy", f"{place} is in use by {programs[0]}.", "Open the page of that one, or stop it.")
     hint = f"Close the program that has it (minicom, ModemManager?). As root, `fuser {place}` shows it."
     return LinkError("busy", f"{place} is in use by another program.", f"{hint} {SHARE_FIRST}")
 

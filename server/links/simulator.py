@@ -185,12 +185,12 @@ class SimulatorThread(threading.Thread):
         if not self._backlog:
             return
         try:
-            taken = os.write(self._master, self._backlog)
+            size = os.write(self._master, self._backlog)
         except BlockingIOError:
-            taken = 0
+            size = 0
         is_open = self._slave_fd < 0
         most = HELD_BYTES if is_open else 0  # bytes from before the port was opened are not needed
-        rest = self._backlog[taken:]
+        rest = self._backlog[size:]
         self._to_host.overflowed += max(0, len(rest) - most)
         self._backlog = rest[:most]
 

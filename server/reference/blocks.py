@@ -130,7 +130,7 @@ def _markdown(block: Block) -> str:
 
 def _escaped(text: str) -> str:
     return "".join(
-        part if part.startswith("`") else _PLAIN.sub(lambda found: f"\\{found[0]}", part) for part in _CODE.split(text)
+        part if part.startswith("`") else _PLAIN.sub(lambda match: f"\\{match[0]}", part) for part in _CODE.split(text)
     )
 
 

@@ -118,12 +118,12 @@ def _shape(name: str, schema: Schema, comments: Mapping[str, str]) -> Iterator[B
 
 def _arguments(text: str) -> dict[str, str]:
     """Field → meaning, from the section Args of a docstring."""
-    found: dict[str, str] = {}
+    arguments: dict[str, str] = {}
     for entry in re.split(r"\n(?! )", textwrap.dedent(text).strip()):
         names, colon, meaning = entry.partition(": ")
         if colon:
-            found |= dict.fromkeys(names.split(", "), " ".join(meaning.split()))
-    return found
+            arguments |= dict.fromkeys(names.split(", "), " ".join(meaning.split()))
+    return arguments
 
 
 def _type(schema: Schema) -> str:

@@ -131,14 +131,14 @@ def _fields(node: ast.ClassDef, lines: list[str]) -> Iterator[tuple[ast.AnnAssig
 
 def field_comments() -> dict[str, dict[str, str]]:
     """Class name → field → the comment behind it, for every dataclass of the wire and the HTTP API."""
-    found: dict[str, dict[str, str]] = {}
+    comments: dict[str, dict[str, str]] = {}
     for module in (module for target in TARGETS for module in (target.module, *target.parts)):
         source = Path(str(module.__file__)).read_text(encoding="utf-8")
         tree = ast.parse(source)
         own = ((node, source.splitlines()) for node in tree.body if isinstance(node, ast.ClassDef))
         for node, lines in (*_borrowed_records(tree), *own):
-            found[node.name] = {name: comment for _, name, comment in _fields(node, lines) if comment}
-    return found
+            comments[node.name] = {name: comment for _, name, comment in _fields(node, lines) if comment}
+    return comments
 
 
 def _is_alias(node: ast.Assign, known: set[str]) -> bool:
@@ -148,14 +148,14 @@ def _is_alias(node: ast.Assign, known: set[str]) -> bool:
 
 def _reachable(nodes: dict[str, ast.stmt], roots: tuple[str, ...]) -> set[str]:
     """The names that `roots` refer to, directly or indirectly; the others are for Python only."""
-    found: set[str] = set()
+    names: set[str] = set()
     todo = list(roots)
     while todo:
         name = todo.pop()
-        if name in nodes and name not in found:
-            found.add(name)
+        if name in nodes and name not in names:
+            names.add(name)
             todo += [part.id for part in ast.walk(nodes[name]) if isinstance(part, ast.Name)]
-    return found
+    return names
 
 
 def _imports(tree: ast.Module) -> Iterator[str]:
@@ -194,11 +194,11 @@ def _declarations(source: str, roots: tuple[str, ...]) -> Iterator[str]:
             nodes[node.name] = node
         elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _is_alias(node, set(nodes)):
             nodes[node.targets[0].id] = node
-    wanted = _reachable(nodes, roots or tuple(nodes))
+    reachable = _reachable(nodes, roots or tuple(nodes))
     for name, node in nodes.items():
-        if name in wanted and isinstance(node, ast.ClassDef):
+        if name in reachable and isinstance(node, ast.ClassDef):
             yield _interface(node, lines)
-        elif name in wanted and isinstance(node, ast.Assign):
+        elif name in reachable and isinstance(node, ast.Assign):
             yield f"export type {name} = {typescript_type(node.value)};\n"
 
 

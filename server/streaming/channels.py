@@ -101,7 +101,7 @@ class ChannelRegistry:
         Args:
             batches: each with its device time mapped to host time, (n,) float64 unix seconds, NaN where unknown.
         """
-        found: dict[int, list[tuple[Array, list[Array]]]] = {}
+        by_channel: dict[int, list[tuple[Array, list[Array]]]] = {}
         for batch, time in batches:
             arrival = batch.arrival_ns / 1e9
             for cut in self._plan(batch):
@@ -110,8 +110,8 @@ class ChannelRegistry:
                 if cut.per_sample != 1:
                     offset = np.repeat(offset, cut.per_sample)
                     columns[0], columns[1] = np.repeat(arrival, cut.per_sample), np.repeat(time, cut.per_sample)
-                found.setdefault(cut.channel, []).append((offset, columns))
-        return [ChannelRows(channel, _merged(parts)) for channel, parts in found.items()]
+                by_channel.setdefault(cut.channel, []).append((offset, columns))
+        return [ChannelRows(channel, _merged(parts)) for channel, parts in by_channel.items()]
 
     def _plan(self, batch: Batch) -> list[_ColumnPlan]:
         key = (id(batch.message), batch.verified)
@@ -289,18 +289,18 @@ def _describe(
 ) -> ChannelInfo | None:
     """The channel (id 0) of these fields, None if none of them is a number."""
     alone = fields[0] if len(fields) == 1 else None
-    found: list[ColumnInfo] = []
+    infos: list[ColumnInfo] = []
     for field in fields:
         array = np.asarray(columns[field.name])
         table = _table_of(array)
         prefix = "" if alone else field.name
-        found.extend(_column_infos(field, array, prefix) if table is None else _table_infos(field, array, table))
-    if not found:
+        infos.extend(_column_infos(field, array, prefix) if table is None else _table_infos(field, array, table))
+    if not infos:
         return None
     words = alone or Field(name, title=message.title or name, doc=message.doc, source=message.source)
     kind = _kind(alone, np.asarray(columns[alone.name]), message) if alone else "record"
-    if kind in ("scalar", "counter", "status") and len(found) == 1 and not found[0].label:
-        found[0].label = words.title or words.name
+    if kind in ("scalar", "counter", "status") and len(infos) == 1 and not infos[0].label:
+        infos[0].label = words.title or words.name
     return ChannelInfo(
         id=0,
         device=device,
@@ -310,7 +310,7 @@ def _describe(
         kind=kind,
         unit="" if "," in words.unit else words.unit,  # each column has its own
         frame=words.frame,
-        columns=_unique(found),
+        columns=_unique(infos),
         doc=words.doc,
         source=words.source,
         group="" if message.channel_per_field else message.title or message.name,
@@ -433,9 +433,9 @@ def _dtype(array: Array) -> Dtype:
 
 def _unique(columns: list[ColumnInfo]) -> list[ColumnInfo]:
     """Unique column names, by which a page finds them: repeated names get a number."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for column in columns:
-        seen[column.name] = seen.get(column.name, 0) + 1
-        if seen[column.name] > 1:
-            column.name = f"{column.name}{seen[column.name]}"
+        counts[column.name] = counts.get(column.name, 0) + 1
+        if counts[column.name] > 1:
+            column.name = f"{column.name}{counts[column.name]}"
     return columns

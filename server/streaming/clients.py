@@ -163,8 +163,8 @@ class ClientFanout:
     @property
     def sample_interval(self) -> float:
         """Interval between samples, s, of the most demanding client, regardless of the number of clients."""
-        wanted = min((queue.interval_s for queue in self._queues), default=UNWATCHED_S)
-        return max(FLUSH_S, wanted, self.shedding.page_interval)
+        interval = min((queue.interval_s for queue in self._queues), default=UNWATCHED_S)
+        return max(FLUSH_S, interval, self.shedding.page_interval)
 
     @property
     def flush_interval(self) -> float:
@@ -280,11 +280,11 @@ class ClientFanout:
             past: channels with history; None: all requested channels.
         """
         past_s, newest = min(request.history, self._store.history_s), self._store.newest()
-        wanted = None if request.channels is None else set(request.channels)
+        channels = None if request.channels is None else set(request.channels)
         spans = {}
         for channel in self._store.all:
             number = channel.info.id
-            if (wanted is None or number in wanted) and (past is None or number in past):
+            if (channels is None or number in channels) and (past is None or number in past):
                 offered = self._offered.get(number, 0)
                 since = newest.get(channel.info.device, 0.0) - past_s
                 spans[number] = (channel.ring, min(channel.ring.sequence_at(since), offered), offered)

@@ -4,8 +4,8 @@ There are two kinds. Events that are drawn in plots (a gap is a hatch, a clock s
 line) are stored for each device as long as its samples, because plots show both. Of all others, the newest are
 stored.
 
-    marks     gap, clock, marker    for history_s before the device's newest sample, at most MARKS_KEPT of each device
-    changes   everything else       the newest CHANGES_KEPT; a new browser gets CHANGES_RESENT of them
+    marks     gap, clock, marker    for history_s before the device's newest sample, at most MAX_MARKS of each device
+    changes   everything else       the newest MAX_CHANGES; a new browser gets CHANGES_RESENT of them
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from imuscope.server.wire import EventInfo, EventKind
 
 MARKS: frozenset[EventKind] = frozenset({"gap", "clock", "marker"})
 # Ten gaps a second and their sum (server/devices/event_reporter.py) over ten minutes are 6600.
-MARKS_KEPT = 8000
-CHANGES_KEPT = 5000
+MAX_MARKS = 8000
+MAX_CHANGES = 5000
 CHANGES_RESENT = 1000
 AT_ONCE = 500  # events in one message, which delays the samples behind it
 
@@ -33,14 +33,14 @@ class EventLog:
     def __init__(self, history_s: float) -> None:
         self._history_s = history_s
         self._marks: dict[str, deque[EventInfo]] = {}
-        self._changed: deque[EventInfo] = deque(maxlen=CHANGES_KEPT)
+        self._changed: deque[EventInfo] = deque(maxlen=MAX_CHANGES)
 
     def append(self, event: EventInfo) -> None:
         """Store an event; above the maximum, the oldest of its kind is dropped."""
         if event.kind not in MARKS:
             self._changed.append(event)
             return
-        marks = self._marks.setdefault(event.device, deque(maxlen=MARKS_KEPT))
+        marks = self._marks.setdefault(event.device, deque(maxlen=MAX_MARKS))
         marks.append(event)
 
     def forget(self, device: str) -> None:

@@ -89,10 +89,10 @@ class HistoryStream:
         while self._next and size < limit:
             _, channel = heapq.heappop(self._next)
             ring, start, stop = self._spans[channel]
-            found = ring.history_frame(channel, start, stop, now)
-            if found is None:
+            frame = ring.history_frame(channel, start, stop, now)
+            if frame is None:
                 continue
-            began, arrival, data = found
+            began, arrival, data = frame
             out.append(data)
             size += len(data)
             if began > start:

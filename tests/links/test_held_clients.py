@@ -349,12 +349,12 @@ def test_the_next_terminal_of_a_number_is_not_taken_for_the_port(port: DevicePor
 
 FAILING = """
 import sys, imuscope.server.holder.sharing as sharing
-look = sharing.Sharing.look
+look = sharing.Sharing.update
 def failing(self, now):
     look(self, now)
     if any(client.received for client in self.clients.values()):
         raise RuntimeError("a defect")
-sharing.Sharing.look = failing
+sharing.Sharing.update = failing
 from imuscope.server.holder.__main__ import main
 raise SystemExit(main())
 """

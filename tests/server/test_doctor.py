@@ -80,7 +80,7 @@ def only(machine: Machine, status: str, about: str) -> Finding:
     """The finding, if there is exactly one."""
     (one,) = wrong(machine)
     assert (one.status, one.about) == (status, about), one
-    assert one.found.endswith(".")
+    assert one.message.endswith(".")
     assert one.todo, "what is wrong comes with what to do"
     return one
 
@@ -105,7 +105,7 @@ def test_a_port_of_a_group_named(machine: Machine, monkeypatch: pytest.MonkeyPat
     of_group(monkeypatch, machine.root / "dev/ttyUSB0", 20)
     one = only(machine, "problem", "/dev/ttyUSB0")
     assert one.todo == ("sudo usermod -aG dialout pi", "log out and in again (a service: restart it)")
-    assert "dialout" in one.found
+    assert "dialout" in one.message
     assert wrong(replace(machine, groups=frozenset({20}))) == []
     assert wrong(replace(machine, uid=0)) == []
 
@@ -131,7 +131,7 @@ def test_a_port_that_only_root_may_open(machine: Machine) -> None:
 def test_a_port_that_another_program_holds(machine: Machine) -> None:
     process(machine.root, 77, "minicom", "/dev/null", "/dev/ttyUSB0")
     one = only(machine, "problem", "/dev/ttyUSB0")
-    assert "minicom (process 77)" in one.found
+    assert "minicom (process 77)" in one.message
     assert any("imuscope serve /dev/ttyUSB0 --share /run/imuscope/imu0" in step for step in one.todo)
     assert "minicom" in one.todo[0]
 
@@ -154,7 +154,7 @@ def test_a_port_that_imuscope_itself_holds(machine: Machine) -> None:
 def test_a_latency_timer_as_delivered(machine: Machine) -> None:
     put(machine.root, "sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "16\n")
     one = only(machine, "warning", "/dev/ttyUSB0")
-    assert "16 ms" in one.found
+    assert "16 ms" in one.message
     assert one.todo[0] == "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer"
 
 
@@ -170,7 +170,7 @@ def test_programs_that_open_every_port(machine: Machine) -> None:
 def test_a_data_folder_that_is_gone_after_a_restart(machine: Machine, tmp_path: Path) -> None:
     volatile = tmp_path / "volatile"
     volatile.mkdir()
-    assert "tmpfs" in only(replace(machine, data=volatile / "not yet there"), "warning", "data folder").found
+    assert "tmpfs" in only(replace(machine, data=volatile / "not yet there"), "warning", "data folder").message
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write everywhere")
@@ -189,7 +189,7 @@ def test_a_disk_that_is_nearly_full(
 
 def test_a_slow_disk(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks, "_sync_time", lambda place: 1.5)
-    assert "1500.0 ms" in only(machine, "warning", "disk").found
+    assert "1500.0 ms" in only(machine, "warning", "disk").message
 
 
 def test_an_unsynchronised_clock(machine: Machine) -> None:
@@ -199,12 +199,12 @@ def test_an_unsynchronised_clock(machine: Machine) -> None:
 
 
 def test_a_clock_that_was_never_set(machine: Machine) -> None:
-    assert "1970-01-02" in only(replace(machine, wall=lambda: 100_000.0), "problem", "clock").found
+    assert "1970-01-02" in only(replace(machine, wall=lambda: 100_000.0), "problem", "clock").message
 
 
 def test_a_clock_that_steps(machine: Machine) -> None:
     walls = iter([NOW, NOW + 2.5])
-    assert "+2.500 s" in only(replace(machine, wall=lambda: next(walls)), "warning", "clock").found
+    assert "+2.500 s" in only(replace(machine, wall=lambda: next(walls)), "warning", "clock").message
 
 
 def test_an_overloaded_machine(machine: Machine) -> None:
@@ -227,7 +227,7 @@ def test_a_port_of_the_network_that_is_taken(machine: Machine) -> None:
     put(machine.root, "proc/net/tcp", f"sl local rem st\n{row}")
     process(machine.root, 9, "nginx", "socket:[31337]")
     wanted = replace(machine, port=8080)
-    assert "nginx listens" in only(wanted, "warning", "port 8080").found
+    assert "nginx listens" in only(wanted, "warning", "port 8080").message
     assert wrong(replace(machine, port=8081)) == []
 
 

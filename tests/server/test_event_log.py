@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imuscope.server.streaming.event_log import AT_ONCE, CHANGES_RESENT, MARKS_KEPT, EventLog
+from imuscope.server.streaming.event_log import AT_ONCE, CHANGES_RESENT, MAX_MARKS, EventLog
 from imuscope.server.wire import EventInfo, EventKind
 
 
@@ -33,11 +33,11 @@ def test_an_outage_is_reported_however_much_happened_since() -> None:
 def test_a_bad_line_does_not_push_out_the_losses_of_another_device() -> None:
     log = EventLog(history_s=600.0)
     log.append(event(0, "gap", device="2"))
-    for seq in range(1, MARKS_KEPT + 500):
+    for seq in range(1, MAX_MARKS + 500):
         log.append(event(seq, "gap", time=1.0))
     found = told(log)
     assert found[0].device == "2"
-    assert sum(one.device == "1" for one in found) == MARKS_KEPT
+    assert sum(one.device == "1" for one in found) == MAX_MARKS
 
 
 def test_marks_go_with_their_samples_and_their_device() -> None:

@@ -97,7 +97,7 @@ def test_a_command_asks_while_it_is_not_known_which_sensor_is_there(tmp_path: Pa
     async def check() -> None:
         async with swapped(tmp_path) as (_, desk):
             with pytest.raises(DomainError) as asked:
-                confirmed(doubts(desk, OLD), given=False)
+                confirmed(doubts(desk, OLD), is_confirmed=False)
             assert asked.value.kind == "confirm"
             assert f"it is not known whether this is still {OLD}" in asked.value.message
             assert doubts(desk, "") == []  # asked for whatever is at this port

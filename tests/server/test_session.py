@@ -119,7 +119,7 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
         assert stage.status == "denied"
         (event,) = stage.events("link")  # reported once, not at every retry
         assert event.level == "error"
-        assert len(stage.telemetry.bus.devices.latest["1"].attempts) <= device_state.ATTEMPTS_KEPT
+        assert len(stage.telemetry.bus.devices.latest["1"].attempts) <= device_state.MAX_ATTEMPTS
 
     async def run() -> None:
         stage = SessionHarness()

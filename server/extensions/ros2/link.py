@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = 7447
 NODE = "imuscope"
-LOOK_S = 0.02  # between two looks whether the router is reached
+POLL_S = 0.02  # between two looks whether the router is reached
 HASHED = "RIHS01_"
 ROUTER_HINT = "Start it: ros2 run rmw_zenoh_cpp rmw_zenohd, or zenohd. Check address and port."
 
@@ -92,7 +92,7 @@ class Ros2Link(MessageLink):
         try:
             async with asyncio.timeout(self.settings.connect_timeout_s):
                 while not _is_reached(session):
-                    await asyncio.sleep(LOOK_S)
+                    await asyncio.sleep(POLL_S)
         except TimeoutError:
             error = LinkError("refused", f"No Zenoh router answers at {self.where.place}.", ROUTER_HINT)
             await self.close()

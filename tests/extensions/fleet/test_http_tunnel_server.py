@@ -95,7 +95,7 @@ def another_robot_is_denied(server: ServerProcess, bus: str) -> None:
             for key in (keys.answers(mine), keys.answers("*"), f"{keys.ROOT}/**")
         ]
         boot = run_of_the_robot(server)
-        for key in (keys.request_key("otter 7", mine), keys.asks("*", mine), f"{keys.ROOT}/**"):
+        for key in (keys.request_key("otter 7", mine), keys.request_key("*", mine), f"{keys.ROOT}/**"):
             b.session.put(key, encode(OpenStream(1, boot, "GET", "/api/devices", role="control")))
         b.report(3)
         block_until(
