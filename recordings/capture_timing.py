@@ -212,19 +212,19 @@ class CaptureTiming:
 
     def _clocked(self, events: list[Event]) -> Iterator[TimedBytesBuffer]:
         """Pieces up to the last frame with a clock among `events`; that one waits for the start of the next."""
-        found: dict[CaptureSender, list[Batch]] = {}
+        batches: dict[CaptureSender, list[Batch]] = {}
         for event in events:
             if isinstance(event, Reply) and self.dated_ns is None:
                 self.dated_ns = self._dated(event)
             if isinstance(event, Batch) and event.time_ns is not None and len(event):
-                found.setdefault((event.device, event.verified), []).append(event)
-        if not found:
+                batches.setdefault((event.device, event.verified), []).append(event)
+        if not batches:
             return
         unknown = not self._clocks  # then the first frame sets the clock and ends no piece
         steps = [event for event in events if isinstance(event, ClockStep)]
-        starts, due = self._due(found, steps)
+        starts, due = self._due(batches, steps)
         if self._dates < MAX_DATES:
-            self._date(found)
+            self._date(batches)
         if not len(starts):
             return
         before = np.concatenate(([self._due_ns], due[:-1]))
@@ -235,9 +235,9 @@ class CaptureTiming:
         if ended.any():
             yield self._take(ends[ended], before[ended])
 
-    def _date(self, found: dict[CaptureSender, list[Batch]]) -> None:
+    def _date(self, by_sender: dict[CaptureSender, list[Batch]]) -> None:
         """Start of the capture, from the newest UTC in a block."""
-        for sender, batches in found.items():
+        for sender, batches in by_sender.items():
             shift = self._clocks[sender].shift_ns
             for batch in batches if shift is not None else ():
                 utc = self._utc(batch)
@@ -246,9 +246,9 @@ class CaptureTiming:
                     self._dates += 1
                     return
 
-    def _due(self, found: dict[CaptureSender, list[Batch]], steps: list[ClockStep]) -> tuple[Ints, Ints]:
+    def _due(self, by_sender: dict[CaptureSender, list[Batch]], steps: list[ClockStep]) -> tuple[Ints, Ints]:
         """Starts and due times of the followed frames, in stream order."""
-        rows = {sender: self._followed(sender, batches) for sender, batches in found.items()}
+        rows = {sender: self._followed(sender, batches) for sender, batches in by_sender.items()}
         rows = {sender: (starts, times) for sender, (starts, times) in rows.items() if len(starts)}
         own: dict[CaptureSender, tuple[Ints, Ints]] = {}
         newest = {sender: clock.newest_ns for sender, clock in self._clocks.items()}

@@ -52,7 +52,7 @@ INDEX = np.dtype(
         *(("key0", "<f8"), ("key1", "<f8"), ("arrival0", "<f8"), ("arrival1", "<f8")),
     ]
 )
-_CLOCKS_KEPT = 4  # recently written ones, for sharing: as many messages as interleave closely
+_MAX_CLOCKS = 4  # recently written ones, for sharing: as many messages as interleave closely
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ class ColumnStoreWriter:
         self._rows: dict[int, int] = {}
         self._newest: dict[int, float] = {}  # key of the last row written
         self._index: list[tuple[float, ...]] = []
-        self._written: deque[tuple[tuple[Array, Array, Array], tuple[int, int]]] = deque(maxlen=_CLOCKS_KEPT)
+        self._written: deque[tuple[tuple[Array, Array, Array], tuple[int, int]]] = deque(maxlen=_MAX_CLOCKS)
 
     def channel(self, number: int, shape: ChannelLayout) -> None:
         """Declare a channel, before its first rows."""
@@ -428,14 +428,14 @@ class ColumnStore:
         """(block, first, past the last) of the rows lo ≤ row < hi."""
         firsts, rows = self._firsts[channel], self._blocks[channel]["rows"]
         start = max(int(np.searchsorted(firsts, lo, "right")) - 1, 0)
-        found = []
+        positions = []
         for block in range(start, len(firsts)):
             first, n = int(firsts[block]), int(rows[block])
             if first >= hi:
                 break
             if first + n > lo:
-                found.append((block, max(lo - first, 0), min(hi - first, n)))
-        return found
+                positions.append((block, max(lo - first, 0), min(hi - first, n)))
+        return positions
 
     def _buckets(
         self, channel: int, lo: int, hi: int, grid: tuple[float, float, int], selected: Sequence[int], base: Base

@@ -98,8 +98,8 @@ def _same(source: McapReader, made: Path) -> None:
         words = f"{source.path.name} stays as it is: {count} of its {statistics.message_count} messages were found."
         raise RecordingError(words, "All that is whole opens.")
     with McapReader(made) as copy:
-        found = _fingerprint(copy)
-        if copy.damage or found != expected:
+        fingerprint = _fingerprint(copy)
+        if copy.damage or fingerprint != expected:
             words = f"{source.path.name} stays as it is: its packed copy does not hold the same."
             raise RecordingError(words, "Report this: it is a defect of imuscope, or of the disk.")
 
@@ -110,8 +110,8 @@ def _fingerprint(recording: McapReader) -> tuple[dict[int, int], int]:
     checksum = 0
     for block in recording.blocks():
         rows = block.table
-        channels, found = np.unique(rows[CHANNEL_ID], return_counts=True)
-        counts.update(dict(zip(channels.tolist(), found.tolist(), strict=True)))
+        channels, numbers = np.unique(rows[CHANNEL_ID], return_counts=True)
+        counts.update(dict(zip(channels.tolist(), numbers.tolist(), strict=True)))
         for start, stop in _runs(rows):
             first, last = int(rows[DATA, start]) - HEAD, int(rows[DATA, stop - 1] + rows[LENGTH, stop - 1])
             checksum = zlib.crc32(block.data[first:last], checksum)
@@ -152,10 +152,10 @@ def write_compacted(
         if progress is not None:
             progress(block.done / max(source.size, 1))
     target.write_channels(source.topics)
-    kept = {name: values for name, values in source.metadata}  # noqa: C416 - the last of each name holds
+    metadata = {name: values for name, values in source.metadata}  # noqa: C416 - the last of each name holds
     if edit is not None:
-        kept["edit"] = dict(edit)
-    target.end(kept)
+        metadata["edit"] = dict(edit)
+    target.end(metadata)
 
 
 def write_recording(

@@ -79,12 +79,12 @@ def level_offsets(blocks: Array, sizes: Sequence[int]) -> LevelOffsets:
 
 def _begin(at: Array, rows: Ints, steps: Mapping[int, Ints]) -> dict[int, Ints]:
     """Step → start of each column, for columns stored consecutively from `at`."""
-    found = {}
+    levels = {}
     next_at = at.astype(np.int64)
     for step, sizes in steps.items():
         length = -(-rows // step)[:, None] * sizes
         length += -length % ALIGN
         ends = next_at[:, None] + np.cumsum(length, axis=1)
-        found[step] = ends - length
+        levels[step] = ends - length
         next_at = ends[:, -1] if ends.shape[1] else next_at
-    return found
+    return levels

@@ -141,7 +141,7 @@ def health_history(
     size = links[(links["second"] >= t0) & (links["second"] <= t1)]
     late = np.full(n, np.nan)
     np.fmax.at(late, near["second"] - t0, near["late"])
-    found = HealthHistory(
+    history = HealthHistory(
         first=t0,
         before=int(links["bytes"][links["second"] < t0].sum(dtype=np.int64)),
         bytes=_summed(size["second"] - t0, size["bytes"], n),
@@ -155,9 +155,9 @@ def health_history(
             continue
         name = names["messages"][number]
         own = near[near["message"] == number]
-        found.messages[name] = _summed(own["second"] - t0, own["count"], n)
-        found.counted[name] = int(past["count"][past["message"] == number].sum(dtype=np.int64))
-    return found
+        history.messages[name] = _summed(own["second"] - t0, own["count"], n)
+        history.counted[name] = int(past["count"][past["message"] == number].sum(dtype=np.int64))
+    return history
 
 
 def _rows(folder: Path) -> NDArray[Any]:

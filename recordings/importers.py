@@ -101,10 +101,10 @@ class CaptureSource:
         name = vendor_logs.log_name(self.path)
         with closing(self._bytes()) as file:
             pace = paced(file, self.protocol)
-            seen = 0
+            count = 0
             for pieces in pace.blocks():
-                seen += len(pieces.data)
-                if pace.is_dated or (name is not None and seen > DATE_BYTES):
+                count += len(pieces.data)
+                if pace.is_dated or (name is not None and count > DATE_BYTES):
                     break
         if pace.started_ns is not None:
             return pace.started_ns
@@ -219,9 +219,9 @@ def open_file(path: Path, protocol: str = "") -> Source:
     if head.startswith(MAGIC):
         return _mcap(path)
     suffix = path.suffix.lower()
-    found = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
-    if found is not None:
-        return _log(path, *found, protocol)
+    log_format = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
+    if log_format is not None:
+        return _log(path, *log_format, protocol)
     if suffix == ".csv":
         return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path)
     source = CaptureSource([path], "bin", protocol)

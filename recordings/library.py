@@ -190,13 +190,13 @@ class Library:
 
     def _deleted(self) -> list[LibraryEntry]:
         live = {name for name, _ in _named(_groups(self._files(self.folder)))}
-        found = []
+        entries = []
         for folder in self._bins():
             for name, files in _named(_groups(self._files(folder))):
                 entry = self._entry(name if name not in live else f"{name}.{folder.name}", files)
                 if entry is not None:
-                    found.append(replace(entry, deleted=int(folder.name) / 1000))
-        return found
+                    entries.append(replace(entry, deleted=int(folder.name) / 1000))
+        return entries
 
     def _bins(self) -> list[Path]:
         try:
@@ -206,7 +206,7 @@ class Library:
 
     def _files(self, folder: Path) -> dict[Path, tuple[int, int]]:
         """Files of a folder that may be recordings: path → size, time of change."""
-        found = {}
+        files = {}
         try:
             with os.scandir(folder) as entries:
                 for entry in entries:
@@ -217,10 +217,10 @@ class Library:
                         is_file = _is_file(entry)
                         if is_file or suffix in ALWAYS_LISTED:  # what cannot be one is listed with the reason
                             stat = entry.stat() if is_file else entry.stat(follow_symlinks=False)
-                            found[Path(entry.path)] = (stat.st_size if is_file else 0, stat.st_mtime_ns)
+                            files[Path(entry.path)] = (stat.st_size if is_file else 0, stat.st_mtime_ns)
         except OSError:
             pass
-        return found
+        return files
 
     def _entry(self, name: str, files: dict[Path, tuple[int, int]]) -> LibraryEntry | None:
         path, stamp = next(iter(files.items()))
@@ -309,9 +309,9 @@ class Library:
                 return entry
             belonging = _belonging([path])
             moves = [(one, target.with_name(target.stem + one.name.removeprefix(path.stem))) for one in belonging]
-            taken = next((to for _, to in moves if to.exists()), None)
-            if taken is not None:
-                raise NamingError(f"There is a file {taken.name} already.", "Choose another name.")
+            existing = next((to for _, to in moves if to.exists()), None)
+            if existing is not None:
+                raise NamingError(f"There is a file {existing.name} already.", "Choose another name.")
             try:
                 for one, to in moves:
                     os.rename(one, to)
@@ -345,13 +345,13 @@ class Library:
             NamingError: a file of that name exists.
         """
         with self._lock:
-            found = [entry for entry in self._deleted() if recording == entry.id]
-            entry = max(found, key=lambda one: one.deleted or 0.0, default=None) or _missing(recording)
+            matches = [entry for entry in self._deleted() if recording == entry.id]
+            entry = max(matches, key=lambda one: one.deleted or 0.0, default=None) or _missing(recording)
             source = entry.path.parent
-            taken = next((file for file in source.iterdir() if (self.folder / file.name).exists()), None)
-            if taken is not None:
+            existing = next((file for file in source.iterdir() if (self.folder / file.name).exists()), None)
+            if existing is not None:
                 hint = "Delete or rename that one first."
-                raise NamingError(f"There is a file {taken.name} already.", hint)
+                raise NamingError(f"There is a file {existing.name} already.", hint)
             try:
                 _move(list(source.iterdir()), self.folder)
                 source.rmdir()
@@ -451,7 +451,7 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
     """Each group with its id, as the module's docstring defines it."""
 
     def id_of(name: str) -> str:
-        while name in found:  # of two that differ only in what is not UTF-8
+        while name in by_name:  # of two that differ only in what is not UTF-8
             name = f"{name}-"
         return name
 
@@ -460,12 +460,12 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
         suffix = first.suffix.lower()
         return (SUFFIXES.index(suffix) if suffix in SUFFIXES else len(SUFFIXES)), first.name
 
-    found: dict[str, dict[Path, tuple[int, int]]] = {}
+    by_name: dict[str, dict[Path, tuple[int, int]]] = {}
     for group in sorted(groups, key=rank):
         name = readable_name(next(iter(group)))
         stem = Path(name).stem
-        found[stem if stem not in found else id_of(name)] = group
-    return list(found.items())
+        by_name[stem if stem not in by_name else id_of(name)] = group
+    return list(by_name.items())
 
 
 def _completed(known: RecordingProbe, index: dict[str, Any], file: str) -> RecordingProbe:
@@ -481,11 +481,11 @@ def _completed(known: RecordingProbe, index: dict[str, Any], file: str) -> Recor
 
 def _belonging(files: list[Path]) -> list[Path]:
     """A recording's files and their companions."""
-    found = []
+    companions = []
     for file in files:
         others = (sidecar.sidecar_path(file), *(file.with_suffix(suffix) for suffix in _COMPANIONS))
-        found += [file, *(other for other in others if other.is_file())]
-    return found
+        companions += [file, *(other for other in others if other.is_file())]
+    return companions
 
 
 def _move(files: list[Path], target: Path) -> None:

@@ -102,20 +102,20 @@ def _resume(data: Bytes, at: int, known: Bytes) -> int:
     while at + 31 <= end:
         first = int(data[at])
         if (first == 5 and known[int(data[at + 9]) | int(data[at + 10]) << 8] == 1) or first == 6:
-            found = 0
+            count = 0
             here = at
-            while found < 4 and here + 9 <= end:
+            while count < 4 and here + 9 <= end:
                 opcode = int(data[here])
                 length = _u8(data, here + 1)
                 if opcode < 3 or opcode > 15 or (opcode == 5 and length < 22) or (opcode == 6 and length < 40):
                     break
                 if length > end - here - 9:
                     break
-                found += 1
+                count += 1
                 here += 9 + length
                 if opcode == 15:
-                    found = 4
-            if found >= 4 or (found > 0 and here == end):
+                    count = 4
+            if count >= 4 or (count > 0 and here == end):
                 return at
         at += 1
     return -1
@@ -242,7 +242,7 @@ class McapReader:
 
     def meta(self, name: str) -> dict[str, str]:
         """The last metadata of that name; empty if absent. In a file without an end, complete only after `blocks`."""
-        return next((values for (found, _), values in reversed(self._metadata.items()) if found == name), {})
+        return next((values for (key, _), values in reversed(self._metadata.items()) if key == name), {})
 
     @property
     def metadata(self) -> list[tuple[str, dict[str, str]]]:
@@ -279,13 +279,13 @@ class McapReader:
 
     def _indexed(self, at: int, end: int) -> list[ChunkIndex]:
         """Read the records of the summary; returns the chunk indexes that lie within the file."""
-        found: list[ChunkIndex] = []
+        chunks: list[ChunkIndex] = []
         while at < end:
             opcode, length = struct.unpack_from("<BQ", self._map, at)
             body = self._map[at + _RECORD : at + _RECORD + length]
             if opcode == CHUNK_INDEX:
-                found.append(ChunkIndex.read(_stream(body)))
-                if found[-1].chunk_start_offset + found[-1].chunk_length > self.size:
+                chunks.append(ChunkIndex.read(_stream(body)))
+                if chunks[-1].chunk_start_offset + chunks[-1].chunk_length > self.size:
                     raise ValueError("a chunk outside the file")
             elif opcode == METADATA_INDEX:
                 (where,) = struct.unpack_from("<Q", body)
@@ -295,7 +295,7 @@ class McapReader:
             else:
                 self._learn(opcode, body)
             at += _RECORD + length
-        return found
+        return chunks
 
     def _read_record(self, opcode: int, at: int) -> None:
         if at + _RECORD <= self.size and self._map[at] == opcode:
@@ -398,10 +398,10 @@ class McapReader:
 def json_messages(recording: McapReader, topic: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
     """Time and body of every JSON message of a channel ("events", "notes", "snapshot/…")."""
     for block in recording.blocks():
-        found = recording.topic(topic)
-        if found is None:
+        channel = recording.topic(topic)
+        if channel is None:
             continue
-        rows = block.of(found.id)
+        rows = block.of(channel.id)
         for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
             try:
                 body = loads(bytes(block.data[at : at + size]))

@@ -63,15 +63,15 @@ def payloads_of(folder: Path, rows: ExactRows) -> ExactRows:
         ValueError: the file is shorter than its rows say.
     """
     begins, sizes = rows.columns
-    found = np.empty(len(rows), object)
+    payloads = np.empty(len(rows), object)
     if len(rows) and not sizes.any():
-        found[:] = [b""] * len(rows)
+        payloads[:] = [b""] * len(rows)
     elif len(rows):
         with (folder / NAME).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as bytes_:
             if int((begins + sizes).max()) > len(bytes_):
                 raise ValueError(f"{NAME} in {folder.name} is too short")
-            found[:] = _pieces(bytes_, begins.tolist(), sizes.tolist())
-    return ExactRows(rows.arrival, rows.time, [found])
+            payloads[:] = _pieces(bytes_, begins.tolist(), sizes.tolist())
+    return ExactRows(rows.arrival, rows.time, [payloads])
 
 
 def _pieces(data: mmap.mmap, begins: Sequence[int], sizes: Sequence[int]) -> list[bytes]:

@@ -108,22 +108,22 @@ def _recording(recording: McapReader) -> RecordingProbe:
     about = recording.meta(RECORDING)
     if why := check_format_version("It", about.get("format")):
         return RecordingProbe("mcap", about.get("title", ""), damaged=why.message)
-    found = RecordingProbe("mcap", about.get("title", ""), edits=sidecar.from_metadata(recording.meta(EDIT)))
+    probe = RecordingProbe("mcap", about.get("title", ""), edits=sidecar.from_metadata(recording.meta(EDIT)))
     part = about.get("part", "1")
     if part not in ("", "0", "1"):
-        found.title = f"{found.title}, part {part}".lstrip(", ")
+        probe.title = f"{probe.title}, part {part}".lstrip(", ")
     statistics = recording.statistics
     counts: Mapping[int, int] = statistics.channel_message_counts if statistics is not None else {}
     if statistics is not None and statistics.message_count:
-        found.started = statistics.message_start_time / 1e9
-        found.duration = (statistics.message_end_time - statistics.message_start_time) / 1e9
+        probe.started = statistics.message_start_time / 1e9
+        probe.duration = (statistics.message_end_time - statistics.message_start_time) / 1e9
     elif first is not None:
-        found.started = int(first.table[TIME].min()) / 1e9
+        probe.started = int(first.table[TIME].min()) / 1e9
     names: Counter[str] = Counter()
     for channel, topic in recording.topics.items():
         of = recorded_device(topic)
         names[f"rx/{of}" if of else topic.name] += counts.get(channel, 0)
-    found.markers = names["notes"]
+    probe.markers = names["notes"]
     devices: dict[str, RecordedDevice] = {}
     for name, values in recording.metadata:
         if name.startswith(DEVICE):
@@ -132,12 +132,12 @@ def _recording(recording: McapReader) -> RecordingProbe:
             devices[number] = _device(number, values)
             if statistics is not None and names[f"rx/{number}"] == 0:
                 devices[number].messages = 0
-    found.devices = list(devices.values())
+    probe.devices = list(devices.values())
     if not recording.whole:
-        found.damaged = TORN
+        probe.damaged = TORN
     elif recording.damage:
-        found.damaged = recording.damage[0].words
-    return found
+        probe.damaged = recording.damage[0].words
+    return probe
 
 
 def _device(number: str, values: Mapping[str, str]) -> RecordedDevice:
@@ -158,21 +158,21 @@ def _capture(path: Path, suffix: str, head: bytes) -> RecordingProbe | None:
     if not protocol:
         guesses = detect(head)
         protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
-    found = RecordingProbe(suffix[1:] if suffix in vendor_logs.log_suffixes() else "bin")
+    probe = RecordingProbe(suffix[1:] if suffix in vendor_logs.log_suffixes() else "bin")
     if not protocol:
         if suffix not in ALWAYS_LISTED:
             return None
-        found.damaged = "It is not a format imuscope knows."
-        return found
+        probe.damaged = "It is not a format imuscope knows."
+        return probe
     name = vendor_logs.log_name(path)
-    found.devices = [
+    probe.devices = [
         RecordedDevice("1", path.name, protocol, serial_number=name.serial_number if name is not None else "")
     ]
     if name is not None:
-        found.started = name.started_ns / 1e9
+        probe.started = name.started_ns / 1e9
     elif log is not None and log[1].dated:
-        found.started = _dated(protocol, head)
-    return found
+        probe.started = _dated(protocol, head)
+    return probe
 
 
 def _dated(protocol: str, head: bytes) -> float | None:

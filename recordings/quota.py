@@ -62,8 +62,8 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_i
         Deleted paths, in that order; for the bin the recordings in it.
     """
     deleted = sorted(_deleted(folder))
-    found = sorted(_recordings(folder))
-    excess = sum(size for _, _, size in (*deleted, *found)) - quota_bytes
+    files = sorted(_recordings(folder))
+    excess = sum(size for _, _, size in (*deleted, *files)) - quota_bytes
     gone: list[Path] = []
     for _, path, size in deleted:
         if excess <= 0 or (only_if_short and not is_short(folder)):
@@ -71,7 +71,7 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_i
         gone += [one for one in sorted(path.glob("*")) if one.suffix != sidecar.SUFFIX]
         shutil.rmtree(path, ignore_errors=True)
         excess -= size
-    for _, path, size in found:
+    for _, path, size in files:
         if excess <= 0 or (only_if_short and not is_short(folder)):
             break
         if path in spare or file_lock.is_written(path) or is_pinned(path):
@@ -89,15 +89,15 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_i
 
 def _recordings(folder: Path) -> list[tuple[int, Path, int]]:
     """Recordings made here: time of the last write, path, bytes with companion files."""
-    found = []
+    files = []
     for path in folder.glob(f"*{SUFFIX}"):
         try:
             stat = path.stat()
         except OSError:
             continue
         if _is_ours(path):
-            found.append((stat.st_mtime_ns, path, stat.st_size + _size(sidecar.sidecar_path(path))))
-    return found
+            files.append((stat.st_mtime_ns, path, stat.st_size + _size(sidecar.sidecar_path(path))))
+    return files
 
 
 def _deleted(folder: Path) -> list[tuple[int, Path, int]]:

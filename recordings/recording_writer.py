@@ -349,10 +349,10 @@ class RecordingWriter:
         self._end([self._writer])
 
     def _take_full(self) -> list[McapWriter]:
-        found = []
+        blocks = []
         while self._full:
-            found.append(self._full.popleft())
-        return found
+            blocks.append(self._full.popleft())
+        return blocks
 
     def _end(self, parts: Iterable[McapWriter]) -> None:
         for part in parts:
@@ -383,8 +383,8 @@ class RecordingWriter:
         cause = f"{path.name} was removed or moved while it was being recorded."
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            kept = _put_back(writer)
-            where = "was put back" if kept == path else f"was put back as {kept.name}"
+            restored = _put_back(writer)
+            where = "was put back" if restored == path else f"was put back as {restored.name}"
             self._fail(RecordingError(cause, f"What had been recorded {where}; start a new recording to go on."))
         except OSError:
             self._fail(RecordingError(cause, "It could not be put back. Is the folder still there?"))

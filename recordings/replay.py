@@ -146,16 +146,16 @@ class ReplayClock:
 
     def due_chunks(self, most: int = 4096) -> list[ReplayedChunk]:
         """Chunks that are due, oldest first, up to a limit."""
-        found: list[ReplayedChunk] = []
+        chunks: list[ReplayedChunk] = []
         position = self.position_ns
         if self._paused or position is None:
-            return found
-        while (one := self._next) is not None and one.time_ns <= position and len(found) < most:
-            found.append(one)
+            return chunks
+        while (one := self._next) is not None and one.time_ns <= position and len(chunks) < most:
+            chunks.append(one)
             self._advance()
-        if found and self.has_ended and self.loop:
-            self._loop(found[-1].time_ns)
-        return found
+        if chunks and self.has_ended and self.loop:
+            self._loop(chunks[-1].time_ns)
+        return chunks
 
     def wait_ns(self) -> int | None:
         """Time until the next chunk is due, 0 if one is; None while paused or at the end."""
@@ -190,8 +190,8 @@ class ReplayClock:
         low = start_ns if start_ns is not None else -(1 << 62)
         high = self._stop_ns if self._stop_ns is not None else 1 << 62
         for parts in _blocks(self._source.parts(start_ns, self._stop_ns)):
-            wanted = [part for part in parts if part.direction in self._directions and self._is_selected(part.device)]
-            for part, first, end, time in _merged(wanted):
+            selected = [part for part in parts if part.direction in self._directions and self._is_selected(part.device)]
+            for part, first, end, time in _merged(selected):
                 if low <= time < high:
                     restart = self._jumped and part.device not in self._fresh
                     self._fresh.add(part.device)

@@ -100,9 +100,9 @@ def from_x(v: Vector) -> Quaternion:
     x, y, z = (one / math.hypot(*v) for one in v)
     if x < -0.999999:
         return (0.0, 0.0, 0.0, 1.0)
-    found = unit((1 + x, 0.0, -z, y))
-    assert found is not None
-    return found
+    quaternion = unit((1 + x, 0.0, -z, y))
+    assert quaternion is not None
+    return quaternion
 
 
 # -- many rotations at once: unit quaternions, (n, 4) scalar first -----------------------------------------------------
@@ -110,8 +110,8 @@ def from_x(v: Vector) -> Quaternion:
 
 def conjugate(q: Floats) -> Floats:
     """The inverse of unit quaternions."""
-    found: Floats = q * np.array([1.0, -1.0, -1.0, -1.0])
-    return found
+    result: Floats = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return result
 
 
 def product(p: Floats, q: Floats) -> Floats:
@@ -124,14 +124,14 @@ def product(p: Floats, q: Floats) -> Floats:
         a * g - b * h + c * e + d * f,
         a * h + b * g - c * f + d * e,
     ]
-    found: Floats = np.stack(parts, -1)
-    return found
+    result: Floats = np.stack(parts, -1)
+    return result
 
 
 def angle_of(q: Floats) -> Floats:
     """Angle of rotation, °, 0 to 180."""
-    found: Floats = np.degrees(2 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), np.abs(q[..., 0])))
-    return found
+    degrees: Floats = np.degrees(2 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), np.abs(q[..., 0])))
+    return degrees
 
 
 def slerp(p: Floats, q: Floats, part: Floats) -> Floats:
@@ -144,12 +144,12 @@ def slerp(p: Floats, q: Floats, part: Floats) -> Floats:
     safe = np.where(flat, 1.0, sine)
     first = np.where(flat, 1 - part, np.sin((1 - part) * half) / safe)
     second = np.where(flat, part, np.sin(part * half) / safe)
-    found = first[..., np.newaxis] * p + second[..., np.newaxis] * q
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+    blend = first[..., np.newaxis] * p + second[..., np.newaxis] * q
+    return np.asarray(blend / np.linalg.norm(blend, axis=-1, keepdims=True))
 
 
 def mean_rotation(q: Floats) -> Floats:
     """The rotation with the least sum of squared distances: q and −q count as the same (Markley et al., 2007)."""
     _, vectors = np.linalg.eigh(q.T @ q)
-    found: Floats = vectors[:, -1]
-    return found
+    mean: Floats = vectors[:, -1]
+    return mean

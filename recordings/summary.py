@@ -64,8 +64,8 @@ def losses(manifest: Mapping[str, Any]) -> list[float]:
         for event in manifest.get("events", ())
         if event.get("kind") == "gap" and event.get("t0") is not None
     }
-    found = sorted(places)
-    return found[:: -(-len(found) // MAX_LOSSES)] if found else []
+    times = sorted(places)
+    return times[:: -(-len(times) // MAX_LOSSES)] if times else []
 
 
 def summarize(columns: ColumnStore) -> dict[str, Any]:
@@ -113,15 +113,15 @@ def _moving(columns: ColumnStore) -> int | None:
     """The channel whose motion is shown: the busiest of the preferred kind."""
     infos = columns.manifest.get("channels", ())
     for words in _PREFERRED:
-        found = [
+        moving = [
             info["id"]
             for info in infos
             if info["kind"] in ("vector", "record")
             and any(all(word in text.lower() for word in words) for text in (info["name"], info["title"]))
             and columns.rows(info["id"])
         ]
-        if found:
-            return int(max(found, key=columns.rows))
+        if moving:
+            return int(max(moving, key=columns.rows))
     rest = [info["id"] for info in infos if info["kind"] in ("vector", "euler", "scalar") and columns.rows(info["id"])]
     return int(max(rest, key=columns.rows)) if rest else None
 

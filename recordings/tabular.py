@@ -110,8 +110,8 @@ class CsvSource(TableSource):
     def __init__(self, path: Path) -> None:
         super().__init__(path, "csv")
         self._skip, self._delimiter, heads, first = _beginning(path)
-        found = [_HEAD.match(head) for head in heads]
-        self._heads = [(match["name"], _unit(match["unit"] or "")) if match else ("", "") for match in found]
+        matches = [_HEAD.match(head) for head in heads]
+        self._heads = [(match["name"], _unit(match["unit"] or "")) if match else ("", "") for match in matches]
         self._time = next((i for i, (name, _) in enumerate(self._heads) if _unit_in(name) is not None), None)
         if self._time is None:
             hint = f"Name one time, with its unit: time (s). There are: {', '.join(heads)[:300]}."
@@ -187,16 +187,16 @@ class CsvSource(TableSource):
             arrival = _numbers(batch.column(self._arrival))[0] * self._factor + self._origin
             arrival = np.where(np.isnan(arrival), time, arrival)
         known = ~np.isnan(arrival)
-        kept = {name: (values[known], unit) for name, (values, unit) in columns.items()}
-        return TableRows(self.path.stem, time[known], arrival[known], kept, done), wrong + int((~known).sum())
+        known_rows = {name: (values[known], unit) for name, (values, unit) in columns.items()}
+        return TableRows(self.path.stem, time[known], arrival[known], known_rows, done), wrong + int((~known).sum())
 
     def _times(self, column: pa.Array) -> Floats:
         values, bad = _numbers(column)
         if bad == 0:
             scaled: Floats = values * self._factor + self._origin
             return scaled
-        found = [_seconds(text, self._factor) for text in column.to_pylist()]
-        return np.array([np.nan if time is None else time for time in found]) + self._origin
+        times = [_seconds(text, self._factor) for text in column.to_pylist()]
+        return np.array([np.nan if time is None else time for time in times]) + self._origin
 
 
 class _Utf8(io.RawIOBase):
@@ -290,21 +290,21 @@ def _numbers(column: pa.Array) -> tuple[Floats, int]:
         values: Floats = pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
         return values.astype(np.float64), 0
     except pa.ArrowInvalid:
-        found, bad = np.full(len(filled), np.nan), 0
+        numbers, bad = np.full(len(filled), np.nan), 0
         for row, text in enumerate(filled.to_pylist()):
             try:
-                found[row] = np.nan if text is None else float(text)
+                numbers[row] = np.nan if text is None else float(text)
             except ValueError:
                 bad += 1
-        return found, bad
+        return numbers, bad
 
 
 def _unique(names: list[str]) -> list[str]:
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     out = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        out.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+        counts[name] = counts.get(name, 0) + 1
+        out.append(name if counts[name] == 1 else f"{name} #{counts[name]}")
     return out
 
 

@@ -33,34 +33,34 @@ Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
 EVENTS = "/events"
 
 
-def topic_of(device: str, info: Info, taken: Iterable[str]) -> str:
+def topic_of(device: str, info: Info, in_use: Iterable[str]) -> str:
     """The topic of a channel; a number is appended if it is taken.
 
     Args:
         device: its unique name (recordings/file_names.py).
     """
     parts = [device, *([info["group"]] if info["group"] and info["group"] != info["title"] else [])]
-    return named(*map(str, parts), str(info["title"] or info["name"]), taken=taken)
+    return named(*map(str, parts), str(info["title"] or info["name"]), in_use=in_use)
 
 
-def named(*parts: str, taken: Iterable[str]) -> str:
+def named(*parts: str, in_use: Iterable[str]) -> str:
     """A topic of these words; a number is appended if it is taken."""
-    topic = wanted = "/" + "/".join(map(_word, parts))
+    topic = base = "/" + "/".join(map(_word, parts))
     count = 1
-    while topic in taken:
+    while topic in in_use:
         count += 1
-        topic = f"{wanted}_{count}"
+        topic = f"{base}_{count}"
     return topic
 
 
 def fields_of(info: Info) -> list[str]:
     """The field of each column, with its unit in letters."""
-    found: list[str] = []
+    fields: list[str] = []
     for column in info["columns"]:
         unit = letters(str(column["unit"]))
         name = _word(f"{column['name']}_{unit}" if unit else str(column["name"]))
-        found.append(f"{name}_{len(found)}" if name in found else name)
-    return found
+        fields.append(f"{name}_{len(fields)}" if name in fields else name)
+    return fields
 
 
 def schema_of(info: Info) -> dict[str, Any]:

@@ -40,12 +40,12 @@ def parts_of(path: Path) -> list[Path]:
     name = log_name(path)
     if name is None:
         return [path]
-    found = []
+    parts = []
     for other in path.parent.glob(f"*{path.suffix}"):
         parsed = log_name(other)
         if parsed is not None and parsed.stem == name.stem:
-            found.append((parsed.part, other))
-    return [other for _, other in sorted(found)] or [path]
+            parts.append((parsed.part, other))
+    return [other for _, other in sorted(parts)] or [path]
 
 
 def read_index(path: Path, format: LogFormat) -> tuple[Ints, Ints] | None:

@@ -92,8 +92,8 @@ def _batch(
         at = np.searchsorted(clock, times, "right") - 1
         age = times - clock[np.maximum(at, 0)] if len(clock) else np.full(len(times), np.inf)
         missing = (at < 0) | (age > held.oldest_s)
-        found = request.exact(held.info, first, past)
-        for column in found.columns:
+        exact = request.exact(held.info, first, past)
+        for column in exact.columns:
             values = column[np.maximum(at, 0)] if len(column) else np.zeros(len(at), column.dtype)
             arrays.append(cells(values, missing))
     return pa.RecordBatch.from_arrays(arrays, names=[str(n) for n in range(len(arrays))])
@@ -109,8 +109,8 @@ def _names(request: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping
         for one in (*request.infos, *request.payloads, *clocks)
         if one is not info and one["device"] == info["device"]
     ]
-    taken = {named(one, column) for one in rest for column in one["columns"]}
-    if taken & set(own):
+    names_in_use = {named(one, column) for one in rest for column in one["columns"]}
+    if names_in_use & set(own):
         duplicates = {f"{one['message']}.{named(one, column)}" for one in rest for column in one["columns"]}
         own = [name if name.startswith(f"{info['message']}.") else f"{info['message']}.{name}" for name in own]
         if duplicates & set(own):

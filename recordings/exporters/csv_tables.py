@@ -28,12 +28,12 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # starts a formula in a spread
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
-    found = tables(request)
-    paths = table_paths(request, out, found)
-    for number, (table, path) in enumerate(zip(found, paths, strict=True)):
+    message_tables = tables(request)
+    paths = table_paths(request, out, message_tables)
+    for number, (table, path) in enumerate(zip(message_tables, paths, strict=True)):
         with path.open("wb") as file:
             heading(file, headings(table))
-            for batch in batches(request, table, lambda share, n=number: step((n + share) / len(found))):  # type: ignore[misc]
+            for batch in batches(request, table, lambda share, n=number: step((n + share) / len(message_tables))):  # type: ignore[misc]
                 lines(file, batch)
     return paths
 

@@ -105,14 +105,14 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
 
 def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
     """Write the messages of all topics, the earliest first."""
-    found = list(parts)
-    log = np.concatenate([part.log for part in found])
+    columns = list(parts)
+    log = np.concatenate([part.log for part in columns])
     order = np.argsort(log, kind="stable")
-    body = pa.concat_arrays([part.body for part in found])
+    body = pa.concat_arrays([part.body for part in columns])
     sizes = pc.binary_length(body).to_numpy()
     head = np.zeros(len(log), _HEAD)
     head["op"], head["size"] = Opcode.MESSAGE, sizes + HEAD - 9
-    head["channel"] = np.concatenate([part.topic for part in found])
+    head["channel"] = np.concatenate([part.topic for part in columns])
     head["log"] = head["published"] = log
     heads = pa.FixedSizeBinaryArray.from_buffers(pa.binary(HEAD), len(head), [None, pa.py_buffer(head)])
     empty = pa.scalar(b"", pa.large_binary())
@@ -130,40 +130,40 @@ def _streams(request: ExportRequest) -> list[DecodedTopic]:
     manifest = request.columns.manifest
     names = device_names(manifest["devices"])
     chosen = {info["id"] for info in request.infos}
-    taken: set[str] = set()
-    found: list[DecodedTopic] = []
+    in_use: set[str] = set()
+    topics: list[DecodedTopic] = []
 
     def stream(topic: str, info: Info, about: Mapping[str, Any], body: Callable[..., Messages]) -> None:
-        taken.add(topic)
+        in_use.add(topic)
         if info["id"] in chosen:
-            described = McapChannel(len(found) + 1, topic, **about)
-            found.append(DecodedTopic(described, info["id"], partial(body, described.id)))
+            described = McapChannel(len(topics) + 1, topic, **about)
+            topics.append(DecodedTopic(described, info["id"], partial(body, described.id)))
 
     devices = {device.id: device for device in devices_of(manifest["devices"], manifest["channels"])}
     for info in manifest["channels"]:
         name, device = names.get(info["device"], info["device"]), devices[info["device"]]
-        stream(topic_of(name, info, taken), info, _json(schema_of(info)), partial(_plain, request, info))
+        stream(topic_of(name, info, in_use), info, _json(schema_of(info)), partial(_plain, request, info))
         if device.attitude and device.attitude.channel == info["id"]:
-            topic = named(name, standard_schemas.ATTITUDE, taken=taken)
+            topic = named(name, standard_schemas.ATTITUDE, in_use=in_use)
             stream(topic, info, _protobuf(standard_schemas.FrameTransform), partial(_transforms, request, device))
         if device.position and device.position.kind == "place" and device.position.channel == info["id"]:
-            topic = named(name, standard_schemas.POSITION, taken=taken)
+            topic = named(name, standard_schemas.POSITION, in_use=in_use)
             stream(topic, info, _protobuf(standard_schemas.LocationFix), partial(_fixes, request, device))
     chosen |= {info["id"] for info in request.clocks if request.columns.rows(info["id"])}
     for info in request.clocks:
         what = "utc" if [column["name"] for column in info["columns"]] == ["utc"] else "clock"
-        topic = named(names.get(info["device"], info["device"]), info["message"], what, taken=taken)
+        topic = named(names.get(info["device"], info["device"]), info["message"], what, in_use=in_use)
         stream(topic, info, _json(schema_of(info)), partial(_plain, request, info))
     chosen |= {info["id"] for info in request.payloads}
     for info in manifest.get("payloads", []):
         owner = names.get(info["device"], info["device"])
-        topic = named(owner, *dict.fromkeys((info["message"], info["name"])), "bytes", taken=taken)
+        topic = named(owner, *dict.fromkeys((info["message"], info["name"])), "bytes", in_use=in_use)
         stream(topic, info, _json(_schema_of_bytes(info)), partial(_bytes, request))
     infos = {(info["device"], info["message"], info["verified"]): info for info in reversed(request.infos)}
     for info in infos.values():
-        topic = named(names.get(info["device"], info["device"]), info["message"], "arrival", taken=taken)
+        topic = named(names.get(info["device"], info["device"]), info["message"], "arrival", in_use=in_use)
         stream(topic, info, _json(schema_of(_ARRIVAL)), partial(_arrivals, request))
-    return found
+    return topics
 
 
 def _schema_of_bytes(info: Info) -> Mapping[str, Any]:
@@ -216,8 +216,8 @@ def _arrivals(request: ExportRequest, topic: int, rows: ExactRows) -> Messages:
 
 def _bytes(request: ExportRequest, topic: int, rows: ExactRows) -> Messages:
     """Payloads as JSON."""
-    (found,) = rows.columns
-    body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in found], pa.large_binary())
+    (payloads,) = rows.columns
+    body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in payloads], pa.large_binary())
     return Messages(np.full(len(rows), topic, np.uint16), _times(request, rows), body)
 
 
@@ -244,10 +244,10 @@ def _fixes(request: ExportRequest, device: DeviceEntity, topic: int, rows: Exact
 
 def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
     """Messages created one by one."""
-    found = list(made)
-    at = np.array([row for row, _ in found], np.int64)
-    body = pa.array([data for _, data in found], pa.large_binary())
-    return Messages(np.full(len(found), topic, np.uint16), times[at], body)
+    columns = list(made)
+    at = np.array([row for row, _ in columns], np.int64)
+    body = pa.array([data for _, data in columns], pa.large_binary())
+    return Messages(np.full(len(columns), topic, np.uint16), times[at], body)
 
 
 def _events(request: ExportRequest, topic: int, target: ChunkedFile) -> None:

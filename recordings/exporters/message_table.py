@@ -93,18 +93,18 @@ class JoinedTable:
 
 def tables(request: ExportRequest) -> list[MessageTable]:
     """The tables of an export, in order of the first appearance of their messages."""
-    found: dict[tuple[Any, ...], MessageTable] = {}
+    by_message: dict[tuple[Any, ...], MessageTable] = {}
     for info in (*request.infos, *request.payloads):
         alone = info["name"] if info["kind"] == "table" else ""
         name = f"{info['message']}.{alone.removeprefix(info['message'] + '.')}" if alone else info["message"]
         name = info["message"] if alone == info["message"] else name
         name = name if info["verified"] else f"{name}.unverified"
-        table = found.setdefault((info["device"], name), MessageTable(name, info["device"]))
+        table = by_message.setdefault((info["device"], name), MessageTable(name, info["device"]))
         table.channels.append(info)
-    for table in found.values():
+    for table in by_message.values():
         table.clocks = clocks_of(request, table.channels[0])
         _name(table)
-    return list(found.values())
+    return list(by_message.values())
 
 
 def clocks_of(request: ExportRequest, info: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -118,14 +118,14 @@ def _name(table: MessageTable) -> None:
     frames: dict[str, set[str]] = {}
     for info in table.channels:
         frames.setdefault(info["name"], set()).add(info["frame"])
-    seen: dict[str, int] = {"time": 1, "arrival": 1}
+    counts: dict[str, int] = {"time": 1, "arrival": 1}
     for info in (*table.clocks, *table.channels):
         frame = str(info["frame"]) if len(frames.get(info["name"], ())) > 1 else ""
         names = []
         for column in info["columns"]:
             name = heading(info, column, frame)
-            seen[name] = seen.get(name, 0) + 1
-            names.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+            counts[name] = counts.get(name, 0) + 1
+            names.append(name if counts[name] == 1 else f"{name} #{counts[name]}")
         table.names.append(names)
 
 
@@ -178,11 +178,11 @@ def of_their_moment(
     """Clock reading of each row; rows of the same time share it."""
     key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
     lo, hi = columns.between(clock["id"], float(key.min()), float(key.max())) if len(key) else (0, 0)
-    found = columns.exact(clock["id"], lo, hi)
-    keys = np.where(np.isnan(found.time), found.arrival, found.time)
+    clock_rows = columns.exact(clock["id"], lo, hi)
+    keys = np.where(np.isnan(clock_rows.time), clock_rows.arrival, clock_rows.time)
     at = np.minimum(np.searchsorted(keys, key), max(len(keys) - 1, 0))
     missing = keys[at] != key if len(keys) else np.ones(len(key), bool)
-    for column in found.columns:
+    for column in clock_rows.columns:
         values = column[at] if len(keys) else np.zeros(len(key), column.dtype)
         yield pa.array(values, mask=missing)
 

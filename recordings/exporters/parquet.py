@@ -22,12 +22,12 @@ from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
-    found = tables(request)
-    paths = table_paths(request, out, found)
-    for number, (table, path) in enumerate(zip(found, paths, strict=True)):
+    message_tables = tables(request)
+    paths = table_paths(request, out, message_tables)
+    for number, (table, path) in enumerate(zip(message_tables, paths, strict=True)):
 
         def part(share: float, number: int = number) -> None:
-            step((number + share) / len(found))
+            step((number + share) / len(message_tables))
 
         _table(request, table, path, part)
     return paths

@@ -117,15 +117,15 @@ def _is_in(time_ns: int, request: ExportRequest) -> bool:
 def _described(request: ExportRequest, device: str, family: ProtocolInfo) -> list[bytes]:
     """For each answer the format begins with: the last one before the range, else the first of the file."""
     numbers = tuple(family.logs.log_header.frames) if family.logs.log_header is not None else ()
-    found: dict[int, bytes] = {}
+    by_number: dict[int, bytes] = {}
     whole = ExportRequest(request.columns, request.source)
     for frames, times in _frames(_parts(whole, device, lambda share: None), family):
         for (number, frame), time in zip(frames, times, strict=True):
-            if number in numbers and (number not in found or time / 1e9 <= request.t0):
-                found[number] = frame
-        if len(found) == len(numbers) and times and times[-1] / 1e9 > request.t0:
+            if number in numbers and (number not in by_number or time / 1e9 <= request.t0):
+                by_number[number] = frame
+        if len(by_number) == len(numbers) and times and times[-1] / 1e9 > request.t0:
             break
-    return [found[number] for number in numbers if number in found]
+    return [by_number[number] for number in numbers if number in by_number]
 
 
 def _frames(parts: Iterator[ChunkBlock], family: ProtocolInfo) -> Iterator[tuple[list[tuple[int, bytes]], list[int]]]:
@@ -133,17 +133,17 @@ def _frames(parts: Iterator[ChunkBlock], family: ProtocolInfo) -> Iterator[tuple
     held, late = b"", 0
     for part in parts:
         data = held + part.data
-        found = scan_all(family.frames.scan, np.frombuffer(data, np.uint8), 0, final=False)
-        frames, ends = _cut(data, found)
+        scan = scan_all(family.frames.scan, np.frombuffer(data, np.uint8), 0, final=False)
+        frames, ends = _cut(data, scan)
         chunk = np.minimum(np.searchsorted(part.ends + len(held), ends, "left"), len(part.ends) - 1)
         yield frames, part.times[chunk].tolist()
-        held, late = data[found.at :], int(part.times[-1])
+        held, late = data[scan.at :], int(part.times[-1])
     frames, _ = _cut(held, scan_all(family.frames.scan, np.frombuffer(held, np.uint8), 0, final=True))
     yield frames, [late] * len(frames)
 
 
-def _cut(data: bytes, found: ScanResult) -> tuple[list[tuple[int, bytes]], Ints]:
-    good = found.table[:, found.table[STATUS] == FRAME]
+def _cut(data: bytes, scan: ScanResult) -> tuple[list[tuple[int, bytes]], Ints]:
+    good = scan.table[:, scan.table[STATUS] == FRAME]
     ends = good[OFFSET] + good[SIZE]
     rows = zip(good[ID].tolist(), good[OFFSET].tolist(), ends.tolist(), strict=True)
     return [(number, data[a:b]) for number, a, b in rows], ends

@@ -61,8 +61,8 @@ def register_exporter(format: ExportFormat) -> None:
 
 def load_formats() -> tuple[dict[str, ExportFormat], list[str]]:
     """All formats by name, in their order, and a sentence about each package whose formats cannot be used."""
-    for found in pkgutil.iter_modules(formats.__path__):
-        import_module(f"{formats.__name__}.{found.name}")
+    for module in pkgutil.iter_modules(formats.__path__):
+        import_module(f"{formats.__name__}.{module.name}")
     problems = import_plugins(GROUP, "exporter")
     return dict(sorted(_registered.items(), key=lambda item: item[1].order)), problems
 

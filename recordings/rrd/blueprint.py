@@ -81,12 +81,12 @@ def _plots(device: DeviceEntity, infos: Mapping[int, Info], live_s: float) -> An
     selected = [infos[number] for number in device.curves if number in infos]
     selected = [info for info in selected if info["kind"] in PREFERRED and not str(info["name"]).startswith(_DULL)]
     selected.sort(key=lambda info: PREFERRED.index(info["kind"]))
-    seen: set[str] = set()
+    names: set[str] = set()
     views: list[Any] = []
     for info in selected:
-        if str(info["title"]) in seen or len(views) == PLOTS_PER_DEVICE:
+        if str(info["title"]) in names or len(views) == PLOTS_PER_DEVICE:
             continue
-        seen.add(str(info["title"]))
+        names.add(str(info["title"]))
         paths = [curve.path for curve in device.curves[info["id"]]]
         views.append(
             rrb.TimeSeriesView(

@@ -153,9 +153,9 @@ def degrees(position: PositionEntity, columns: Sequence[Array]) -> Floats:
         (n, 2) float64.
     """
     lat, lon = (columns[i].astype(np.float64) for i in position.columns[:2])
-    found = np.column_stack((lat, lon))
-    found[~is_place(lat, lon) if position.on_map else slice(None)] = np.nan
-    return found
+    positions = np.column_stack((lat, lon))
+    positions[~is_place(lat, lon) if position.on_map else slice(None)] = np.nan
+    return positions
 
 
 def send_places(stream: rr.RecordingStream, path: Path, times: Times, latlon: Floats) -> None:
@@ -187,9 +187,9 @@ def changes(column: Mapping[str, Any], before: int | None, words: Array) -> tupl
     earlier[1:] = whole[:-1]
     earlier[0] = ~whole[0] if before is None else before
     rows = np.flatnonzero(whole != earlier)
-    found = [_change(column["bits"], int(earlier[i]) if i or before is not None else None, int(whole[i])) for i in rows]
-    kept = [k for k, (text, _) in enumerate(found) if text]
-    return rows[kept], [found[k][0] for k in kept], [found[k][1] for k in kept]
+    texts = [_change(column["bits"], int(earlier[i]) if i or before is not None else None, int(whole[i])) for i in rows]
+    indices = [k for k, (text, _) in enumerate(texts) if text]
+    return rows[indices], [texts[k][0] for k in indices], [texts[k][1] for k in indices]
 
 
 def _change(groups: Sequence[Mapping[str, Any]], before: int | None, now: int) -> tuple[str, str]:

@@ -84,7 +84,7 @@ def devices_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -
     Args:
         devices, channels: from a store's manifest.
     """
-    found: list[DeviceEntity] = []
+    entities: list[DeviceEntity] = []
     names = device_names(devices)
     titles = {str(device["id"]): str(device["name"]) for device in devices}
     for id in dict.fromkeys([*titles, *(str(info["device"]) for info in channels)]):
@@ -93,8 +93,8 @@ def devices_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -
             continue
         title = titles.get(id) or id
         name = names.get(id, id)
-        found.append(DeviceEntity(id, name, title, _curves(name, own), _attitude(name, own), _position(name, own)))
-    return found
+        entities.append(DeviceEntity(id, name, title, _curves(name, own), _attitude(name, own), _position(name, own)))
+    return entities
 
 
 def _curves(device: str, channels: Sequence[Info]) -> dict[int, tuple[Curve, ...]]:

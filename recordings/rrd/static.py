@@ -116,13 +116,13 @@ def send_track(stream: rr.RecordingStream, device: DeviceEntity, enu: Floats, la
     ends = np.flatnonzero(np.diff(good.astype(np.int8))) + 1
     step = max(1, int(good.sum()) // TRACK_POINTS)
     pieces = [rows for rows in np.split(np.arange(len(enu)), ends) if good[rows[0]]]
-    kept = [np.append(rows[::step], rows[-1]) for rows in pieces]
+    parts = [np.append(rows[::step], rows[-1]) for rows in pieces]
     color, radii = [_color(device)], rr.Radius.ui_points(1.5)
-    lines = rr.LineStrips3D([enu[rows].astype(np.float32) for rows in kept], colors=color, radii=radii)
+    lines = rr.LineStrips3D([enu[rows].astype(np.float32) for rows in parts], colors=color, radii=radii)
     stream.log(name_of((WORLD, "track", device.name)), lines, static=True)
     assert device.position is not None
     if device.position.on_map:
-        ways = rr.GeoLineStrings(lat_lon=[latlon[rows] for rows in kept], colors=color, radii=radii)
+        ways = rr.GeoLineStrings(lat_lon=[latlon[rows] for rows in parts], colors=color, radii=radii)
         stream.log(name_of((*device.position.on_map, "track")), ways, static=True)
 
 

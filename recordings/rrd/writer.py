@@ -82,19 +82,19 @@ class Work:
 
     def curves(self, channel: int) -> Iterator[tuple[Times, list[Array]]]:
         """Values: block by block, or the least and the greatest of every range."""
-        found = self.columns.query(channel, *self._span(channel), self.most // 2) if self.is_thinned(channel) else None
-        if not isinstance(found, MinMaxBuckets):
+        query = self.columns.query(channel, *self._span(channel), self.most // 2) if self.is_thinned(channel) else None
+        if not isinstance(query, MinMaxBuckets):
             yield from ((times_of(rows, first), rows.columns) for first, rows in self.blocks(channel))
             return
         lo, _ = self.rows(channel)
         near = self.columns.thinned(channel, *self._span(channel), self.most)
         key = np.where(np.isnan(near.time), near.arrival, near.time)
-        t = np.repeat(found.t, 2)
-        t[1:-1:2] += np.diff(found.t) / 2  # half a range between least and greatest, so that both are visible
-        sample = lo + np.repeat(np.cumsum(found.n) - found.n, 2)
-        sample[1::2] += found.n // 2
+        t = np.repeat(query.t, 2)
+        t[1:-1:2] += np.diff(query.t) / 2  # half a range between least and greatest, so that both are visible
+        sample = lo + np.repeat(np.cumsum(query.n) - query.n, 2)
+        sample[1::2] += query.n // 2
         arrival = np.interp(t, np.maximum.accumulate(key), near.arrival)
-        pairs = zip(found.low, found.high, strict=True)
+        pairs = zip(query.low, query.high, strict=True)
         yield Times(nanoseconds(t), nanoseconds(arrival), sample), [np.column_stack(pair).ravel() for pair in pairs]
 
     def _span(self, channel: int) -> tuple[float, float]:
@@ -204,7 +204,7 @@ def fill(stream: rr.RecordingStream, work: Work, name: str, begin: Callable[[rrb
 
 def _moving(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity]) -> None:
     """Send tracks, the last of the static entities; then events, positions, attitudes."""
-    origin = next((found for device in devices if (found := _origin(work, device.position)) is not None), None)
+    origin = next((first for device in devices if (first := _origin(work, device.position)) is not None), None)
     places = [
         (device, device.position, *_places(work, device.position, origin)) for device in devices if device.position
     ]
@@ -287,8 +287,8 @@ def _payloads(stream: rr.RecordingStream, work: Work) -> None:
     for info in work.payloads:
         path = (names.get(info["device"], str(info["device"])), f"{info['name']} bytes")
         for first, rows in work.blocks(info["id"]):
-            (found,) = payloads_of(work.columns.folder, rows).columns
-            texts = [one.hex(" ") for one in found]
+            (payloads,) = payloads_of(work.columns.folder, rows).columns
+            texts = [one.hex(" ") for one in payloads]
             chunks.send_texts(stream, path, times_of(rows, first), texts, [LEVELS["info"]] * len(texts))
             stream.flush()
 

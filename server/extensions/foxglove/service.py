@@ -42,13 +42,13 @@ class Foxglove:
     """The bridge of a server. To be used in its event loop.
 
     Args:
-        wanted: port on loopback; 0 for any free one; OFF for none.
+        port: port on loopback; 0 for any free one; OFF for none.
         access: the rules for clients of that port.
     """
 
-    def __init__(self, telemetry: Telemetry, wanted: int, access: Access) -> None:
+    def __init__(self, telemetry: Telemetry, port: int, access: Access) -> None:
         self._bus, self._clients = telemetry.bus, telemetry.clients
-        self._wanted_port = wanted
+        self._wanted_port = port
         self._access = access
         self._secret = new_secret()
         self._task: asyncio.Task[None] | None = None

@@ -108,7 +108,7 @@ class FoxgloveBridge:
         self._lock = threading.RLock()
         self._server = FoxgloveServer(f"imuscope {VERSION}", self._subscribe)
         self._topics: dict[int, TopicRegistry] = {}
-        self._taken: set[str] = set()
+        self._names_in_use: set[str] = set()
         self._requested: list[int] = []
         self._log = self._well_known(EVENTS, standard_schemas.Log)
         self._next_event = 0
@@ -131,7 +131,7 @@ class FoxgloveBridge:
             names = {id: unique[info["device"]] for id, info in infos.items()}
             for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
                 topics = self._topics.pop(id)
-                self._taken -= set(topics.topics)
+                self._names_in_use -= set(topics.topics)
                 self._server.withdraw(topics.all)
             entities = {device.id: device for device in devices_of(self._client.devices, list(infos.values()))}
             for id, info in infos.items():
@@ -174,8 +174,8 @@ class FoxgloveBridge:
     # ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _advertise(self, device: str, info: Mapping[str, Any]) -> TopicRegistry:
-        topic = topic_of(device, info, self._taken)
-        self._taken.add(topic)
+        topic = topic_of(device, info, self._names_in_use)
+        self._names_in_use.add(topic)
         schema = schema_of(info)
         plain = self._server.advertise(topic, "json", schema["title"], json.dumps(schema).encode(), "jsonschema")
         return TopicRegistry(device, Encoder(info), plain, topics=[topic])
@@ -194,8 +194,8 @@ class FoxgloveBridge:
         return self._server.advertise(topic, "protobuf", schema.name, schema.data, schema.encoding)
 
     def _named(self, topics: TopicRegistry, what: str, message: Any) -> int:
-        topic = named(topics.device, what, taken=self._taken)
-        self._taken.add(topic)
+        topic = named(topics.device, what, in_use=self._names_in_use)
+        self._names_in_use.add(topic)
         topics.topics.append(topic)
         return self._well_known(topic, message)
 
@@ -218,14 +218,14 @@ class FoxgloveBridge:
     def _subscribe(self) -> None:
         """Request only the channels with subscribers."""
         with self._lock:
-            asked = {id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all))}
+            requested_ids = {id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all))}
             places = [topics.position for topics in self._topics.values() if self._server.is_wanted(topics.fix)]
             heights = {place.height for place in places if place and place.height}
             self._heights = {id: self._heights.get(id) for id in heights}
-            wanted = sorted(asked | heights)
-            if wanted != self._requested:
-                self._requested = wanted
-                self._client.subscribe(wanted)
+            ids = sorted(requested_ids | heights)
+            if ids != self._requested:
+                self._requested = ids
+                self._client.subscribe(ids)
 
 
 def main() -> None:
