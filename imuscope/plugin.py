@@ -35,8 +35,8 @@ def __getattr__(name: str) -> Any:
     module = public_names().get(name)
     if module is None:
         raise AttributeError(f"{name!r} is not a public name of imuscope {__name__}")
-    found = import_module(module)
-    return getattr(found, name) if hasattr(found, name) else import_module(f"{module}.{name}")
+    target = import_module(module)
+    return getattr(target, name) if hasattr(target, name) else import_module(f"{module}.{name}")
 
 
 def __dir__() -> list[str]:

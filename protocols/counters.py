@@ -119,11 +119,11 @@ class TickUnwrapper:
         steps = np.empty((3, len(values)), np.int64)
         if self._is_ahead:
             self._store_state()
-        found = follow(values, arrival, self._state, self._wraps, self._late, self._tick_ns, _AHEAD_NS, out, steps)
+        result = follow(values, arrival, self._state, self._wraps, self._late, self._tick_ns, _AHEAD_NS, out, steps)
         self._load_state()
         self.steps = []
-        if found:  # rarely
-            table = steps[:, :found].T.tolist()
+        if result:  # rarely
+            table = steps[:, :result].T.tolist()
             self.steps = [(row, "reset" if kind == RESET else "jump", by) for row, kind, by in table]
         return out
 

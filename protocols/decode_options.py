@@ -147,19 +147,19 @@ def merged(options: Iterable[DecodeOption]) -> dict[str, DecodeOption]:
     Raises:
         ValueError: two have one name and are of different kinds.
     """
-    found: dict[str, DecodeOption] = {}
+    by_name: dict[str, DecodeOption] = {}
     for option in options:
-        first = found.get(option.name)
+        first = by_name.get(option.name)
         if first is None:
-            found[option.name] = option
+            by_name[option.name] = option
             continue
         if first.kind != option.kind:
             raise ValueError(f"its decode option {option.name} is a {option.kind}; another family's is a {first.kind}")
         more = tuple(choice for choice in option.choices if choice[0] not in first.values)
-        found[option.name] = replace(
+        by_name[option.name] = replace(
             first,
             choices=first.choices + more,
             scopes=first.scopes | option.scopes,
             recorded=first.recorded or option.recorded,
         )
-    return found
+    return by_name

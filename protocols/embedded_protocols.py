@@ -33,7 +33,7 @@ def find(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
     """
     if not _STARTS.search(data):
         return nmea.find_nmea(data, final=final)
-    found: list[ParsedMessage] = []
+    messages: list[ParsedMessage] = []
     text = 0  # where the search for sentences continues
     at = 0
     while start := _STARTS.search(data, at):
@@ -41,19 +41,19 @@ def find(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
         module = rtcm if data[at] == rtcm.SYNC[0] else ubx
         one = module.message_at(data, at, final=final)
         if one == ubx.WAIT:
-            return found + _sentences(data, text, at, final=True)[0], at  # no sentence continues over such a byte
+            return messages + _sentences(data, text, at, final=True)[0], at  # no sentence continues over such a byte
         if isinstance(one, ParsedMessage):
-            found += _sentences(data, text, at, final=True)[0]
-            found.append(one)
+            messages += _sentences(data, text, at, final=True)[0]
+            messages.append(one)
             text = at = at + one.size
         else:
             at += 1
-    sentences, kept = _sentences(data, text, len(data), final=final)
-    return found + sentences, kept
+    sentences, end = _sentences(data, text, len(data), final=final)
+    return messages + sentences, end
 
 
 def _sentences(data: bytes, start: int, stop: int, *, final: bool) -> tuple[list[ParsedMessage], int]:
     if start >= stop:
         return [], stop
-    found, kept = nmea.find_nmea(data[start:stop], final=final)
-    return [replace(one, offset=start + one.offset) for one in found], start + kept
+    sentences, end = nmea.find_nmea(data[start:stop], final=final)
+    return [replace(one, offset=start + one.offset) for one in sentences], start + end

@@ -29,15 +29,15 @@ def word_of(text: str, field: Field, path: str = "") -> int:
         EncodeError: a name that the field's table does not have, a group without a value, a group twice.
     """
     path = path or field.name
-    word = given = 0
+    word = used = 0
     for term in text.replace(",", "|").split("|"):
         if not term.strip():
             continue
         bits, value = _term(term.strip(), field.bits, path)
         mask = ((1 << bits.width) - 1) << bits.low
-        if given & mask and word & mask != value << bits.low:
+        if used & mask and word & mask != value << bits.low:
             raise EncodeError(f"{path} has {bits.name} twice: give it one value", path)
-        given |= mask
+        used |= mask
         word |= value << bits.low
     return word
 
@@ -45,13 +45,13 @@ def word_of(text: str, field: Field, path: str = "") -> int:
 def _term(term: str, rows: Sequence[Bits], path: str) -> tuple[Bits, int]:
     """A flag, or a group and its value."""
     name, sign, meaning = (part.strip() for part in term.replace(":", "=", 1).partition("="))
-    found = _named(name, rows)
-    if found and sign:
-        return found, _value(found, meaning, path)
-    if found and found.width == 1:
-        return found, 1
-    if found:
-        return found, _whole(found, path)
+    rows_of_name = _named(name, rows)
+    if rows_of_name and sign:
+        return rows_of_name, _value(rows_of_name, meaning, path)
+    if rows_of_name and rows_of_name.width == 1:
+        return rows_of_name, 1
+    if rows_of_name:
+        return rows_of_name, _whole(rows_of_name, path)
     for row in rows if not sign else ():
         for value, one in row.choices.items():
             if _is(name, f"{row.name}_{one}", f"{row.doc}_{one}"):
@@ -110,5 +110,5 @@ def nearest(name: str, names: Iterable[str]) -> str:
         return f"there are: {', '.join(names)}"
     folded = {one.casefold(): one for one in names}
     close = difflib.get_close_matches(name.casefold(), folded, 5, 0.4)
-    found = [folded[one] for one in close] or names[:5]
-    return f"nearest are: {', '.join(found)}"
+    names_close = [folded[one] for one in close] or names[:5]
+    return f"nearest are: {', '.join(names_close)}"

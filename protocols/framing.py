@@ -77,13 +77,13 @@ _KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; memory is comm
 
 
 @compiled(NOTHING, INTS, INTS, INTS, INTS)
-def _arrivals_of(last: Ints, ends: Ints, arrivals: Ints, found: Ints) -> None:
+def _arrivals_of(last: Ints, ends: Ints, arrivals: Ints, out: Ints) -> None:
     """Arrival of the chunk of each of the bytes at the positions `last`, which ascend; see StreamBuffer."""
     chunk = 1
     for i in range(len(last)):
         while chunk < len(ends) - 1 and ends[chunk] <= last[i]:
             chunk += 1
-        found[i] = arrivals[chunk]
+        out[i] = arrivals[chunk]
 
 
 class StreamBuffer:
@@ -94,7 +94,7 @@ class StreamBuffer:
 
     def __init__(self) -> None:
         self.start = 0  # position of the first byte kept
-        self._kept = b""
+        self._rest = b""
         self._chunks: list[bytes] = []
         self._ends = [0]  # position after each remembered chunk …
         self._arrivals = [0]  # … and its arrival time; the first entry covers the bytes decided before
@@ -121,20 +121,20 @@ class StreamBuffer:
         """All bytes kept, as one immutable piece that begins at `start`."""
         if self._chunks:
             chunks = self._chunks
-            self._kept = chunks[0] if len(chunks) == 1 and not self._kept else b"".join([self._kept, *chunks])
+            self._rest = chunks[0] if len(chunks) == 1 and not self._rest else b"".join([self._rest, *chunks])
             self._chunks = []
-        return self._kept
+        return self._rest
 
     def release(self, position: int) -> None:
         """Forget the bytes before `position`."""
         if position == self._ends[-1]:  # all of them, the usual case between two frames of a live stream
             self.start = position
-            self._kept = b""
+            self._rest = b""
             self._chunks = []
             self._ends, self._arrivals = [position], self._arrivals[-1:]
             return
         self.data()
-        self._kept = self._kept[position - self.start :]
+        self._rest = self._rest[position - self.start :]
         self.start = position
         done = bisect_right(self._ends, position) - 1
         if done > 0:
@@ -157,10 +157,10 @@ class StreamBuffer:
         """Arrival of each of the bytes at the positions `last` (ascending), ns: (n,) int64."""
         if self.arrived_at_once or len(last) == 0:
             return self.same_arrivals(len(last))
-        found = np.empty(len(last), np.int64)
+        out = np.empty(len(last), np.int64)
         last, ends = np.ascontiguousarray(last, np.int64), np.array(self._ends, np.int64)
-        _arrivals_of(last, ends, np.array(self._arrivals, np.int64), found)
-        return found
+        _arrivals_of(last, ends, np.array(self._arrivals, np.int64), out)
+        return out
 
 
 @dataclass(slots=True)
@@ -187,18 +187,18 @@ class ScanCapacity:
     """
 
     def __init__(self) -> None:
-        self._kept: dict[int, Ints] = {}
+        self._tables: dict[int, Ints] = {}
         self.tiny: Ints = np.empty((QUANTITIES, TINY), np.int64)  # for fewer bytes than it has columns
 
     def table(self, rows: int, columns: int) -> Ints:
         """An array of (rows, at least columns), with leftover contents; small ones are newly allocated."""
         if columns < _SMALL:
             return np.empty((rows, columns), np.int64)
-        kept = self._kept.get(rows)
-        if kept is None or kept.shape[1] < columns:
+        cached = self._tables.get(rows)
+        if cached is None or cached.shape[1] < columns:
             # the odd width keeps the starts of the rows on different cache sets
-            kept = self._kept[rows] = np.empty((rows, max(columns, _KEPT_COLUMNS) + 56), np.int64)
-        return kept
+            cached = self._tables[rows] = np.empty((rows, max(columns, _KEPT_COLUMNS) + 56), np.int64)
+        return cached
 
 
 @compiled(INT, STRIDED)
@@ -207,13 +207,13 @@ def compact_rejected(table: Ints) -> int:
 
     In place, because a numpy mask costs several times the scan.
     """
-    kept = 0
+    count = 0
     for k in range(table.shape[1]):
         if table[STATUS, k] == FRAME:
             for row in range(QUANTITIES):
-                table[row, kept] = table[row, k]
-            kept += 1
-    return kept
+                table[row, count] = table[row, k]
+            count += 1
+    return count
 
 
 def one_number(value: int) -> Ints:
@@ -228,8 +228,8 @@ def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: ScanCapacit
     columns = len(data) - at + 1
     if columns < _SMALL:  # a column for each byte is always enough
         table = np.empty((QUANTITIES, columns), np.int64)
-        found, at, failed, framed = scan(data, at, final, table)
-        return ScanResult(table[:, :found], at, failed, framed)
+        frames, at, failed, framed = scan(data, at, final, table)
+        return ScanResult(table[:, :frames], at, failed, framed)
     columns = min(_TABLE_COLUMNS, columns)
     parts: list[Ints] = []
     all_failed = all_framed = 0
@@ -239,10 +239,10 @@ def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: ScanCapacit
             columns = table.shape[1]
         else:
             table = np.empty((QUANTITIES, columns), np.int64)
-        found, at, failed, framed = scan(data, at, final, table)
-        parts.append(table[:, :found])
+        frames, at, failed, framed = scan(data, at, final, table)
+        parts.append(table[:, :frames])
         all_failed += failed
         all_framed += framed
-        if found < columns:
+        if frames < columns:
             break
     return ScanResult(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), at, all_failed, all_framed)

@@ -138,9 +138,9 @@ class Kernel:
         """The kernels and library functions that it calls, by the names it uses for them."""
         values = self.function.__globals__
         return {
-            name: found
+            name: value
             for name in self.function.__code__.co_names
-            if isinstance(found := values.get(name), Kernel | LibraryFunction)
+            if isinstance(value := values.get(name), Kernel | LibraryFunction)
         }
 
     def fingerprint(self) -> str:

@@ -142,8 +142,8 @@ def _numbers(field: Field, raw: bytes) -> list[Any]:
         return [float(v) / 2**20 for (v,) in struct.iter_unpack(">i", raw)]
     if field.dtype == "fp1632":
         return [float(high << 32 | low) / 2**32 for low, high in struct.iter_unpack(">Ih", raw)]
-    found: list[Any] = np.frombuffer(raw, field.dtype).tolist()
-    return found
+    numbers: list[Any] = np.frombuffer(raw, field.dtype).tolist()
+    return numbers
 
 
 def _text(field: Field, raw: bytes) -> str:

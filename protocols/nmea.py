@@ -147,7 +147,7 @@ def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMess
         incomplete (the length of `data` if none is).
     """
     data = bytes(data)
-    found: list[ParsedMessage] = []
+    messages: list[ParsedMessage] = []
     at = 0
     while start := _STARTS.search(data, at):
         begin = start.start()
@@ -156,17 +156,17 @@ def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMess
         if body.group(2):
             end = body.end()
             if sentence := _sentence(data[begin:end], begin):
-                found.append(sentence)
+                messages.append(sentence)
         else:
             end = body.end(1)
             left = len(data) - end
             cut_short = left == 0 or (left == 1 and data[end] == 0x0D)
             if cut_short and end - begin <= LONGEST - 4 and not final:
-                return found, begin
+                return messages, begin
             if _ADDRESS.match(data, begin):
-                found.append(ParsedMessage(begin, end - begin, "nmea", "", _text(data[begin:end])))
+                messages.append(ParsedMessage(begin, end - begin, "nmea", "", _text(data[begin:end])))
         at = max(end, begin + 1)
-    return found, len(data)
+    return messages, len(data)
 
 
 def _sentence(raw: bytes, offset: int) -> ParsedMessage | None:

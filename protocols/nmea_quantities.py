@@ -110,14 +110,14 @@ class NmeaQuantities:
             numbers = _numbers(text.fields)
             if numbers:
                 kinds.setdefault((text.protocol, text.name, *numbers), []).append((text, list(numbers.values())))
-        return [self._batch(kind, found) for kind, found in kinds.items()]
+        return [self._batch(kind, rows) for kind, rows in kinds.items()]
 
-    def _batch(self, kind: tuple[str, ...], found: Sequence[tuple[Text, list[float]]]) -> Batch:
+    def _batch(self, kind: tuple[str, ...], rows: Sequence[tuple[Text, list[float]]]) -> Batch:
         if kind not in self._messages:
             if len(self._messages) >= _MAX_KINDS:
                 self._messages.clear()
             self._messages[kind] = _message(kind)
-        table = np.array([numbers for _, numbers in found])
+        table = np.array([numbers for _, numbers in rows])
         at = {name: i for i, name in enumerate(kind[2:])}
         columns = {name: table[:, i] for name, i in at.items()}
         for names, field in TOGETHER.items():
@@ -127,8 +127,8 @@ class NmeaQuantities:
         return Batch(
             message=message,
             device="",
-            arrival_ns=np.array([text.arrival_ns for text, _ in found], np.int64),
-            offset=np.array([text.offset for text, _ in found], np.int64),
+            arrival_ns=np.array([text.arrival_ns for text, _ in rows], np.int64),
+            offset=np.array([text.offset for text, _ in rows], np.int64),
             time_ns=None,
             columns={field.name: columns[field.name] for field in message.fields},
         )
@@ -137,10 +137,10 @@ class NmeaQuantities:
 def _message(kind: tuple[str, ...]) -> Message:
     protocol, name, *names = kind
     whole = [(group, field) for group, field in TOGETHER.items() if set(group) <= set(names)]
-    taken = {one for group, _ in whole for one in group}
+    in_groups = {one for group, _ in whole for one in group}
     fields = [field for _, field in whole]
     own = {field.name: field for field in SENTENCES[name].fields} if name in SENTENCES else {}
-    fields += [_named(one, own.get(one)) for one in names if one not in taken]
+    fields += [_named(one, own.get(one)) for one in names if one not in in_groups]
     title = name if protocol == name.lower() else f"{protocol.upper()} {name}"
     return Message(0, name, tuple(fields), separate_channels=tuple(field.name for _, field in whole), title=title)
 
@@ -155,15 +155,15 @@ def _named(name: str, own: Field | None) -> Field:
 
 def _numbers(fields: Mapping[str, Any]) -> dict[str, float]:
     """The numbers of a sentence by name, signed."""
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     before = ""
     for name, value in fields.items():
         if _is_number(value):
-            found[name] = float(value)
-        elif before in found and _SIDES.search(name) and str(value).strip().upper() in _NEGATIVE:
-            found[before] = -abs(found[before])  # a latitude may be signed already
+            numbers[name] = float(value)
+        elif before in numbers and _SIDES.search(name) and str(value).strip().upper() in _NEGATIVE:
+            numbers[before] = -abs(numbers[before])  # a latitude may be signed already
         before = name
-    return found
+    return numbers
 
 
 def _is_number(value: Any) -> bool:

@@ -82,12 +82,12 @@ class ProtocolPlugin:
             Exception: whatever its module raises when it is imported.
         """
         self.check()
-        found = getattr(import_module(self.module), self.value.partition(":")[2])
-        if not isinstance(found, kind):
+        value = getattr(import_module(self.module), self.value.partition(":")[2])
+        if not isinstance(value, kind):
             raise ValueError(f"{self.value} is not {'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}")
-        if found.name != self.name:
-            raise ValueError(f"it calls itself {found.name!r}")
-        return found
+        if value.name != self.name:
+            raise ValueError(f"it calls itself {value.name!r}")
+        return value
 
     @property
     def is_there(self) -> bool:
@@ -122,12 +122,12 @@ def plugins_of_others(group: str) -> list[ProtocolPlugin]:
     """
     others: dict[tuple[str, str], ProtocolPlugin] = {}
     of_group = re.compile(re.escape(group) + r"(?:\.(\d+))?")
-    groups = [found for name in metadata.entry_points().groups if (found := of_group.fullmatch(name))]
-    for found, entry in ((one, entry) for one in groups for entry in metadata.entry_points(group=one[0])):
+    groups = [match for name in metadata.entry_points().groups if (match := of_group.fullmatch(name))]
+    for match, entry in ((one, entry) for one in groups for entry in metadata.entry_points(group=one[0])):
         if entry.dist is not None and entry.dist.name == PACKAGE:
             continue
         package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
-        others[entry.name, entry.value] = ProtocolPlugin(entry.name, entry.value, package, int(found[1] or 1))
+        others[entry.name, entry.value] = ProtocolPlugin(entry.name, entry.value, package, int(match[1] or 1))
     return [others[key] for key in sorted(others)]
 
 

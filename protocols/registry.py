@@ -132,5 +132,5 @@ def position_of(protocol: str, batch: Batch) -> PositionFix | None:
 def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
     """Title and value of a record with a key (schema.Field.key_mask); None for other records."""
     return next(
-        (said for family in PROTOCOLS.values() if (said := family.configuration.entry_words(entry)) is not None), None
+        (words for family in PROTOCOLS.values() if (words := family.configuration.entry_words(entry)) is not None), None
     )

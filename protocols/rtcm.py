@@ -84,20 +84,20 @@ class RtcmFramer:
     def __init__(self) -> None:
         self.skipped = 0
         self.rejected = 0
-        self._kept = b""
+        self._rest = b""
         self._lost = False  # the last bytes belonged to no message
 
     def feed(self, data: bytes) -> list[ParsedMessage]:
         """The messages completed by these bytes, with their hex as `line`; offsets are meaningless here."""
-        self._kept += data
-        found: list[ParsedMessage] = []
+        self._rest += data
+        messages: list[ParsedMessage] = []
         at = 0
-        while at < len(self._kept):
-            one = message_at(self._kept, at, final=False) if self._kept[at] == SYNC[0] else None
+        while at < len(self._rest):
+            one = message_at(self._rest, at, final=False) if self._rest[at] == SYNC[0] else None
             if one == WAIT:
                 break
             if isinstance(one, ParsedMessage):
-                found.append(one)
+                messages.append(one)
                 at += one.size
                 self._lost = False
                 continue
@@ -105,8 +105,8 @@ class RtcmFramer:
             self.rejected += not self._lost
             self._lost = True
             at += 1
-        self._kept = self._kept[at:]
-        return found
+        self._rest = self._rest[at:]
+        return messages
 
 
 def epoch_ms(number: int, frame: bytes) -> int | None:

@@ -32,7 +32,7 @@ def count_missing(values: Ints, last: int, modulus: int, lost: Ints, restarts: I
         the newest number, the total of missing numbers, the number of restarts.
     """
     total = 0
-    found = 0
+    restart_count = 0
     for row in range(len(values)):
         value = values[row]
         missing = value - last - 1
@@ -42,10 +42,10 @@ def count_missing(values: Ints, last: int, modulus: int, lost: Ints, restarts: I
                 lost[row] = 0
                 continue
             if missing > modulus // RESTART_SHARE or (missing >= RESTART_ROWS and value < 2):
-                restarts[found] = row
-                found += 1
+                restarts[restart_count] = row
+                restart_count += 1
                 missing = 0
         lost[row] = missing
         total += missing
         last = value
-    return last, total, found
+    return last, total, restart_count

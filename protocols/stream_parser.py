@@ -114,8 +114,8 @@ class StreamParser:
         array = np.frombuffer(data, UINT8)
         at = self._scan_at - self._buffer.start
         if len(data) - at < TINY:  # the usual case of a live stream: a frame or two
-            found, at, failed, framed = self._scan(array, at, stalled, self._room.tiny)
-            return self._cut(data, array, self._room.tiny[:, :found], at, failed, framed, stalled)
+            frames, at, failed, framed = self._scan(array, at, stalled, self._room.tiny)
+            return self._cut(data, array, self._room.tiny[:, :frames], at, failed, framed, stalled)
         scanned = scan_all(self._scan, array, at, final=stalled, room=self._room)
         return self._cut(data, array, scanned.table, scanned.at, scanned.failed, scanned.framed, stalled)
 
@@ -194,10 +194,10 @@ class StreamParser:
             if final and not self._starts.search(data, at - start, stop - start):
                 self._find_at = stop
                 continue
-            found, kept = self._find(data[at - start : stop - start], final=final)
-            for one in found:
+            messages, end = self._find(data[at - start : stop - start], final=final)
+            for one in messages:
                 self._report(one, at + one.offset, texts, rejects)
-            self._find_at = at + kept
+            self._find_at = at + end
         self._find_at = max(self._find_at, int(begins[-1]))
 
     def _report(self, one: ParsedMessage, offset: int, texts: list[Text], rejects: list[RejectedFrame]) -> None:

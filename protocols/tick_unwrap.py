@@ -82,7 +82,7 @@ def follow(
     Returns:
         Number of steps.
     """
-    found = 0
+    count = 0
     timed = len(arrival) > 0 and tick_ns > 0
     for row in range(len(raw)):
         ticks = raw[row]
@@ -108,10 +108,10 @@ def follow(
                 continue
             if not wrapped:
                 restarted = value < newest and ticks < max(wrap // NEAR_SHARE // 4, 1)
-                steps[0, found] = row
-                steps[1, found] = RESET if restarted else JUMP
-                steps[2, found] = value - newest
-                found += 1
+                steps[0, count] = row
+                steps[1, count] = RESET if restarted else JUMP
+                steps[2, count] = value - newest
+                count += 1
                 if restarted:
                     state[TURNS] = 0
         state[NEWEST] = ticks + state[TURNS]
@@ -122,4 +122,4 @@ def follow(
             state[OPEN_FROM] += 1  # a value at or past a candidate rules it out
             state[WRAP] = max(state[WRAP], state[OPEN_FROM])
         out[row] = state[NEWEST]
-    return found
+    return count

@@ -133,10 +133,10 @@ def _of_number(field: Field, value: Any) -> str:
     whole = is_whole(field)
     if whole and isinstance(value, float) and not value.is_integer():
         what = "a whole number" if not is_scaled(field) else f"a multiple of {field.scale:g}{_unit(field)}"
-        return f"{field.name} is {what}, given {_given(field, value)}"
+        return f"{field.name} is {what}, given {_value_text(field, value)}"
     if not low <= value <= high:  # not a number fails too
         limits = " and ".join(_shown(shown_number(field, limit)) for limit in (low, high))
-        return f"{field.name} lies between {limits}{_unit(field)}, given {_given(field, value)}"
+        return f"{field.name} lies between {limits}{_unit(field)}, given {_value_text(field, value)}"
     if field.choices and value not in field.choices:
         if len(field.choices) > MAX_LISTED:
             return f"{field.name} is one of {len(field.choices)} known values, given {value!r:.80}"
@@ -170,7 +170,7 @@ def _unit(field: Field) -> str:
     return f" {field.unit}" if field.unit else ""
 
 
-def _given(field: Field, value: float) -> str:
+def _value_text(field: Field, value: float) -> str:
     return f"{shown_number(field, value):.9g}{_unit(field)}" if is_scaled(field) else f"{value!r:.80}"
 
 

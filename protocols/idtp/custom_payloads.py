@@ -189,10 +189,10 @@ def _only(place: str, table: Mapping[str, Any], known: tuple[str, ...]) -> None:
 
 
 def _tables(place: str, table: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    found = table.get(key, [])
-    if not isinstance(found, list) or not found or not all(isinstance(one, dict) for one in found):
+    entries = table.get(key, [])
+    if not isinstance(entries, list) or not entries or not all(isinstance(one, dict) for one in entries):
         raise SchemaError(f"{place}: at least one [[{'message.' * (key == 'field')}{key}]] is needed")
-    return found
+    return entries
 
 
 def _name(place: str, table: Mapping[str, Any]) -> str:

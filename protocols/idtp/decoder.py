@@ -172,7 +172,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         self._kinds: dict[int, _PayloadKind] = {}  # by KEY
         self._clocks: dict[int, TickUnwrapper] = {}  # by source
         self._firsts: dict[int, int] = {}  # by source, its first sequence number
-        self._said: set[tuple[int, str]] = set()
+        self._reported: set[tuple[int, str]] = set()
 
     def rearm(self, device: str = "") -> None:
         """Accept any sequence number next, of one device or ("") of all; see replay_guard.py.
@@ -370,9 +370,9 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
 
     def _warn(self, device: int, topic: str, words: str, cut: ClassifiedFrames, row: int, events: list[Event]) -> None:
         """Report something about a device, once."""
-        if (device, topic) in self._said:
+        if (device, topic) in self._reported:
             return
-        self._said.add((device, topic))
+        self._reported.add((device, topic))
         offset, size = cut.start + int(cut.table[OFFSET, row]), int(cut.table[SIZE, row])
         values = {"device_id": device, "warning": words}
         events.append(Reply(WARNING, values, offset, size, int(cut.arrival_ns[row]), str(device)))
@@ -398,8 +398,8 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 what = f"these frames are of IDTP {version_at(cut.data, reject.offset - cut.start)}"
             else:
                 continue
-            if (-1, what) not in self._said and len(self._said) < _LAYOUTS:
-                self._said.add((-1, what))
+            if (-1, what) not in self._reported and len(self._reported) < _LAYOUTS:
+                self._reported.add((-1, what))
                 values = {"warning": f"{what}, which is not supported"}
                 yield Reply(WARNING, values, reject.offset, reject.size, reject.arrival_ns)
 

@@ -265,15 +265,15 @@ def _sealed(seal: FrameAuthenticator, min_mode: int) -> Callable[[Bytes, int, bo
         view = data.data
         while done < columns:
             stop = min(done + ahead, columns)
-            found, at, _, _ = candidates(data, at, final, min_mode, 1, table, done, stop)
-            forged = _first_forged(seal, data, view, table, done, found)
-            if forged < found:
+            starts, at, _, _ = candidates(data, at, final, min_mode, 1, table, done, stop)
+            forged = _first_forged(seal, data, view, table, done, starts)
+            if forged < starts:
                 table[STATUS, forged] = BAD_HMAC
                 at = int(table[OFFSET, forged]) + 4
                 done, ahead = forged + 1, _FEW
                 continue
-            done, ahead = found, 2 * ahead
-            if found < stop:
+            done, ahead = starts, 2 * ahead
+            if starts < stop:
                 break
         good = table[STATUS, :done] == FRAME
         return done, at, done - int(good.sum()), int(table[SIZE, :done][good].sum())

@@ -125,15 +125,15 @@ def _packed(name: str, row: Message | None, values: Mapping[str, Any]) -> bytes:
         for one in names:
             if one not in left:
                 raise EncodeError(f"{one} is missing")
-        found = [left.pop(one) for one in names]
-        grouped[field.name] = found if len(names) > 1 else found[0]
+        numbers = [left.pop(one) for one in names]
+        grouped[field.name] = numbers if len(names) > 1 else numbers[0]
     if left:
         known = [*HEADER_LIMITS, *(one for field in row.fields for one in _names(field))]
         raise EncodeError(f"no field is called {next(iter(left))!r}; there are: {', '.join(known)}")
     return pack(row.fields, grouped)
 
 
-def _number(name: str, given: Any, schema: Schema) -> int:
+def _number(name: str, value: Any, schema: Schema) -> int:
     """The payload type of a name."""
     if name in BY_NAME:
         return BY_NAME[name].id
@@ -141,7 +141,7 @@ def _number(name: str, given: Any, schema: Schema) -> int:
     if name in described:
         return described[name]
     try:
-        number = int(name, 16) if name.startswith("0x") or not isinstance(given, int) else given
+        number = int(name, 16) if name.startswith("0x") or not isinstance(value, int) else value
     except (TypeError, ValueError):
         raise EncodeError(f"no message is called {name!r}; there are: {', '.join([*BY_NAME, *described])}") from None
     if not 0 <= number <= 255:

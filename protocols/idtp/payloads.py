@@ -109,14 +109,16 @@ class Payload:
 
 def _floats(fields: tuple[Field, ...]) -> Ints:
     """Offsets of the floats; see `check_finite`."""
-    found: list[tuple[int, int]] = []
+    places: list[tuple[int, int]] = []
     at = 0
     for field in fields:
         if field.dtype in ("<f4", "<f8"):
             step = element(field).itemsize
-            found += [(end - 1, 0x80 if step == 4 else 0xF0) for end in range(at + step, at + size_of(field) + 1, step)]
+            places += [
+                (end - 1, 0x80 if step == 4 else 0xF0) for end in range(at + step, at + size_of(field) + 1, step)
+            ]
         at += size_of(field)
-    return np.array(found, np.int64).reshape(-1, 2).T.copy()
+    return np.array(places, np.int64).reshape(-1, 2).T.copy()
 
 
 class DecodedPayload(Mapping[str, Array]):

@@ -48,7 +48,7 @@ class UnitWatch:
 
     def __init__(self, unit: str) -> None:
         self._unit = unit
-        self._said: list[str] = []
+        self._reported: list[str] = []
         self._rows = 0
         self._raw = self._begin_ns = -1
         self._ticks = 0  # in this stretch
@@ -57,7 +57,7 @@ class UnitWatch:
     @property
     def done(self) -> bool:
         """No more rows are needed."""
-        return len(self._said) == STRETCHES or self._rows > MAX_ROWS
+        return len(self._reported) == STRETCHES or self._rows > MAX_ROWS
 
     def observe(self, raw: Ints, arrival_ns: Ints) -> None:
         """Add rows of the device, in stream order."""
@@ -105,11 +105,11 @@ class UnitWatch:
         """Judge a finished stretch."""
         rate = self._ticks / (passed_ns / 1e9)
         fits = [unit for unit, tick in UNITS.items() if rate and abs(math.log10(rate * tick / 1e9)) <= NEAR]
-        self._said.append(fits[0] if fits else "")
-        if len(self._said) < STRETCHES:
+        self._reported.append(fits[0] if fits else "")
+        if len(self._reported) < STRETCHES:
             return
-        unit = self._said[0]
-        if unit and unit != self._unit and len(set(self._said)) == 1:
+        unit = self._reported[0]
+        if unit and unit != self._unit and len(set(self._reported)) == 1:
             reason = (
                 f"they advance by {rate:.0f} in a second of arrival, which fits {NAMES[unit]}, not {NAMES[self._unit]}"
             )

@@ -38,8 +38,8 @@ def name_of(frame: bytes) -> str:
         return set_row(did).name
     name = COMMANDS[kind].name
     if name == "GET_DATA" and len(frame) >= HEADER + 8 + TRAILER:
-        asked = SETS.get(int.from_bytes(frame[HEADER : HEADER + 2], "little"))
-        return f"GET_{asked.name}" if asked else name
+        dataset = SETS.get(int.from_bytes(frame[HEADER : HEADER + 2], "little"))
+        return f"GET_{dataset.name}" if dataset else name
     return name
 
 

@@ -60,16 +60,16 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
     rows = {one["did"]: one for one in settings.get(STREAMS_SETTING, {}).get("streams", []) if one.get("source_ms")}
     periods = {**sources_of(settings), **in_effect(settings)}
     period_by_pace = {STREAMS[did].paces: float(one["source_ms"]) for did, one in rows.items() if one.get("size")}
-    found = {}
+    by_stream = {}
     for did, row in STREAMS.items():
         if row.pace == EVENT:
-            found[did] = 0.0
+            by_stream[did] = 0.0
         elif did in rows:
-            found[did] = float(rows[did]["source_ms"])
+            by_stream[did] = float(rows[did]["source_ms"])
         else:
             guess = next((periods[pace] for pace in row.paces if pace in periods), DEFAULT_MS[row.paces[0]])
-            found[did] = period_by_pace.get(row.paces, guess)
-    return found
+            by_stream[did] = period_by_pace.get(row.paces, guess)
+    return by_stream
 
 
 def load(settings: Mapping[str, Values]) -> LinkLoad:

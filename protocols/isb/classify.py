@@ -111,8 +111,8 @@ def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
     there = (length - rules[did, LIST_AT]) // step if step else 0
     if there <= 0:
         return 0
-    said = _number(data, body + rules[did, COUNT_AT], rules[did, COUNT_SIZE])
-    return min(min(said, there), MAX_COUNT)
+    count = _number(data, body + rules[did, COUNT_AT], rules[did, COUNT_SIZE])
+    return min(min(count, there), MAX_COUNT)
 
 
 @compiled(INT, BYTES, INT, INT)

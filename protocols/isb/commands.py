@@ -299,7 +299,7 @@ def _title(did: int) -> str:
     return STORED[did].title if did in STORED else ROWS[did].title
 
 
-def _asks() -> list[Command]:
+def _requests() -> list[Command]:
     get = COMMANDS[GET_DATA].fields
     arguments = tuple(replace(field, default=0, basic=False) for field in get[1:])
     return [
@@ -345,5 +345,5 @@ def _sets() -> list[Command]:
 
 
 COMMAND_ROWS: Mapping[str, Command] = {
-    row.name: row for row in (*_packets(), *_presets(), *_nmea(), *_calibrations(), *_system(), *_asks(), *_sets())
+    row.name: row for row in (*_packets(), *_presets(), *_nmea(), *_calibrations(), *_system(), *_requests(), *_sets())
 }

@@ -136,7 +136,7 @@ class DatasetTable:
         counts: dict[str, str] = {}
         for line in lines:
             offset, kind, name, *rest = line.split(maxsplit=3)
-            attributes = {key or "decimals": (value or digits).strip('"') for key, value, digits in _found(rest)}
+            attributes = {key or "decimals": (value or digits).strip('"') for key, value, digits in _attributes(rest)}
             row = self._field(kind, name, attributes)
             title, text = self.help.get((head[0], name), ("", ""))
             places.append((replace(row, title=title or row.title, doc=text), int(offset)))
@@ -221,7 +221,7 @@ def as_written(row: Field) -> Field:
     return replace(row, unit=unit, scale=1.0, decimals=-1, period=0.0)
 
 
-def _found(rest: list[str]) -> list[tuple[str, str, str]]:
+def _attributes(rest: list[str]) -> list[tuple[str, str, str]]:
     return _ATTRIBUTE.findall(rest[0]) if rest else []
 
 

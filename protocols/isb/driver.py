@@ -302,34 +302,34 @@ class IsbDriver(DeviceDriver):
         named.
         """
         now = yield from read_dataset(NMEA_PERIODS)
-        wanted = [one for one in values.get("nmeaBroadcastMsgs", []) if one.get("msgID")]
-        named = {one["msgID"] for one in wanted}
+        messages = [one for one in values.get("nmeaBroadcastMsgs", []) if one.get("msgID")]
+        named = {one["msgID"] for one in messages}
         on = [one for one in now.get("nmeaBroadcastMsgs", []) if one["msgID"] and one["msgPeriod"]]
         ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
-        return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
+        return {"options": 0, **values, "nmeaBroadcastMsgs": [*messages, *ended]}
 
-    def _streams(self, *, gpx: bool, **asked: Any) -> Transaction[Values]:
-        return (yield from stream_discovery.streams(lambda did: read_dataset(did), self._listening, gpx=gpx, **asked))
+    def _streams(self, *, gpx: bool, **periods: Any) -> Transaction[Values]:
+        return (yield from stream_discovery.streams(lambda did: read_dataset(did), self._listening, gpx=gpx, **periods))
 
     def _write_streams(self, values: Values, *, gpx: bool) -> Transaction[WriteResult]:
         """Stop unwanted streams, start and change the others, check the result, and retry what differs."""
         chosen(values)
         got = yield from self._streams(gpx=gpx)
-        asked: dict[int, int] = {}
+        periods: dict[int, int] = {}
         refused = ""
         for _ in range(ATTEMPTS if "streams" in values else 0):
             now = {one["did"]: one for one in got["streams"]}
             ended = [did for did in now if did not in {one["did"] for one in values["streams"]}]
-            rows = touched([_paced(one, now, asked) for one in values["streams"]], now)
+            rows = touched([_paced(one, now, periods) for one in values["streams"]], now)
             if refused or not (ended or rows):
                 break
             for did in ended:
                 yield Send(frames.build(frames.STOP_DID, did))
             for row in rows:
-                asked[row["did"]] = row.get("period", 1)
-                if not (yield from self._stream(row["did"], asked[row["did"]])):
+                periods[row["did"]] = row.get("period", 1)
+                if not (yield from self._stream(row["did"], periods[row["did"]])):
                     refused = f"{SETS[row['did']].name}: {NO}"
-            got = yield from self._streams(also=asked, asked=asked, gpx=gpx)
+            got = yield from self._streams(also=periods, asked=periods, gpx=gpx)
         if persists(values) and not refused:
             try:
                 yield from write_dataset(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
@@ -348,18 +348,18 @@ class IsbDriver(DeviceDriver):
         return not (yield WaitFor(refused, 0.03, "NACK"))
 
     def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
-        found: dict[str, Any] = {}
+        details: dict[str, Any] = {}
 
         def match(event: Event) -> Any | None:
             if isinstance(event, Reply) and identity(event):
-                found.update(identity(event))
+                details.update(identity(event))
                 return True
             return None
 
         for _ in range(ATTEMPTS):
             yield Send(frames.get_data(DEV_INFO, period=0))
             if (yield WaitFor(match, ANSWER_S, "DID_DEV_INFO", is_answer=True)):
-                return replace(known, at_rest=False, **found)
+                return replace(known, at_rest=False, **details)
         raise NoReplyError("GET DID_DEV_INFO", ATTEMPTS, ANSWER_S)
 
     def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
@@ -419,12 +419,12 @@ def _streams_of_gpx(row: Setting) -> Setting:
     return replace(row, fields=GPX_STREAM_FIELDS, read="GET_DID_GPX_RMC")
 
 
-def _paced(one: Values, now: Mapping[int, Values], asked: Mapping[int, int]) -> Values:
+def _paced(one: Values, now: Mapping[int, Values], periods: Mapping[int, int]) -> Values:
     """A row with the multiple that gives its intended rate, if the device uses another source than the row assumes.
     Only for data sets whose source is not known beforehand; a multiple alone is kept.
     """
     there, meant = now.get(one["did"]), float(one.get("source_ms") or 0) * one.get("period", 1)
-    if one["did"] not in asked or there is None or not meant or len(STREAMS[one["did"]].paces) < 2:
+    if one["did"] not in periods or there is None or not meant or len(STREAMS[one["did"]].paces) < 2:
         return one
     return {**one, "period": max(1, round(meant / there["source_ms"])), "source_ms": there["source_ms"]}
 

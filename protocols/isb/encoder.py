@@ -44,7 +44,7 @@ Values = Mapping[str, Any]
 GPX_RMC = 126
 NMEA_NAMES = ("ASCE", "INFO", "PERS", "SRST", "STPB", "STPC")
 MAG_CAL_STATES = {"MULTI_AXIS": 1, "SINGLE_AXIS": 2, "ABORT": 101}
-NMEA_MESSAGES_KEPT = 20  # pairs of DID_NMEA_BCAST_PERIOD
+MAX_NMEA_MESSAGES = 20  # pairs of DID_NMEA_BCAST_PERIOD
 _SYSTEM = {name: value for value, name in SYSTEM_COMMANDS.items()}
 _STOPS = {"STOP_BROADCASTS_ALL_PORTS": STOP_ALL_PORTS, "STOP_BROADCASTS_CURRENT_PORT": STOP_CURRENT_PORT}
 
@@ -91,10 +91,10 @@ def frame(command: str, values: Values, version: str = CURRENT) -> bytes:
 
 
 def _get(name: str, values: Values) -> bytes:
-    given = {"size": 0, "offset": 0, "period": 0, **values}
+    request = {"size": 0, "offset": 0, "period": 0, **values}
     if name != "GET_DATA":
-        given["id"] = BY_NAME[name.removeprefix(GET_PREFIX)].id
-    return frame_from_json({"message": "GET_DATA", "fields": given})
+        request["id"] = BY_NAME[name.removeprefix(GET_PREFIX)].id
+    return frame_from_json({"message": "GET_DATA", "fields": request})
 
 
 def _text(name: str, values: Values) -> bytes:
@@ -179,9 +179,9 @@ def _padded(values: Values) -> Values:
     messages = values.get("nmeaBroadcastMsgs")
     if messages is None:
         return values
-    if len(messages) > NMEA_MESSAGES_KEPT:
-        raise EncodeError(f"at most {NMEA_MESSAGES_KEPT} sentences, given {len(messages)}", "nmeaBroadcastMsgs")
-    empty = [{"msgID": 0, "msgPeriod": 0}] * (NMEA_MESSAGES_KEPT - len(messages))
+    if len(messages) > MAX_NMEA_MESSAGES:
+        raise EncodeError(f"at most {MAX_NMEA_MESSAGES} sentences, given {len(messages)}", "nmeaBroadcastMsgs")
+    empty = [{"msgID": 0, "msgPeriod": 0}] * (MAX_NMEA_MESSAGES - len(messages))
     return {**values, "nmeaBroadcastMsgs": [*messages, *empty]}
 
 
@@ -191,9 +191,9 @@ def streams_frames(values: Values, old: Values | None = None) -> list[bytes]:
     Args:
         old: streams now, if known: unchanged ones are not requested.
     """
-    wanted = chosen(values)
+    periods = chosen(values)
     now = {one["did"]: one for one in (old or {}).get("streams", [])}
-    ended = [did for did in now if did not in wanted] if "streams" in values else []
+    ended = [did for did in now if did not in periods] if "streams" in values else []
     out = [frames.build(STOP_DID, did) for did in ended]
     rows = touched(values.get("streams", []), now)
     out += [frames.get_data(row["did"], period=row.get("period", 1)) for row in rows]
@@ -202,23 +202,23 @@ def streams_frames(values: Values, old: Values | None = None) -> list[bytes]:
     return out
 
 
-def touched(wanted: Sequence[Values], now: Mapping[int, Values]) -> list[Values]:
+def touched(streams: Sequence[Values], now: Mapping[int, Values]) -> list[Values]:
     """The rows that differ from the device's state; only these are sent. A row that was read but never observed counts
     as read.
     """
-    found = []
-    for row in wanted:
+    changed = []
+    for row in streams:
         there = now.get(row["did"])
         unobserved = there is not None and row.get("size") == 0 and row.get("period", 1) == 1
         if there is None or not (unobserved or same_pace(row, there)):
-            found.append(row)
-    return found
+            changed.append(row)
+    return changed
 
 
 def chosen(values: Values) -> dict[int, int]:
     """Data set → period of the streams in a value of the setting."""
     _only(values, [field.name for field in STREAM_FIELDS])
-    found: dict[int, int] = {}
+    periods: dict[int, int] = {}
     rows = values.get("streams", [])
     if not isinstance(rows, (list, tuple)):
         raise EncodeError(f"streams is a list, given {rows!r}", "streams")
@@ -229,15 +229,15 @@ def chosen(values: Values) -> dict[int, int]:
         did = _whole(f"streams.{place}.did", one.get("did"), 255)
         if did not in allowed:
             raise EncodeError(f"data set {did} cannot be streamed", f"streams.{place}.did")
-        if did in found:
+        if did in periods:
             raise EncodeError(f"{allowed[did]} is listed twice", f"streams.{place}.did")
         period = _whole(f"streams.{place}.period", one.get("period", 1), 65_535)
         if period == 0:
             raise EncodeError(
                 "period must be in [1, 65535]; to stop the stream, leave it out", f"streams.{place}.period"
             )
-        found[did] = period
-    return found
+        periods[did] = period
+    return periods
 
 
 def persists(values: Values) -> bool:

@@ -59,12 +59,12 @@ def described(kind: int, did: int, payload: bytes, offset: int, version: str | N
     """The fields of a payload (without its offset) and their offsets in it."""
     if kind in COMMANDS:
         at = 0
-        found: list[Place] = []
+        out: list[Place] = []
         for field in COMMANDS[kind].fields:
             if at + size_of(field) <= len(payload):
-                found.append((field, at))
+                out.append((field, at))
             at += size_of(field)
-        return tuple(found)
+        return tuple(out)
     variant = 0
     if not offset:
         variant = int(variant_of(np.frombuffer(payload, np.uint8), 0, len(payload), did, _RULES))
@@ -73,8 +73,8 @@ def described(kind: int, did: int, payload: bytes, offset: int, version: str | N
 
 def values_of(kind: int, did: int, payload: bytes, offset: int, version: str | None) -> dict[str, Any]:
     """Wire values by name."""
-    found = described(kind, did, payload, offset, version)
-    return {field.name: unpack((field,), payload, at)[field.name] for field, at in found}
+    places = described(kind, did, payload, offset, version)
+    return {field.name: unpack((field,), payload, at)[field.name] for field, at in places}
 
 
 def frame_to_json(packet: bytes, version: str | None = None) -> Plain:
@@ -88,14 +88,14 @@ def frame_to_json(packet: bytes, version: str | None = None) -> Plain:
     shifted = bool(head & WITH_OFFSET) and kind in (DATA, SET_DATA)
     offset = int.from_bytes(packet[HEADER : HEADER + 2], "little") if shifted else 0
     payload = packet[HEADER + 2 * shifted : -TRAILER]
-    found = described(kind, did, payload, offset, version)
+    places = described(kind, did, payload, offset, version)
     name = COMMANDS[kind].name if kind in COMMANDS else (set_row(did) if kind == SET_DATA else ROWS[did]).name
-    fields = {field.name: unpack((field,), payload, at, exact=True)[field.name] for field, at in found}
+    fields = {field.name: unpack((field,), payload, at, exact=True)[field.name] for field, at in places}
     result: Plain = {"id": did, "message": name, "fields": jsonable(fields)}
-    flags = {path: names for field, _ in found for path, names in _flags(field, fields[field.name])}
+    flags = {path: names for field, _ in places for path, names in _flags(field, fields[field.name])}
     if flags:
         result["flags"] = flags
-    wire = _wire(kind, did, payload, offset, shifted, version, found, result["fields"])
+    wire = _wire(kind, did, payload, offset, shifted, version, places, result["fields"])
     if head & ~TYPE_MASK & ~(WITH_OFFSET if shifted else 0):
         wire["flags"] = head & ~TYPE_MASK & ~(WITH_OFFSET if shifted else 0)
     if wire:
@@ -110,7 +110,7 @@ def _wire(
     offset: int,
     shifted: bool,
     version: str | None,
-    found: tuple[Place, ...],
+    places: tuple[Place, ...],
     fields: Plain,
 ) -> Plain:
     """Information of a packet that the named fields do not carry."""
@@ -126,7 +126,7 @@ def _wire(
         wire["size"] = len(payload)
     unknown = {}
     end = 0
-    for field, at in (*found, (Field("", "u1", (0,)), len(payload))):
+    for field, at in (*places, (Field("", "u1", (0,)), len(payload))):
         gap = payload[end:at].rstrip(b"\0")
         if gap:
             unknown[str(end)] = gap.hex()
@@ -157,28 +157,28 @@ def frame_from_json(record: Mapping[str, Any]) -> bytes:
     shifted = False
     if kind in COMMANDS:
         at = 0
-        found: list[Place] = []
+        places: list[Place] = []
         for field in COMMANDS[kind].fields:
-            found.append((field, at))
+            places.append((field, at))
             at += size_of(field)
         size, offset = wire.get("size", at), 0
-        found = [(field, at) for field, at in found if at + size_of(field) <= size]
+        places = [(field, at) for field, at in places if at + size_of(field) <= size]
     else:
         offset, size, shifted = _extent(did, fields, wire.get("firmware"))
         if "size" in wire:
             offset, size, shifted = wire.get("offset", 0), wire["size"], "offset" in wire
-        found = list(_places(did, offset, size, fields, wire.get("firmware")))
+        places = list(_places(did, offset, size, fields, wire.get("firmware")))
     if not isinstance(size, int) or not 0 <= size <= 2040 or not isinstance(offset, int):
         raise EncodeError(f"a payload has 0 to 2040 bytes, given {size!r} from {offset!r}")
-    payload = _packed(found, fields, size, wire.get("unknown", {}))
+    payload = _packed(places, fields, size, wire.get("unknown", {}))
     flags = int(wire.get("flags", 0)) | (WITH_OFFSET if shifted else 0)
     return build(kind, did, payload, offset=offset if shifted else None, flags=flags)
 
 
-def _did(name: str, kind: int, given: Any) -> int:
+def _did(name: str, kind: int, value: Any) -> int:
     """The header's number."""
     if kind in COMMANDS:
-        return int(given or 0)
+        return int(value or 0)
     bare = name.removeprefix(SET_PREFIX) if kind == SET_DATA else name
     if bare not in BY_NAME:
         raise EncodeError(f"no message is called {name!r}; there are DID_…, SET_DID_…, {', '.join(TYPES.values())}")
@@ -214,10 +214,10 @@ def _step(field: Field) -> int:
     return size_of(field) // max(math.prod(field.shape), 1) if 0 not in field.shape else 0
 
 
-def _packed(found: list[Place], fields: Mapping[str, Any], size: int, unknown: Any) -> bytes:
+def _packed(places: list[Place], fields: Mapping[str, Any], size: int, unknown: Any) -> bytes:
     payload = bytearray(size)
     left = dict(fields)
-    for field, at in found:
+    for field, at in places:
         if field.name not in left:
             raise EncodeError(f"{field.name} is missing")
         value = left.pop(field.name)
@@ -225,7 +225,7 @@ def _packed(found: list[Place], fields: Mapping[str, Any], size: int, unknown: A
             value = _bytes(field.name, value)
         payload[at : at + size_of(field)] = pack((field,), {field.name: value})
     if left:
-        names = ", ".join(field.name for field, _ in found) or "none"
+        names = ", ".join(field.name for field, _ in places) or "none"
         raise EncodeError(f"no field is called {next(iter(left))!r}; there are: {names}")
     for at, gap in unknown.items() if isinstance(unknown, Mapping) else ():
         raw = _bytes("unknown", gap)

@@ -108,17 +108,17 @@ def _packets_of(body: bytes, start: int, damage: Damage) -> bytes:
     """
     out = []
     at = 0
-    seen: set[tuple[int, int]] = set()  # (data set, size) of records so far
+    record_kinds: set[tuple[int, int]] = set()  # (data set, size) of records so far
     while at < len(body):
         record = _record(body, at)
         if record is not None:
             did, size, offset, end = record
-            if end == len(body) or _record(body, end) is not None or (did, size) in seen:
-                seen.add((did, size))
+            if end == len(body) or _record(body, end) is not None or (did, size) in record_kinds:
+                record_kinds.add((did, size))
                 out.append(build(DATA, did, body[end - size : end], offset=offset))
                 at = end
                 continue
-        further = _resync(body, at + 1, seen)
+        further = _resync(body, at + 1, record_kinds)
         words = f"{further - at} bytes at {start + at} are not a record."
         if further == len(body):
             words = f"From {start + at} on there are no complete records: {further - at} bytes."
@@ -138,7 +138,7 @@ def _record(body: bytes, at: int) -> tuple[int, int, int, int] | None:
     return did, size, offset, end
 
 
-def _resync(body: bytes, at: int, seen: Collection[tuple[int, int]]) -> int:
+def _resync(body: bytes, at: int, record_kinds: Collection[tuple[int, int]]) -> int:
     """The next place from which records follow each other; the end of the chunk if there is none."""
     for begin in range(at, len(body)):
         end, links, known = begin, 0, False
@@ -146,8 +146,8 @@ def _resync(body: bytes, at: int, seen: Collection[tuple[int, int]]) -> int:
             record = _record(body, end)
             if record is None:
                 break
-            known |= record[:2] in seen
+            known |= record[:2] in record_kinds
             end, links = record[3], links + 1
-        if (links == CHAIN or (links and end == len(body))) and (known or not seen):
+        if (links == CHAIN or (links and end == len(body))) and (known or not record_kinds):
             return begin
     return len(body)

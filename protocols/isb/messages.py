@@ -111,7 +111,7 @@ def _row(did: int) -> Message:
         return Message(did, f"DID_{did}", (OPAQUE,), kind="reply", title=f"Data set {did}", doc="Unknown data set.")
     fields = tuple(field for field, _ in dataset.struct.places) if dataset.struct else (OPAQUE,)
     clock = clock_of(dataset)
-    said = TABLES.help.get(("sets", dataset.name), ("", ""))[1]
+    help_text = TABLES.help.get(("sets", dataset.name), ("", ""))[1]
     return Message(
         did,
         dataset.name,
@@ -120,7 +120,7 @@ def _row(did: int) -> Message:
         tick_ns=_TICKS.get(clock, 0),
         kind=dataset.kind,  # type: ignore[arg-type]
         title=title_of(dataset.name),
-        doc=" ".join(filter(None, (said, _UTC if clock in (WEEK_TOW, FIX, TOW) else ""))),
+        doc=" ".join(filter(None, (help_text, _UTC if clock in (WEEK_TOW, FIX, TOW) else ""))),
         source=SOURCE,
     )
 
@@ -245,7 +245,7 @@ def places(
     dataset = SETS.get(did)
     if dataset is None or dataset.struct is None:
         return ((replace(OPAQUE, shape=(size,)), 0),)
-    found: list[Place] = []
+    out: list[Place] = []
     for field, at in _known(dataset, version_for(did, offset, size, version)):
         counted: int | None = count if field.name in dataset.struct.counts else None
         if did in RAW_SETS and field.name == "data":
@@ -256,8 +256,8 @@ def places(
             field = replace(field, dtype="ascii" if variant else "bytes", shape=(max(size - at, 0),))
         place = _cut(field, at, offset, offset + size, counted)
         if place:
-            found.append(place)
-    return tuple(found)
+            out.append(place)
+    return tuple(out)
 
 
 def _raw(field: Field, at: int, offset: int, size: int, variant: int, count: int) -> tuple[Field, int | None]:
@@ -271,16 +271,16 @@ def _raw(field: Field, at: int, offset: int, size: int, variant: int, count: int
     return replace(field, name="buf"), -1
 
 
-def form_of(did: int, found: tuple[Place, ...], size: int) -> PayloadLayout:
+def form_of(did: int, members: tuple[Place, ...], size: int) -> PayloadLayout:
     """A row and a layout of places."""
     row = ROWS[did]
-    fields = tuple(field for field, _ in found)
+    fields = tuple(field for field, _ in members)
     names = {field.name for field in fields}
     clock = row.time if row.time in names else ""
     apart = tuple(field.name for field in fields if field.axes or field.bits or (field.fields and field.shape))
     message = replace(row, fields=fields, time=clock, tick_ns=row.tick_ns if clock else 0, separate_channels=apart)
-    layout = Layout([(field, ((at, size_of(field)),)) for field, at in found], size)
-    return PayloadLayout(message, found, layout)
+    layout = Layout([(field, ((at, size_of(field)),)) for field, at in members], size)
+    return PayloadLayout(message, members, layout)
 
 
 @lru_cache(maxsize=4096)
@@ -291,8 +291,8 @@ def form_for_key(key: int) -> PayloadLayout:
     if offset:
         count = -1  # a part does not have the number of used elements
     version = None if version_index == classify.NO_FIRMWARE else VERSIONS[version_index]
-    found = places(did, offset, size, version=version, variant=variant, count=count)
-    return form_of(did, found, size)
+    layout = places(did, offset, size, version=version, variant=variant, count=count)
+    return form_of(did, layout, size)
 
 
 # -- tables for classify.py --------------------------------------------------------------------------------------------
@@ -335,9 +335,9 @@ def _clock_rules(table: Ints, did: int, dataset: DataSet) -> None:
 
 
 def _the(dataset: DataSet, name: str) -> Place:
-    found = dataset.struct.field(name) if dataset.struct else None
-    assert found is not None, f"{dataset.name} has no field {name}"
-    return found
+    field = dataset.struct.field(name) if dataset.struct else None
+    assert field is not None, f"{dataset.name} has no field {name}"
+    return field
 
 
 def version_numbers() -> Ints:
@@ -350,6 +350,6 @@ def _number(version: str) -> int:
     return major << 16 | minor << 8 | patch
 
 
-def covered(found: Sequence[Place]) -> int:
+def covered(fields: Sequence[Place]) -> int:
     """Bytes of a payload up to the end of its last field."""
-    return max((at + size_of(field) for field, at in found), default=0)
+    return max((at + size_of(field) for field, at in fields), default=0)

@@ -24,15 +24,15 @@ def differences(setting: str, a: Values, b: Values) -> list[str]:
     """Paths of the fields present in both that differ."""
     if setting == STREAMS_SETTING:
         return _streams(a, b) + _to_save(a, b)
-    found = _to_save(a, b) if setting in SAVED else []
+    rows = _to_save(a, b) if setting in SAVED else []
     for name in a:
         if name not in b or name in MEANINGLESS:
             continue
         if name == "nmeaBroadcastMsgs":
-            found += [name] * (_sentences(a[name]) != _sentences(b[name]))
+            rows += [name] * (_sentences(a[name]) != _sentences(b[name]))
         else:
-            found += _differ(name, a[name], b[name])
-    return found
+            rows += _differ(name, a[name], b[name])
+    return rows
 
 
 def _streams(a: Values, b: Values) -> list[str]:
@@ -40,15 +40,15 @@ def _streams(a: Values, b: Values) -> list[str]:
     if "streams" not in a or "streams" not in b:
         return []
     other = {one["did"]: one for one in b.get("streams", [])}
-    found = []
+    rows = []
     for place, one in enumerate(a.get("streams", [])):
         match = other.get(one["did"])
         if match is None:
-            found.append(f"streams.{place}")
+            rows.append(f"streams.{place}")
         elif 0 not in (one.get("size"), match.get("size")) and not same_pace(one, match):
-            found.append(f"streams.{place}.period")
+            rows.append(f"streams.{place}.period")
     ours = {one["did"] for one in a.get("streams", [])}
-    return found + [f"streams.{place}" for place, one in enumerate(b.get("streams", [])) if one["did"] not in ours]
+    return rows + [f"streams.{place}" for place, one in enumerate(b.get("streams", [])) if one["did"] not in ours]
 
 
 def same_pace(one: Values, other: Values) -> bool:
@@ -75,14 +75,12 @@ def _differ(path: str, a: Any, b: Any) -> list[str]:
     if isinstance(a, list) and isinstance(b, list):
         if len(a) != len(b):
             return [path]
-        return [
-            found for place, (x, y) in enumerate(zip(a, b, strict=True)) for found in _differ(f"{path}.{place}", x, y)
-        ]
+        return [row for place, (x, y) in enumerate(zip(a, b, strict=True)) for row in _differ(f"{path}.{place}", x, y)]
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         shared = [name for name in a if name in b]
         if not shared and a != b:
             return [path]
-        return [found for name in shared for found in _differ(f"{path}.{name}", a[name], b[name])]
+        return [row for name in shared for row in _differ(f"{path}.{name}", a[name], b[name])]
     if isinstance(a, float) or isinstance(b, float):
         return [] if _f4(a) == _f4(b) else [path]
     return [] if a == b else [path]

@@ -37,15 +37,15 @@ _CALIBRATES = (1, 2)  # states of DID_MAG_CAL that start one
 def _of_navigation(before: Values, changed: Values, product: str) -> list[Harm]:
     """Consequences of another navigation period."""
     period, old = changed.get("startupNavDtMs", 0), before.get("startupNavDtMs", 0)
-    found = []
+    risks = []
     if 0 < period < LEAST_NAV_MS and (not product or product.startswith("IMX-5")):
-        found.append(Harm("stops-output", _TOO_SHORT.format(least=LEAST_NAV_MS, given=period)))
+        risks.append(Harm("stops-output", _TOO_SHORT.format(least=LEAST_NAV_MS, given=period)))
     navigation, sampling = period or old, changed.get("startupImuDtMs", 0)
     if 0 < navigation < sampling:
-        found.append(Harm("", _SHORTENED.format(given=sampling, least=navigation)))
+        risks.append(Harm("", _SHORTENED.format(given=sampling, least=navigation)))
     if 0 < period < old:
-        found.append(Harm("", _FASTER.format(old=1000 / old, new=1000 / period)))
-    return found
+        risks.append(Harm("", _FASTER.format(old=1000 / old, new=1000 / period)))
+    return risks
 
 
 def harm(setting: str, old: Values | None, new: Values, product: str = "") -> list[Harm]:
@@ -53,16 +53,16 @@ def harm(setting: str, old: Values | None, new: Values, product: str = "") -> li
     before = old or {}
     changed = {name: value for name, value in new.items() if name not in before or before[name] != value}
     row = settings_of().get(setting)
-    found = []
+    risks = []
     if row is not None and any(one.read_only and one.name in changed for one in row.fields):
-        found.append(Harm("loses-settings", _OWN))
+        risks.append(Harm("loses-settings", _OWN))
     if setting in ("DID_FLASH_CONFIG", "DID_GPX_FLASH_CFG"):
         if any(name in changed for name in _FRAMES):
-            found.append(Harm("moves-frame", _TURNED))
+            risks.append(Harm("moves-frame", _TURNED))
         if any(changed.get(name) == 0 for name in _PERIODS):
-            found.append(Harm("stops-output", _ENDED))
+            risks.append(Harm("stops-output", _ENDED))
     if setting == "DID_FLASH_CONFIG":
-        found += _of_navigation(before, changed, product)
+        risks += _of_navigation(before, changed, product)
     if setting == "DID_MAG_CAL" and changed.get("state") in _CALIBRATES:
-        found.append(Harm("moves-frame", _RECALIBRATED))
-    return found
+        risks.append(Harm("moves-frame", _RECALIBRATED))
+    return risks

@@ -38,7 +38,7 @@ from imuscope.protocols.schema import Field
 from imuscope.protocols.transactions import DeviceRejectedError, Transaction, WaitFor
 
 Values = Mapping[str, Any]
-Ask = Callable[[int], Transaction[Values]]
+Requester = Callable[[int], Transaction[Values]]
 
 LONGEST_NS = 3e9  # a longer step of the device's clock between two packets is a jump
 CLOSE = 0.04  # share within which a multiple counts as one
@@ -117,11 +117,11 @@ class ObservedStreams:
     """Streams observed while listening: interval and size for each data set.
 
     Args:
-        wanted: data sets whose period is required; listening ends when it is known.
+        dids: data sets whose period is required; listening ends when it is known.
     """
 
-    def __init__(self, wanted: set[int]) -> None:
-        self._left = wanted
+    def __init__(self, dids: set[int]) -> None:
+        self._left = dids
         self._times: dict[int, list[tuple[int, int]]] = {}
         self.sizes: dict[int, int] = {}
 
@@ -186,56 +186,61 @@ def sources_of(params: Values, flash: Values) -> dict[str, float]:
 
 
 def streams(
-    ask: Ask,
+    request: Requester,
     times: ListeningTimes,
     *,
     also: Iterable[int] = (),
-    asked: Mapping[int, int] = NOTHING,
+    periods: Mapping[int, int] = NOTHING,
     gpx: bool = False,
 ) -> Transaction[Values]:
     """The value of the setting `streams`.
 
     Args:
-        ask: reads a data set.
+        request: reads a data set.
         times: how long to listen.
         also: data sets without a bit to listen for, too.
-        asked: multiples just requested from the device: the source's period is then measured.
+        periods: multiples just requested from the device: the source's period is then measured.
         gpx: it is a GPX, whose streams are in DID_GPX_RMC.
     """
-    rmc = yield from ask(GPX_RMC if gpx else RMC)
+    rmc = yield from request(GPX_RMC if gpx else RMC)
     listed = dids_of(rmc.get("bits", 0), gpx=gpx)
     if gpx:
-        sources = sources_of({}, (yield from _maybe(ask, GPX_FLASH)))
+        sources = sources_of({}, (yield from _maybe(request, GPX_FLASH)))
     else:
-        params = yield from _maybe(ask, SYS_PARAMS)
-        flash = yield from _maybe(ask, FLASH)
-        sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
+        params = yield from _maybe(request, SYS_PARAMS)
+        flash = yield from _maybe(request, FLASH)
+        sources = sources_of(params, flash or (yield from _maybe(request, GPX_FLASH)))
     observed = ObservedStreams({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
     yield WaitFor(observed.only, times.least_s, "streams")  # also finds sets without a bit
     if not observed.enough:
         yield WaitFor(observed.observe, times.listen_s - times.least_s, "streams")
-    rows = [_stream(did, observed, sources, asked.get(did)) for did in dict.fromkeys((*listed, *observed.streaming()))]
+    rows = [
+        _stream(did, observed, sources, periods.get(did)) for did in dict.fromkeys((*listed, *observed.streaming()))
+    ]
     order = {did: place for place, did in enumerate(STREAMS)}
     return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0) & ~PERSISTENT}
 
 
-def _maybe(ask: Ask, did: int) -> Transaction[Values]:
+def _maybe(request: Requester, did: int) -> Transaction[Values]:
     """Read a data set; nothing if the device lacks it."""
     try:
-        return (yield from ask(did))
+        return (yield from request(did))
     except DeviceRejectedError:
         return {}
 
 
-def _stream(did: int, observed: ObservedStreams, sources: Mapping[str, float], asked: int | None) -> dict[str, Any]:
+def _stream(did: int, observed: ObservedStreams, sources: Mapping[str, float], known: int | None) -> dict[str, Any]:
     row = STREAMS[did]
     interval, size = observed.interval_ms(did), observed.sizes.get(did, 0)
     bases = [sources[pace] for pace in row.paces]
     if interval is None or row.pace == EVENT:
         period, base = 1, bases[0]
-    elif asked:
-        period = asked
-        base = next((base for base in bases if abs(base * asked - interval) <= CLOSE * interval), interval / asked)
+    elif known:
+        period = known
+        base = next(
+            (base for base in bases if abs(base * known - interval) <= CLOSE * interval),
+            interval / known,
+        )
     else:
         period, base = multiple(interval, bases)
     return {"did": did, "period": period, "size": size, "source_ms": base}

@@ -28,7 +28,7 @@ from imuscope.protocols.events import Event
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.commands import RMC, SYS_CMD
 from imuscope.protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
-from imuscope.protocols.isb.stream_discovery import Ask, ObservedStreams
+from imuscope.protocols.isb.stream_discovery import ObservedStreams, Requester
 from imuscope.protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
 from imuscope.protocols.transactions import (
     Act,
@@ -49,13 +49,13 @@ ANSWER_S = 0.3
 BACK_TRIES = 2
 
 
-def undisturbed(body: Transaction[T], ask: Ask) -> Transaction[T]:
+def undisturbed(body: Transaction[T], request: Requester) -> Transaction[T]:
     """`body`, then the restart of streams that it must not have ended.
 
     Args:
-        ask: reads a data set.
+        request: reads a data set.
     """
-    watch = _Watch(ask)
+    watch = _Watch(request)
     answer: Any = None
     error: BaseException | None = None
     while True:
@@ -82,8 +82,8 @@ def undisturbed(body: Transaction[T], ask: Ask) -> Transaction[T]:
 class _Watch:
     """Streams at the start, and data sets requested although they stream."""
 
-    def __init__(self, ask: Ask) -> None:
-        self._request = ask
+    def __init__(self, request: Requester) -> None:
+        self._request = request
         self._received = ObservedStreams(set())
         self._observed = False
         self._listed: set[int] = set()  # in DID_RMC

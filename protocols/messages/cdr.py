@@ -29,7 +29,7 @@ Array = NDArray[Any]
 LONGEST_ARRAY = 16  # of a longer one no element is a column
 MOST_COLUMNS = 500
 MOST_STEPS = 4096
-LAYOUTS_KEPT = 32
+MAX_LAYOUTS = 32
 _HEAD = 4
 _ENCAPSULATIONS = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}  # byte order, strictest alignment
 
@@ -88,8 +88,8 @@ class CdrReader:
                 refused.append((index, str(error)))
                 continue
             groups.setdefault(id(layout), (layout, []))[1].append(index)
-        found = [_read(layout, rows, messages) for layout, rows in groups.values()]
-        return found, refused
+        parts = [_read(layout, rows, messages) for layout, rows in groups.values()]
+        return parts, refused
 
     def _layout(self, data: bytes) -> _Layout:
         layouts = self._layouts
@@ -100,7 +100,7 @@ class CdrReader:
                 return layout
         layout = _Walk(data).layout(self.root)
         layouts.insert(0, layout)
-        del layouts[LAYOUTS_KEPT:]
+        del layouts[MAX_LAYOUTS:]
         return layout
 
 
@@ -138,15 +138,15 @@ class _Walk:
     def layout(self, root: StructType) -> _Layout:
         """The layout of the message; ValueError if it is not a whole message of this type."""
         self._struct(root, "", shown=True)
-        kept = self._numbers[:MOST_COLUMNS]
+        numbers = self._numbers[:MOST_COLUMNS]
         pair = np.dtype([("sec", f"{self._order}i4"), ("nanosec", f"{self._order}u4")])
         spec = {
-            "names": [f"n{i}" for i in range(len(kept))] + [f"t{i}" for i in range(len(self._times))],
-            "formats": [f"{self._order}{code}" for _, _, code in kept] + [pair] * len(self._times),
-            "offsets": [at for _, at, _ in kept] + [at for _, at in self._times],
+            "names": [f"n{i}" for i in range(len(numbers))] + [f"t{i}" for i in range(len(self._times))],
+            "formats": [f"{self._order}{code}" for _, _, code in numbers] + [pair] * len(self._times),
+            "offsets": [at for _, at, _ in numbers] + [at for _, at in self._times],
             "itemsize": self._at,
         }
-        paths = tuple(path for path, _, _ in kept)
+        paths = tuple(path for path, _, _ in numbers)
         dtype = np.dtype(spec)  # type: ignore[call-overload]
         return _Layout(tuple(self._probes), self._at, dtype, paths, tuple(path for path, _ in self._times))
 

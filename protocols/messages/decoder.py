@@ -103,7 +103,7 @@ def reader_of(channel: MessageChannel) -> Read | None:
 def _cdr(reader: CdrReader) -> Read:
     def read(messages: Sequence[bytes]) -> tuple[list[Numbers], list[tuple[int, str]]]:
         layouts, refused = reader.columns(messages)
-        found = []
+        parts = []
         for one in layouts:
             stamps = np.zeros(len(one.rows), np.int64)
             columns = dict(one.numbers)
@@ -112,8 +112,8 @@ def _cdr(reader: CdrReader) -> Read:
                     stamps = times
                 else:
                     columns[path] = times / 1e9
-            found.append(Numbers(one.rows, stamps, columns))
-        return found, refused
+            parts.append(Numbers(one.rows, stamps, columns))
+        return parts, refused
 
     return read
 
@@ -133,8 +133,8 @@ def _walked(read_one: Callable[[bytes], NumericMessage]) -> Read:
                 tables.setdefault(len(one.rows), []).append((index, one))
             else:
                 flat.append((index, one))
-        found = [_gathered(flat)] if flat else []
-        return found + [_gathered_tables(some) for some in tables.values()], refused
+        parts = [_gathered(flat)] if flat else []
+        return parts + [_gathered_tables(some) for some in tables.values()], refused
 
     return read
 
@@ -201,8 +201,8 @@ class _Topic:
         if self.own:
             quantities = [own_quantity(channel.schema, self.own)]
         else:
-            found = quantities_of(channel.schema, list(self._paths))
-            quantities = [one for one in found if one.field.name not in absent]
+            available = quantities_of(channel.schema, list(self._paths))
+            quantities = [one for one in available if one.field.name not in absent]
         fields = tuple(one.field for one in quantities)
         # A quantity that is called like its message would have its name twice.
         apart = () if is_table else tuple(one.name for one in fields)
@@ -240,8 +240,8 @@ class MessageDecoder:
     @property
     def remarks(self) -> list[str]:
         """Sentences about the stream for the user."""
-        found = [words for topic in self._topics.values() if (words := _remark(topic))]
-        return list(dict.fromkeys(found))[:MOST_REMARKS]
+        texts = [words for topic in self._topics.values() if (words := _remark(topic))]
+        return list(dict.fromkeys(texts))[:MOST_REMARKS]
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Return every complete event."""
@@ -265,8 +265,8 @@ class MessageDecoder:
             opcode, length = HEAD.unpack_from(data, at)
             whole = at + HEAD.size + length
             if not SCHEMA <= opcode <= MESSAGE or length >= LONGEST or (opcode == MESSAGE and length < MESSAGE_FIXED):
-                found = PLAUSIBLE.search(data, at + 1)
-                behind = found.start() if found is not None else max(end - HEAD.size + 1, at + 1)
+                match = PLAUSIBLE.search(data, at + 1)
+                behind = match.start() if match is not None else max(end - HEAD.size + 1, at + 1)
                 rejects.append(RejectedFrame(start + at, behind - at, "bad_size", buffer.arrival(start + at)))
                 at = behind
                 continue
@@ -274,8 +274,8 @@ class MessageDecoder:
                 if not stalled:
                     break
                 rejects.append(RejectedFrame(start + at, end - at, "truncated", buffer.arrival(start + end - 1)))
-                found = PLAUSIBLE.search(data, at + 1)
-                at = found.start() if found is not None else end
+                match = PLAUSIBLE.search(data, at + 1)
+                at = match.start() if match is not None else end
                 continue
             self._record(data[at:whole], opcode, start + at, rejects, received)
             at = whole
@@ -318,7 +318,7 @@ class MessageDecoder:
             for row in np.flatnonzero(lost).tolist():
                 one = messages[row]
                 events.append(SampleGap(one.offset, int(lost[row]), topic.channel.topic, one.arrival_ns))
-        found, refused = topic.read([one.data for one in messages])
+        column_values, refused = topic.read([one.data for one in messages])
         for index, words in refused:
             one = messages[index]
             events.append(RejectedFrame(one.offset, one.size, "bad_item", one.arrival_ns, detail=words[:200]))
@@ -326,10 +326,10 @@ class MessageDecoder:
         offsets = np.array([one.offset for one in messages], np.int64)
         published = np.array([one.publish_ns for one in messages], np.int64)
         stamps = np.zeros(len(messages), np.int64)
-        for numbers in found:
+        for numbers in column_values:
             stamps[numbers.rows] = np.where(numbers.stamps > 0, numbers.stamps, published[numbers.rows])
         usable = _usable(topic, stamps, arrivals)
-        for numbers in found:
+        for numbers in column_values:
             rows = numbers.rows
             message, quantities = topic.described(numbers)
             if not quantities:

@@ -29,8 +29,8 @@ class MessageLister:
             _, length = HEAD.unpack_from(data, at)
             whole = at + HEAD.size + length
             if length >= LONGEST or not PLAUSIBLE.match(data, at):
-                found = PLAUSIBLE.search(data, at + 1)
-                whole = found.start() if found is not None else len(data)
+                match = PLAUSIBLE.search(data, at + 1)
+                whole = match.start() if match is not None else len(data)
             if whole > len(data):
                 break
             self._decoder.feed(data[at:whole], 0)

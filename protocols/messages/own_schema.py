@@ -53,22 +53,22 @@ def columns_of(title: str, schema: bytes) -> dict[str, OwnColumn]:
         }
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return {}
-    found = {}
+    columns = {}
     for field, (unit, frame) in fields.items():
         name = field.removesuffix(f"_{letters(unit)}") if unit else field
-        found[field] = OwnColumn(name, unit, frame)
-    return found
+        columns[field] = OwnColumn(name, unit, frame)
+    return columns
 
 
 def own_quantity(title: str, columns: dict[str, OwnColumn]) -> MessageQuantity:
     """The quantity of a message with these columns."""
-    paths, given = tuple(columns), list(columns.values())
-    frame = given[0].frame if len({one.frame for one in given}) == 1 else ""
-    if len(given) == 1:
-        return MessageQuantity(Field(title, "<f8", unit=given[0].unit, frame=frame), paths)
-    names = tuple(one.name for one in given)
-    units = {one.unit for one in given}
+    paths, fields = tuple(columns), list(columns.values())
+    frame = fields[0].frame if len({one.frame for one in fields}) == 1 else ""
+    if len(fields) == 1:
+        return MessageQuantity(Field(title, "<f8", unit=fields[0].unit, frame=frame), paths)
+    names = tuple(one.name for one in fields)
+    units = {one.unit for one in fields}
     if names in AXES and len(units) == 1:
         return MessageQuantity(Field(title, "<f8", (len(names),), unit=units.pop(), axes=names, frame=frame), paths)
-    inner = tuple(Field(one.name, "<f8", unit=one.unit) for one in given)
+    inner = tuple(Field(one.name, "<f8", unit=one.unit) for one in fields)
     return MessageQuantity(Field(title, fields=inner, frame=frame), paths)

@@ -143,15 +143,15 @@ def unit_of(units: Mapping[str, str], path: str) -> str:
 
 def absent_quantities(numbers: Mapping[str, Array], names: Collection[str]) -> set[str]:
     """Names of the quantities that the sender marks as unknown in all of these messages."""
-    found = set()
+    absent = set()
     for name in names:
         covariance = numbers.get(f"{name}_covariance.0")
         if covariance is not None and (covariance == -1).all():
-            found |= {name, f"{name}_covariance"}
+            absent |= {name, f"{name}_covariance"}
         elements = [numbers.get(f"{name}.{one}") for one in XYZW]
         if all(one is not None and not one.any() for one in elements):
-            found |= {name, f"{name}_covariance"}
-    return found
+            absent |= {name, f"{name}_covariance"}
+    return absent
 
 
 def unknown_rows(numbers: Mapping[str, Array], name: str) -> NDArray[np.bool_] | None:

@@ -137,18 +137,18 @@ class _Fields:
 
     def strings(self) -> dict[str, str]:
         inner = _Fields(self.blob())
-        found: dict[str, str] = {}
+        texts: dict[str, str] = {}
         while inner._at < len(inner._body):
             key = inner.text()
-            found[key] = inner.text()
-        return found
+            texts[key] = inner.text()
+        return texts
 
     def _take(self, size: int) -> bytes:
-        taken = self._body[self._at : self._at + size]
-        if len(taken) < size:
+        piece = self._body[self._at : self._at + size]
+        if len(piece) < size:
             raise ValueError("a record ends within a field")
         self._at += size
-        return taken
+        return piece
 
 
 def _record(opcode: int, body: bytes) -> bytes:

@@ -123,10 +123,10 @@ class _Types:
         """Full name of a type as a field names it."""
         short = _short(kind)
         names = [short, f"{package}/{short}", "std_msgs/Header" if short == "Header" else ""]
-        found = next((one for one in names if one in self._sections), None)
-        if found is None:
+        section = next((one for one in names if one in self._sections), None)
+        if section is None:
             raise ValueError(f"{kind} is not defined")
-        return found
+        return section
 
 
 def _short(name: str) -> str:

@@ -52,16 +52,16 @@ MessageReader = Callable[[bytes], NumericMessage]
 def json_reader() -> MessageReader:
     """Reader of JSON messages, which need no schema."""
 
-    def walk(value: Any, path: str, depth: int, found: NumericMessage) -> NumericMessage:
+    def walk(value: Any, path: str, depth: int, message: NumericMessage) -> NumericMessage:
         if isinstance(value, dict) and path and value.keys() in ({"sec", "nsec"}, {"sec", "nanosec"}):
             seconds, nanoseconds = (one for _, one in sorted(value.items(), key=lambda item: item[0] != "sec"))
             if isinstance(seconds, int | float) and isinstance(nanoseconds, int | float):
-                found.put_time(path, seconds, nanoseconds)
-                return found
+                message.put_time(path, seconds, nanoseconds)
+                return message
         for name, inside in _inside(value) if depth < DEEPEST else ():
-            walk(inside, f"{path}.{name}" if path else name, depth + 1, found)
-        found.put(path, value)
-        return found
+            walk(inside, f"{path}.{name}" if path else name, depth + 1, message)
+        message.put(path, value)
+        return message
 
     def read(data: bytes) -> NumericMessage:
         value = json.loads(data)
@@ -103,12 +103,12 @@ def protobuf_reader(name: str, schema: bytes) -> MessageReader:
     kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
 
     def read(data: bytes) -> NumericMessage:
-        found = NumericMessage()
+        numbers = NumericMessage()
         try:
-            _fields(kind.FromString(data), "", 0, found)
+            _fields(kind.FromString(data), "", 0, numbers)
         except DecodeError as error:
             raise ValueError(str(error)) from None
-        return found
+        return numbers
 
     return read
 
@@ -129,7 +129,7 @@ def _in_order(files: Mapping[str, Any]) -> list[Any]:
     return list(done.values())
 
 
-def _fields(message: Any, path: str, depth: int, found: NumericMessage) -> None:
+def _fields(message: Any, path: str, depth: int, numbers: NumericMessage) -> None:
     """The numbers of a protobuf message, including unset ones, which are zero."""
     if depth > DEEPEST:
         return
@@ -147,8 +147,8 @@ def _fields(message: Any, path: str, depth: int, found: NumericMessage) -> None:
         for number, item in values:
             place = inner if number < 0 else f"{inner}.{number}"
             if one.message_type is None:
-                found.put(place, item)
+                numbers.put(place, item)
             elif one.message_type.full_name in ("google.protobuf.Timestamp", "google.protobuf.Duration"):
-                found.put_time(place, item.seconds, item.nanos)
+                numbers.put_time(place, item.seconds, item.nanos)
             else:
-                _fields(item, place, depth + 1, found)
+                _fields(item, place, depth + 1, numbers)

@@ -103,6 +103,6 @@ class SimulatorInfo:
     products: Callable[[], tuple[str, ...]] = tuple
     least_baud: int = 115_200
     options: tuple[SimulatorOption, ...] = ()
-    check: Callable[[str, Mapping[str, str]], tuple[str, str] | None] = lambda product, given: None
+    check: Callable[[str, Mapping[str, str]], tuple[str, str] | None] = lambda product, chosen: None
     usual: bool = False
     device: str = ""

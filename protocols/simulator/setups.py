@@ -85,22 +85,22 @@ class SensorSetup:
     def q_vehicle_from_sensor(self) -> Floats:
         """Mounting, (4,) scalar first: forward, left, up from the sensor's axes."""
         half = np.radians(self.mount) / 2
-        found: Floats = np.concatenate(([np.cos(half)], np.sin(half) * MOUNT))
-        return found
+        quaternion: Floats = np.concatenate(([np.cos(half)], np.sin(half) * MOUNT))
+        return quaternion
 
     def force(self, force: Floats) -> Floats:
         """The specific force that the accelerometer shows, (n, 3) m/s²."""
         if not self.acc_bias and not self.acc_scale:
             return force
-        found: Floats = force * (1 + self.acc_scale * ACC_SCALE) + self.acc_bias * ACC_BIAS
-        return found
+        measured: Floats = force * (1 + self.acc_scale * ACC_SCALE) + self.acc_bias * ACC_BIAS
+        return measured
 
     def field(self, field: Floats) -> Floats:
         """The field at the sensor, (n, 3), in the body: forward, left, up."""
         if not self.hard_iron and not self.soft_iron:
             return field
-        found: Floats = field + self.soft_iron * field @ SOFT_IRON + self.hard_iron * HARD_IRON
-        return found
+        measured: Floats = field + self.soft_iron * field @ SOFT_IRON + self.hard_iron * HARD_IRON
+        return measured
 
     def turn(self, rate: Floats) -> Floats:
         """The rate that the gyroscope shows, (n, 3) rad/s."""
@@ -132,7 +132,7 @@ def _positions(t: Array) -> MotionState:
     period = sum(hold + _MOVE_S for _, _, hold in stations)
 
     def angles(at: Floats) -> Floats:
-        found = np.zeros((len(at), 3))
+        out = np.zeros((len(at), 3))
         lap = np.remainder(at, period)
         begin = 0.0
         for number, (x, y, hold) in enumerate(stations):
@@ -140,10 +140,10 @@ def _positions(t: Array) -> MotionState:
             own = (lap >= begin) & (lap < begin + hold + _MOVE_S)
             share = np.clip((lap[own] - begin - hold) / _MOVE_S, 0, 1)
             eased = share**3 * (10 - 15 * share + 6 * share**2)
-            found[own, 0] = x + (to[0] - x) * eased
-            found[own, 1] = y + (to[1] - y) * eased
+            out[own, 0] = x + (to[0] - x) * eased
+            out[own, 1] = y + (to[1] - y) * eased
             begin += hold + _MOVE_S
-        return np.radians(found)
+        return np.radians(out)
 
     return _turned(np.asarray(t, np.float64), angles)
 

@@ -334,8 +334,8 @@ class SensorErrors:
         return np.asarray(self._constant + (self._size * np.sin(waves + self._phase)).sum(axis=1))
 
     def _noise(self, block: int) -> Floats:
-        found = self._blocks.get(block)
-        if found is None:
-            found = np.random.default_rng([self._seed, 1 + block]).normal(scale=self._sigma, size=(_BLOCK, 3))
-            self._blocks = {**dict(list(self._blocks.items())[-1:]), block: found}
-        return found
+        values = self._blocks.get(block)
+        if values is None:
+            values = np.random.default_rng([self._seed, 1 + block]).normal(scale=self._sigma, size=(_BLOCK, 3))
+            self._blocks = {**dict(list(self._blocks.items())[-1:]), block: values}
+        return values

@@ -60,11 +60,11 @@ def annotate(data: bytes) -> list[ByteRange]:
     payload = _payload(data)
     body = len(data) - len(payload) - 1
     bus = "bus: master" if data[1] == 0xFF else f"bus {data[1]}"
-    found = [ByteRange(0, 1, "preamble"), ByteRange(1, 1, bus), ByteRange(2, 1, name_of(data))]
-    found.append(ByteRange(3, body - 3, f"{len(payload)} byte" + "s" * (len(payload) != 1) + " of data"))
+    ranges = [ByteRange(0, 1, "preamble"), ByteRange(1, 1, bus), ByteRange(2, 1, name_of(data))]
+    ranges.append(ByteRange(3, body - 3, f"{len(payload)} byte" + "s" * (len(payload) != 1) + " of data"))
     parts = _of_items(payload, body) if data[2] == MTDATA2 else _of_fields(data[2], payload, body)
-    found += parts
-    return [*found, ByteRange(len(data) - 1, 1, "checksum")]
+    ranges += parts
+    return [*ranges, ByteRange(len(data) - 1, 1, "checksum")]
 
 
 def _of_fields(mid: int, payload: bytes, at: int) -> Iterator[ByteRange]:
@@ -80,8 +80,8 @@ def _of_fields(mid: int, payload: bytes, at: int) -> Iterator[ByteRange]:
 
 
 def _of_items(payload: bytes, at: int) -> Iterator[ByteRange]:
-    found, covered = items(payload)
-    for identifier, place, size in found:
+    spans, covered = items(payload)
+    for identifier, place, size in spans:
         yield ByteRange(at + place - 3, 2, identifier_words(identifier))
         yield ByteRange(at + place - 1, 1, f"{size} bytes")
         field = item(identifier, size)

@@ -52,12 +52,12 @@ Setting = Mapping[str, Any]
 
 def pairs_of(values: Setting, model: Model | None) -> list[Pair]:
     """(identifier, granted rate) of each entry that the product can send; the others send nothing."""
-    found = []
+    pairs = []
     for entry in values.get("outputs", ()):
         identifier, requested = int(entry["data_identifier"]), int(entry["output_frequency"])
         output = output_of(identifier, model)
-        found.append((identifier, accepted_rates(requested, max_rate(output, model)) if output else -1))
-    return found
+        pairs.append((identifier, accepted_rates(requested, max_rate(output, model)) if output else -1))
+    return pairs
 
 
 def load(settings: Mapping[str, Setting], model: Model | None) -> LinkLoad:
@@ -102,12 +102,12 @@ def _part(path: str, pair: Pair, bytes_per_s: int) -> OutputLoad:
 
 
 def _limits(entries: Sequence[Setting]) -> list[str]:
-    found = []
+    limits = []
     if len(entries) > MAX_ENTRIES:
-        found.append(f"An output configuration has at most {MAX_ENTRIES} entries; this one has {len(entries)}.")
+        limits.append(f"An output configuration has at most {MAX_ENTRIES} entries; this one has {len(entries)}.")
     if any(entry["data_identifier"] & 0xFFF0 == ECEF and entry["data_identifier"] & 3 in (1, 2) for entry in entries):
-        found.append("A fixed-point format cannot represent a position in ECEF; select Float32 or Float64.")
-    return found
+        limits.append("A fixed-point format cannot represent a position in ECEF; select Float32 or Float64.")
+    return limits
 
 
 def size_of(pair: Pair) -> int:

@@ -64,26 +64,26 @@ def find(data: bytes | memoryview, *, final: bool, row: Em1000Row | None = None)
     row = row if row is not None else Em1000Row(-WINDOW - 1, 0)
     em1000, keep_em1000 = _find_em1000(data, final, row, [one.offset for one in tss2], keep_tss2)
     keep = min(keep_tss2, keep_em1000)
-    found = sorted(tss2 + em1000, key=lambda one: one.offset)
-    return [one for one in found if one.offset < keep], keep
+    messages = sorted(tss2 + em1000, key=lambda one: one.offset)
+    return [one for one in messages if one.offset < keep], keep
 
 
 def _find_tss2(data: bytes, final: bool) -> tuple[list[ParsedMessage], int]:
-    found: list[ParsedMessage] = []
+    messages: list[ParsedMessage] = []
     at = 0
     while (at := data.find(b":", at)) >= 0:
         match = TSS2.match(data, at)
         whole = final or data[at + _TSS2_SIZE : at + _TSS2_SIZE + 2] not in (b"", b"\r")
         if match and whole and int(match["heading"]) < 36000:
-            found.append(
+            messages.append(
                 ParsedMessage(at, len(match.group()), "tss2", "TSS2", match.group().decode().rstrip(), _tss2(match))
             )
             at = match.end()
         elif not final and _may_become_tss2(data[at : at + 27]):
-            return found, at
+            return messages, at
         else:
             at += 1
-    return found, len(data)
+    return messages, len(data)
 
 
 def _may_become_tss2(tail: bytes) -> bool:
@@ -111,20 +111,20 @@ def _find_em1000(
     data: bytes, final: bool, row: Em1000Row, tss2: list[int], decided: int
 ) -> tuple[list[ParsedMessage], int]:
     """Records, except those that end where a TSS2 string begins; `tss2` are all of these before `decided`."""
-    found: list[ParsedMessage] = []
+    messages: list[ParsedMessage] = []
     at = 0
     while start := _EM1000_START.search(data, at):
         at = start.start()
         if at + EM1000.size > len(data):
             if not final and _may_become_em1000(data[at:]):
-                return found, at
+                return messages, at
             at += 1
             continue
         if not _is_em1000(data, at):
             at += 1
             continue
         if at + EM1000.size > decided:
-            return found, at
+            return messages, at
         after = bisect_right(tss2, at)
         if after < len(tss2) and tss2[after] < at + EM1000.size:
             at += 1
@@ -132,7 +132,7 @@ def _find_em1000(
         before = row.count if 0 <= at - row.end <= WINDOW else 0
         more = before >= _MORE or _followed(data, at, _MORE - before, final)
         if more is None:
-            return found, at
+            return messages, at
         row.end, row.count = at + EM1000.size, before + 1
         if not more:
             at += 1
@@ -140,9 +140,9 @@ def _find_em1000(
         record = data[at : at + EM1000.size]
         roll, pitch, heave, heading = EM1000.unpack(record)
         fields = {"roll": roll / 100, "pitch": pitch / 100, "heave": heave / 100, "heading": heading / 100}
-        found.append(ParsedMessage(at, EM1000.size, "em1000", "EM1000", record.hex(" "), fields))
+        messages.append(ParsedMessage(at, EM1000.size, "em1000", "EM1000", record.hex(" "), fields))
         at += EM1000.size
-    return found, len(data)
+    return messages, len(data)
 
 
 def _is_em1000(data: bytes, at: int) -> bool:
@@ -157,9 +157,9 @@ def _may_become_em1000(tail: bytes) -> bool:
     return EM1000_HEAD.startswith(head) and not any(tail[6:8])
 
 
-def _followed(data: bytes, at: int, wanted: int, final: bool) -> bool | None:
+def _followed(data: bytes, at: int, expected: int, final: bool) -> bool | None:
     """Whether so many records follow in the row; None: more data decides."""
-    for _ in range(wanted):
+    for _ in range(expected):
         at += EM1000.size
         limit = at + WINDOW
         while (at := data.find(EM1000_HEAD, at, limit + len(EM1000_HEAD))) >= 0 and not _is_em1000(data, at):

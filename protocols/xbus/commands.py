@@ -83,7 +83,7 @@ class CommandRow:
         return BY_NAME[self.message][self.form]
 
 
-def _ask(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> CommandRow:
+def _request_row(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> CommandRow:
     return CommandRow(message, "ask", group, title, on, basic=False, **more)
 
 
@@ -100,61 +100,61 @@ _GNSS_HEADING = frozenset({710, 670, 680})
 _PLATFORM = frozenset({7, 710})
 
 _ROWS: tuple[CommandRow, ...] = (
-    _ask("ReqOutputConfiguration", OUTPUT, "Read the output configuration"),
+    _request_row("ReqOutputConfiguration", OUTPUT, "Read the output configuration"),
     _set("SetOutputConfiguration", OUTPUT, "Set the output configuration"),
-    _ask("ReqStringOutputType", OUTPUT, "Read the string output", ALL - ONE),
+    _request_row("ReqStringOutputType", OUTPUT, "Read the string output", ALL - ONE),
     _set("SetStringOutputType", OUTPUT, "Set the string output", CLASSIC, form=0, caution="stops-output",
          consequence="The device sends text lines in place of MTData2; 0 returns to MTData2."),
     _set("SetStringOutputType", OUTPUT, "Set the string output", SIX, form=1, caution="stops-output",
          consequence="The device sends text lines in place of MTData2; 0 returns to MTData2."),
-    _ask("ReqPeriod", OUTPUT, "Read the string output period", CLASSIC),
+    _request_row("ReqPeriod", OUTPUT, "Read the string output period", CLASSIC),
     _set("SetPeriod", OUTPUT, "Set the string output period", CLASSIC, basic=False),
-    _ask("ReqOutputSkipFactor", OUTPUT, "Read the string output skip factor", CLASSIC),
+    _request_row("ReqOutputSkipFactor", OUTPUT, "Read the string output skip factor", CLASSIC),
     _set("SetOutputSkipFactor", OUTPUT, "Set the string output skip factor", CLASSIC, basic=False),
-    _ask("ReqCanOutputConfig", OUTPUT, "Read the CAN output configuration", SIX),
+    _request_row("ReqCanOutputConfig", OUTPUT, "Read the CAN output configuration", SIX),
     _set("SetCanOutputConfig", OUTPUT, "Set the CAN output configuration", SIX, basic=False),
-    _ask("ReqConfiguration", OUTPUT, "Read the configuration (log header)", timeout_s=5.0),
+    _request_row("ReqConfiguration", OUTPUT, "Read the configuration (log header)", timeout_s=5.0),
     _do("ReqData", OUTPUT, "Request one sample", state="measuring", basic=False),
     # frame
-    _ask("ReqAlignmentRotation", FRAME, "Read an alignment"),
+    _request_row("ReqAlignmentRotation", FRAME, "Read an alignment"),
     _set("SetAlignmentRotation", FRAME, "Set an alignment", caution="moves-frame",
          consequence="Vectors and orientation are given in another frame; every consumer of the data must be adapted."),
-    _ask("ReqLatLonAlt", FRAME, "Read the stored position"),
+    _request_row("ReqLatLonAlt", FRAME, "Read the stored position"),
     _set("SetLatLonAlt", FRAME, "Store a position"),
     # filter
-    _ask("ReqAvailableFilterProfiles", PROFILE, "List the filter profiles", FILTER),
-    _ask("ReqFilterProfile", PROFILE, "Read the filter profile", FILTER),
+    _request_row("ReqAvailableFilterProfiles", PROFILE, "List the filter profiles", FILTER),
+    _request_row("ReqFilterProfile", PROFILE, "Read the filter profile", FILTER),
     _set("SetFilterProfile", PROFILE, "Set the filter profile", FILTER - SIX, form=0),
     _set("SetFilterProfile", PROFILE, "Set the filter profile", FILTER & SIX, form=1),
-    _ask("ReqOptionFlags", PROFILE, "Read the option flags"),
+    _request_row("ReqOptionFlags", PROFILE, "Read the option flags"),
     _set("SetOptionFlags", PROFILE, "Set and clear option flags"),
     # sync
-    _ask("ReqSyncSettings", SYNC, "Read the sync settings"),
+    _request_row("ReqSyncSettings", SYNC, "Read the sync settings"),
     _set("SetSyncSettings", SYNC, "Replace the sync settings"),
-    _ask("ReqUTCTime", SYNC, "Read UTC"),
+    _request_row("ReqUTCTime", SYNC, "Read UTC"),
     _set("SetUTCTime", SYNC, "Set UTC"),
     _do("AdjustUTCTime", SYNC, "Adjust UTC", basic=False),
     # port
-    _ask("ReqBaudrate", PORT, "Read the baud rate"),
+    _request_row("ReqBaudrate", PORT, "Read the baud rate"),
     _set("SetBaudrate", PORT, "Set the baud rate", timeout_s=1.0, caution="cuts-line", consequence=_CUTS),
-    _ask("ReqPortConfig", PORT, "Read the port configuration", SIX),
+    _request_row("ReqPortConfig", PORT, "Read the port configuration", SIX),
     _set("SetPortConfig", PORT, "Configure the ports", SIX, caution="cuts-line", consequence=_CUTS),
-    _ask("ReqCanConfig", PORT, "Read the CAN transceiver", SIX),
+    _request_row("ReqCanConfig", PORT, "Read the CAN transceiver", SIX),
     _set("SetCanConfig", PORT, "Configure the CAN transceiver", SIX, basic=False, caution="cuts-line",
          consequence="A CAN connection is lost if the rate changes or the transceiver is switched off."),
-    _ask("ReqExtOutputMode", PORT, "Read the extended output mode", CLASSIC),
+    _request_row("ReqExtOutputMode", PORT, "Read the extended output mode", CLASSIC),
     _set("SetExtOutputMode", PORT, "Set the extended output mode", CLASSIC, basic=False, caution="cuts-line",
          consequence="With the alternative UART selected, the device no longer answers on its main serial line."),
-    _ask("ReqTransmitDelay", PORT, "Read the RS-485 delay", CLASSIC),
+    _request_row("ReqTransmitDelay", PORT, "Read the RS-485 delay", CLASSIC),
     _set("SetTransmitDelay", PORT, "Set the RS-485 delay", CLASSIC, basic=False),
     # receiver
-    _ask("ReqGnssPlatform", RECEIVER, "Read the expected motion", _PLATFORM),
+    _request_row("ReqGnssPlatform", RECEIVER, "Read the expected motion", _PLATFORM),
     _set("SetGnssPlatform", RECEIVER, "Set the expected motion", _PLATFORM, basic=False),
-    _ask("ReqGnssLeverArm", RECEIVER, "Read the antenna lever arm", RTK),
+    _request_row("ReqGnssLeverArm", RECEIVER, "Read the antenna lever arm", RTK),
     _set("SetGnssLeverArm", RECEIVER, "Set the antenna lever arm", RTK),
     _do("ForwardGnssData", RECEIVER, "Forward data to the GNSS receiver", RTK, state="measuring", caution="moves-frame",
         consequence="Incorrect data shift the position; the receiver does not verify them."),
-    _ask("ReqGnssReceiverSettings", RECEIVER, "Read the GNSS receiver settings", NOBODY),
+    _request_row("ReqGnssReceiverSettings", RECEIVER, "Read the GNSS receiver settings", NOBODY),
     _set("SetGnssReceiverSettings", RECEIVER, "Configure the GNSS receiver", NOBODY, basic=False),
     # heading
     _do("ResetOrientation", HEADING, "Reset the orientation and store it", FILTER, state="measuring",
@@ -176,13 +176,13 @@ _ROWS: tuple[CommandRow, ...] = (
     _do("StoreFilterState", HEADING, "Store the filter state", NOBODY, basic=False, caution="wears-flash",
         consequence="Each call writes to the flash memory."),
     # identity
-    _ask("ReqDID", IDENTITY, "Read the serial number"),
-    _ask("ReqProductCode", IDENTITY, "Read the product code"),
-    _ask("ReqHardwareVersion", IDENTITY, "Read the hardware version"),
-    _ask("ReqFWRev", IDENTITY, "Read the firmware revision"),
-    _ask("ReqLocationID", IDENTITY, "Read the location identifier"),
+    _request_row("ReqDID", IDENTITY, "Read the serial number"),
+    _request_row("ReqProductCode", IDENTITY, "Read the product code"),
+    _request_row("ReqHardwareVersion", IDENTITY, "Read the hardware version"),
+    _request_row("ReqFWRev", IDENTITY, "Read the firmware revision"),
+    _request_row("ReqLocationID", IDENTITY, "Read the location identifier"),
     _set("SetLocationID", IDENTITY, "Set the location identifier"),
-    _ask("ReqEmts", IDENTITY, "Read the stored calibration", NOBODY, timeout_s=5.0),
+    _request_row("ReqEmts", IDENTITY, "Read the stored calibration", NOBODY, timeout_s=5.0),
     _do("RunSelftest", IDENTITY, "Run the self-test", timeout_s=3.0),
     # commands
     _do("GoToConfig", COMMANDS, "Stop measuring", state="any", caution="stops-output",
@@ -195,11 +195,11 @@ _ROWS: tuple[CommandRow, ...] = (
         "115 200 Bd at the next reset."),
     _do("WakeUpAck", COMMANDS, "Keep a starting device in the config state", state="any", basic=False),
     _do("InitBus", COMMANDS, "Initialise the bus", NOBODY, basic=False),
-    _ask("ReqErrorMode", COMMANDS, "Read the error mode", NOBODY),
+    _request_row("ReqErrorMode", COMMANDS, "Read the error mode", NOBODY),
     _set("SetErrorMode", COMMANDS, "Set the error mode", NOBODY, basic=False),
-    _ask("ReqOutputMode", COMMANDS, "Read the output mode", NOBODY),
+    _request_row("ReqOutputMode", COMMANDS, "Read the output mode", NOBODY),
     _set("SetOutputMode", COMMANDS, "Set the output mode", NOBODY, basic=False),
-    _ask("ReqOutputSettings", COMMANDS, "Read the output settings", NOBODY),
+    _request_row("ReqOutputSettings", COMMANDS, "Read the output settings", NOBODY),
     _set("SetOutputSettings", COMMANDS, "Set the output settings", NOBODY, basic=False),
 )  # fmt: skip
 
@@ -283,12 +283,12 @@ _SETTINGS: tuple[StoredSetting, ...] = (
 @lru_cache(maxsize=64)
 def rows(model: Model | None) -> Mapping[str, CommandRow]:
     """The commands of a product by name, in table order; of all products if it is unknown."""
-    found: dict[str, CommandRow] = {}
+    by_name: dict[str, CommandRow] = {}
     for row in _ROWS:
         if has(model, row.products):
             name = row.name or row.message
-            found[name if name not in found else row.row.title] = row
-    return found
+            by_name[name if name not in by_name else row.row.title] = row
+    return by_name
 
 
 @lru_cache(maxsize=64)
@@ -389,8 +389,8 @@ def _setting(one: StoredSetting, model: Model | None) -> Setting:
 
 def write_row(one: StoredSetting, model: Model | None) -> CommandRow | None:
     """The command that writes a setting, in the product's form (the 600-series' if it is unknown)."""
-    found = [row for row in _ROWS if row.message == one.write and has(model, row.products)]
-    return found[-1] if found else None
+    matches = [row for row in _ROWS if row.message == one.write and has(model, row.products)]
+    return matches[-1] if matches else None
 
 
 def continues(row: CommandRow) -> bool:

@@ -66,13 +66,13 @@ def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudCh
     """
     ours = own_ports(old, known)
     changed = {place: _one_port(place, old, new, known) for place in ours}
-    found = [change for change in changed.values() if change is not None]
-    if not found:
+    changes = [change for change in changed.values() if change is not None]
+    if not changes:
         return None
-    worst = next((change for change in found if change.baud is None), found[0])
+    worst = next((change for change in changes if change.baud is None), changes[0])
     rates = [known.baud if change is None else change.baud for change in changed.values()]
     others = tuple(dict.fromkeys(rate for rate in rates if rate is not None and rate != worst.baud))
-    words = " ".join(dict.fromkeys(change.words for change in found))
+    words = " ".join(dict.fromkeys(change.words for change in changes))
     if None in changed.values():
         words += " The port of this link is unknown."
     return BaudChange(worst.kind, words, worst.baud, others)
@@ -101,8 +101,8 @@ def rates(values: Mapping[str, Values], known: DeviceContext) -> tuple[int, ...]
     """See imuscope.protocols.transactions.DeviceDriver.rates."""
     codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
     codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
-    found = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)
-    return tuple(dict.fromkeys(rate for rate in found if rate is not None))
+    candidates = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)
+    return tuple(dict.fromkeys(rate for rate in candidates if rate is not None))
 
 
 def instead(
@@ -207,21 +207,21 @@ def factory(model: Model | None) -> dict[str, Values]:
         return {}
     unity = {"q0": 1.0, "q1": 0.0, "q2": 0.0, "q3": 0.0}
     pairs = factory_outputs(model)
-    found: dict[str, Values] = {
+    values: dict[str, Values] = {
         "OutputConfiguration": {"outputs": [{"data_identifier": i, "output_frequency": rate} for i, rate in pairs]},
         "LocationID": {"location_id": 0},
         "AlignmentRotation.RotSensor": unity,
         "AlignmentRotation.RotLocal": unity,
     }
     if model.number in _PROFILES:
-        found["FilterProfile"] = {"profile": _PROFILES[model.number]}
+        values["FilterProfile"] = {"profile": _PROFILES[model.number]}
     if model.kind not in ("GNSS", "RTK"):
-        found["SyncSettings"] = {"settings": []}
+        values["SyncSettings"] = {"settings": []}
     if model.series == 600:
-        found["StringOutputType"] = {"string_types": 0, "frequency": 0}
+        values["StringOutputType"] = {"string_types": 0, "frequency": 0}
     else:
-        found["Baudrate"] = {"baudrate_code": 2}
+        values["Baudrate"] = {"baudrate_code": 2}
     if model.series in (10, 100):
-        found |= {"StringOutputType": {"string_types": 0}, "OutputSkipFactor": {"skip_factor": 0}}
-        found["Period"] = {"period": 1152}
-    return found
+        values |= {"StringOutputType": {"string_types": 0}, "OutputSkipFactor": {"skip_factor": 0}}
+        values["Period"] = {"period": 1152}
+    return values

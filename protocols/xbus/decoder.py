@@ -61,7 +61,7 @@ from imuscope.protocols.xbus.frames import (
     COARSE,
     COUNTER,
     FINE,
-    FIX_NOT_SAID,
+    FIX_UNKNOWN,
     GOOD,
     MASTER,
     MTDATA2,
@@ -97,11 +97,11 @@ class DataLayout:
     """Meaning of one sequence of (identifier, size): the message with its fields, and their positions in a payload."""
 
     def __init__(self, payload: bytes) -> None:
-        found, size = items(payload)
+        spans, size = items(payload)
         self.bad: list[tuple[int, int]] = []  # known identifiers with a wrong size: (offset in the payload, bytes)
         listed: list[Place] = []
         blob_open = False
-        for identifier, at, length in found:
+        for identifier, at, length in spans:
             field = item(identifier, length)
             if field.dtype == "bytes" and is_known(identifier) and identifier != RAW_BLOB:
                 self.bad.append((at - 3, length + 3))
@@ -118,13 +118,13 @@ class DataLayout:
         self.message: Message = replace(MTDATA2_ROW, fields=fields, time=clock, tick_ns=TICK_NS if clock else 0)
         # For a single frame: which bytes are identifiers and sizes, their values, and the places of counter and clock.
         mask = bytearray(size)
-        for _, at, _ in found:
+        for _, at, _ in spans:
             mask[at - 3 : at] = b"\xff\xff\xff"
         self._mask = int.from_bytes(mask, "big")
         self._mark = int.from_bytes(payload[:size], "big") & self._mask
-        last = {(identifier, length): at for identifier, at, length in found}
+        last = {(identifier, length): at for identifier, at, length in spans}
         self.counter_at, self.fine_at = last.get((PACKET_COUNTER, 2), 0), last.get((SAMPLE_TIME_FINE, 4), 0)
-        kinds = {identifier >> 8 for identifier, _, _ in found}
+        kinds = {identifier >> 8 for identifier, _, _ in spans}
         self.usual = bool(self.counter_at and self.fine_at and not self.bad and not kinds & {0x70, 0x88})
 
     def fits(self, payload: bytes) -> bool:
@@ -162,7 +162,7 @@ class _Clocks:
         self.fine = TickUnwrapper(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
         self.coarse = TickUnwrapper(WRAP, tick_ns=1_000_000_000)
         self.clock = 0  # the best clock shown so far
-        self.fix = FIX_NOT_SAID  # by the last GNSS solution
+        self.fix = FIX_UNKNOWN  # by the last GNSS solution
 
 
 class XbusDecoder(StreamDecoder[XbusStreamParser]):
@@ -285,10 +285,10 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
                 continue
             own = self._clocks
             self._clocks = self._further(bid)
-            found = self._data(cut, *part, [])
+            batches = self._data(cut, *part, [])
             self._clocks = own
             events += [
-                replace(one, device=name) if isinstance(one, Batch | SampleGap | ClockStep) else one for one in found
+                replace(one, device=name) if isinstance(one, Batch | SampleGap | ClockStep) else one for one in batches
             ]
         return events
 

@@ -19,18 +19,18 @@ _IS_LONG = 0x8000_0000
 def identity(reply: Reply) -> Mapping[str, str]:
     """Identity in an answer: any of "product", "serial_number", "firmware"."""
     values = reply.values
-    found: dict[str, str] = {}
+    details: dict[str, str] = {}
     product = values.get("product_code") or _code_in(values.get("reserved_host"))
     if isinstance(product, str) and product.strip():
-        found["product"] = product.strip().strip("\x00")
+        details["product"] = product.strip().strip("\x00")
     elif "600-series" in reply.message.title:
-        found["series"] = "MTi-600 series"  # only they have this form of Configuration
+        details["series"] = "MTi-600 series"  # only they have this form of Configuration
     if number := _number(reply):
-        found["serial_number"] = number
+        details["serial_number"] = number
     if reply.message.name.startswith("Firmware") and "major" in values:
         parts = [values[name] for name in ("major", "minor", "revision") if values.get(name) is not None]
-        found["firmware"] = ".".join(str(part) for part in parts)
-    return found
+        details["firmware"] = ".".join(str(part) for part in parts)
+    return details
 
 
 def _number(reply: Reply) -> str:

@@ -104,7 +104,7 @@ class XbusDriver(DeviceDriver):
         self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
         model = model_of(known.product)
-        return [frames.to_bus(_write_frame(_kept(setting, model), values, model, held=held), _bus(known))]
+        return [frames.to_bus(_write_frame(_stored_setting(setting, model), values, model, held=held), _bus(known))]
 
     def annotate(self, frame: bytes) -> list[ByteRange]:
         return annotate.annotate(frame)
@@ -176,7 +176,7 @@ class XbusDriver(DeviceDriver):
         return commands.alters(command, values, model_of(known.product))
 
     def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
-        return (yield from requests.addressed(_read(_kept(setting, model_of(known.product))), _bus(known)))
+        return (yield from requests.addressed(_read(_stored_setting(setting, model_of(known.product))), _bus(known)))
 
     def write(
         self, setting: str, values: Values, known: DeviceContext, *, held: bool = False
@@ -185,7 +185,7 @@ class XbusDriver(DeviceDriver):
 
     def _write(self, setting: str, values: Values, known: DeviceContext, held: bool) -> Transaction[WriteResult]:
         model = model_of(known.product)
-        one = _kept(setting, model)
+        one = _stored_setting(setting, model)
         row = commands.write_row(one, model)
         assert row is not None  # _write_frame raises otherwise
         try:
@@ -281,12 +281,12 @@ def _row(command: str, values: Values, model: Model | None) -> CommandRow:
     return next(fits, rows[command])
 
 
-def _kept(setting: str, model: Model | None) -> StoredSetting:
-    found = commands.stored_settings(model).get(setting)
-    if found is None:
+def _stored_setting(setting: str, model: Model | None) -> StoredSetting:
+    row = commands.stored_settings(model).get(setting)
+    if row is None:
         whose = f"{model.name} has no setting" if model else "no setting is called"
         raise EncodeError(f"{whose} {setting!r}")
-    return found
+    return row
 
 
 # -- values → frames ---------------------------------------------------------------------------------------------------
@@ -316,13 +316,13 @@ def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, hel
     row = commands.write_row(one, model)
     if row is None:
         raise EncodeError(f"{one.name} is reported by the device and cannot be written")
-    wanted = {name: value for name, value in values.items() if name not in one.read_only_fields}
+    fields = {name: value for name, value in values.items() if name not in one.read_only_fields}
     if one.name == "OptionFlags":
         if not held:
-            validation.require_valid(commands.reply_form(one.read, model).fields, wanted)
-        flags = int(wanted["flags"])
-        wanted = {"set_flags": flags, "clear_flags": _OPTION_MASK & ~flags}
-    return _frame(_row(row.message, {**wanted, **one.fixed}, model), {**wanted, **one.fixed}, model, held=held)
+            validation.require_valid(commands.reply_form(one.read, model).fields, fields)
+        flags = int(fields["flags"])
+        fields = {"set_flags": flags, "clear_flags": _OPTION_MASK & ~flags}
+    return _frame(_row(row.message, {**fields, **one.fixed}, model), {**fields, **one.fixed}, model, held=held)
 
 
 def read_frame(one: StoredSetting) -> bytes:

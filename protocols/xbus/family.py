@@ -205,8 +205,8 @@ def _bytes_per_s(rate: float, options: Mapping[str, Any]) -> float:
     return 88 * rate * (len(options["bus_ids"]) or 1)
 
 
-def _check(product: str, given: Mapping[str, str]) -> tuple[str, str] | None:
-    if "port" in given and not product.startswith("MTi-6"):
+def _check(product: str, options: Mapping[str, str]) -> tuple[str, str] | None:
+    if "port" in options and not product.startswith("MTi-6"):
         return f"an {product} has one port", "Leave port out, or choose a product of the 600-series."
     return None
 

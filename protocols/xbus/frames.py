@@ -113,7 +113,7 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
 
 GROUP, GOOD, COUNTER, FINE, COARSE, UTC_AT, GNSS = range(7)
 WALKED = 7
-NO_GNSS, NO_FIX, FIX, FIX_NOT_SAID = range(4)  # GNSS: fix of the receiver, for a message with nothing but GNSS items
+NO_GNSS, NO_FIX, FIX, FIX_UNKNOWN = range(4)  # GNSS: fix of the receiver, for a message with nothing but GNSS items
 GNSS_PVT, PVT_SIZE, FIX_TYPE_AT, FIX_2D = 0x7010, 94, 20, 2
 _SPOTS = 7
 _MAX_ITEMS = MAX_ACCEPTED // 3 + 1
@@ -216,7 +216,7 @@ def _pick_up(data: Bytes, frame: int, start: int, spots: Ints, out: Ints) -> Non
     out[UTC_AT, frame] = start + utc if utc else -1
     fix = NO_GNSS
     if spots[5]:
-        fix = FIX_NOT_SAID
+        fix = FIX_UNKNOWN
         if spots[4]:
             fix = FIX if int(data[start + spots[4]]) >= FIX_2D else NO_FIX
     out[GNSS, frame] = fix
@@ -362,12 +362,12 @@ def to_bus(frame: bytes, bid: int) -> bytes:
 
 def items(payload: bytes) -> tuple[list[tuple[int, int, int]], int]:
     """The items of one MTData2 payload, as (identifier, offset of the value, size), and the bytes they cover."""
-    found: list[tuple[int, int, int]] = []
+    spans: list[tuple[int, int, int]] = []
     at = 0
     while at + 3 <= len(payload):
         identifier, size = struct.unpack_from(">HB", payload, at)
         if at + 3 + size > len(payload):
             break
-        found.append((identifier, at + 3, size))
+        spans.append((identifier, at + 3, size))
         at += 3 + size
-    return found, at
+    return spans, at

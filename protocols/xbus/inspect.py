@@ -39,10 +39,10 @@ class XbusFrameLister:
 
 def _bad_items(payload: bytes, start: int) -> list[RejectedFrame]:
     """Items with a known identifier but a wrong size, and the bytes after the last whole item."""
-    found, covered = items(payload)
+    spans, covered = items(payload)
     bad = [
         RejectedFrame(start + at - 3, size + 3, "bad_item")
-        for identifier, at, size in found
+        for identifier, at, size in spans
         if identifier != RAW_BLOB and is_known(identifier) and item(identifier, size).dtype == "bytes"
     ]
     if covered < len(payload):

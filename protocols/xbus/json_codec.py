@@ -86,8 +86,8 @@ def _leads_back(mid: int, name: str, fields: Plain, payload: bytes) -> bool:
 
 def _data(payload: bytes, wire: Plain) -> tuple[list[Field], Plain]:
     """Fields and values of an MTData2 payload; the remaining information goes into `wire`."""
-    found, covered = items(payload)
-    sequence = _joined(found)
+    spans, covered = items(payload)
+    sequence = _joined(spans)
     values: Plain = {}
     described: dict[str, Field] = {}
     repeated: list[list[Any]] = []
@@ -110,11 +110,11 @@ def _data(payload: bytes, wire: Plain) -> tuple[list[Field], Plain]:
     return [described[name] for name in values], values
 
 
-def _joined(found: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
+def _joined(spans: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
     """The items with each chain of raw blobs (255 bytes, continued by the next item) as one."""
     joined: list[tuple[int, int, int]] = []
     before = (-1, 0, 0)
-    for one in found:
+    for one in spans:
         identifier, _, size = one
         if identifier == RAW_BLOB == before[0] and before[2] == 255 and size > 0:
             joined[-1] = (identifier, joined[-1][1], joined[-1][2] + size)
@@ -178,12 +178,12 @@ def frame_from_json(record: Mapping[str, Any]) -> bytes:
     return build(mid, payload, bid, extended=bool(wire.get("extended")))
 
 
-def _number(name: str, given: Any) -> int:
+def _number(name: str, value: Any) -> int:
     """The message number of a name."""
     if name in BY_NAME:
         return BY_NAME[name][0].id
     try:
-        number = int(name, 16) if name else int(given)
+        number = int(name, 16) if name else int(value)
     except (TypeError, ValueError):
         raise EncodeError(f"no message is called {name!r}") from None
     if not 0 <= number <= 255:

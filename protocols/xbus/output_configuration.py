@@ -184,11 +184,11 @@ def streams(configuration: Sequence[tuple[int, int]]) -> list[OutputStream]:
             together.setdefault((output.stream, alone), []).append((identifier, rate))
     if not together and always:
         together["main", ""] = []
-    found = []
+    out = []
     for (kind, _), items in sorted(together.items(), key=lambda one: (ORDER.index(one[0][0]), one[0][1])):
         keep = always if kind == "main" else time
         ordered = tuple(pair for pair in configuration if pair in items or pair in keep)
         if kind == "gnss":
             ordered = (*items, *reversed(time))
-        found.append(OutputStream(kind, ordered, math.lcm(*(rate for _, rate in items)) if items else IDLE_HZ))
-    return found
+        out.append(OutputStream(kind, ordered, math.lcm(*(rate for _, rate in items)) if items else IDLE_HZ))
+    return out

@@ -221,7 +221,7 @@ def _of_date(values: Mapping[str, Any]) -> Iterator[ValueProblem]:
 def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterator[ValueProblem]:
     if [(entry["data_identifier"], entry["output_frequency"]) for entry in outputs] == [(0, 0)]:
         return  # encoding of an empty list
-    seen: set[int] = set()
+    known: set[int] = set()
     for place, entry in enumerate(outputs):
         identifier = entry["data_identifier"]
         path, plain = f"outputs.{place}.data_identifier", identifier & 0xFFF0
@@ -230,9 +230,9 @@ def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterat
             if not output_of(plain, model) and plain in OUTPUTS and model:
                 why = f"has no {OUTPUTS[plain].name}"
             yield ValueProblem(path, f"data_identifier 0x{identifier:04X}: {model.name if model else 'an MTi'} {why}")
-        elif identifier in seen:
+        elif identifier in known:
             yield ValueProblem(path, f"data_identifier 0x{identifier:04X} is listed twice; remove one")
-        seen.add(identifier)
+        known.add(identifier)
 
 
 def _of_sync(entry: Mapping[str, Any], path: str, model: Model | None) -> Iterator[ValueProblem]:
@@ -252,8 +252,10 @@ def _of_sync(entry: Mapping[str, Any], path: str, model: Model | None) -> Iterat
         )
     name = "delay_offset_or_clock_period"
     if function in SYNC_OUT and 30_000 < delay < 65_536 - 30_000:
-        given = (delay - 65_536 if delay >= 32_768 else delay) / 10
-        yield ValueProblem(f"{path}.{name}", f"{name} of a sync out is an offset of -3000 to 3000 ms, given {given} ms")
+        offset_ms = (delay - 65_536 if delay >= 32_768 else delay) / 10
+        yield ValueProblem(
+            f"{path}.{name}", f"{name} of a sync out is an offset of -3000 to 3000 ms, given {offset_ms} ms"
+        )
     elif function not in (*SYNC_OUT, CLOCK_BIAS) and delay > 60_000:
         yield ValueProblem(f"{path}.{name}", f"{name} of a sync in is a delay of 0 to 6000 ms, given {delay / 10} ms")
 

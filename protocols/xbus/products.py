@@ -85,10 +85,10 @@ def model_of(product: str) -> Model | None:
 
     The MTi-G-700 preceded the MTi-G-710; the document treats the two together, so it has the other's number here.
     """
-    found = _CODE.match(product.strip())
-    if found and found[1] == "700":
+    match = _CODE.match(product.strip())
+    if match and match[1] == "700":
         return replace(MODELS[710], name="MTi-G-700")
-    return MODELS.get(int(found[1])) if found else None
+    return MODELS.get(int(match[1])) if match else None
 
 
 def as_built(model: Model | None, hardware: Mapping[str, Any]) -> Model | None:

@@ -157,8 +157,8 @@ def is_in_config() -> Transaction[bool]:
 
 
 def _did_or_refusal(event: Event) -> int | None:
-    wanted = (REQ_DID + 1, ERROR, WAKE_UP)
-    return event.message.id if isinstance(event, Reply) and event.message.id in wanted else None
+    replies = (REQ_DID + 1, ERROR, WAKE_UP)
+    return event.message.id if isinstance(event, Reply) and event.message.id in replies else None
 
 
 def to_config(times: StateTimes) -> Transaction[None]:
@@ -184,8 +184,8 @@ def _insist(patience_s: float) -> Transaction[bool]:
 
 
 def _config_or_awake(event: Event) -> int | None:
-    wanted = (GO_TO_CONFIG + 1, WAKE_UP)
-    return event.message.id if isinstance(event, Reply) and event.message.id in wanted else None
+    replies = (GO_TO_CONFIG + 1, WAKE_UP)
+    return event.message.id if isinstance(event, Reply) and event.message.id in replies else None
 
 
 def to_measurement() -> Transaction[None]:

@@ -68,16 +68,16 @@ class XbusStreamParser(AnyStream):
     ) -> None:
         self._nmea_at = at = max(begin, self._nmea_at)
         if at < stop:
-            found, kept = find_sentences(data[at - start : stop - start], final=final)
-            for one in found:
+            sentences, end = find_sentences(data[at - start : stop - start], final=final)
+            for one in sentences:
                 self._report(one, at + one.offset, texts, rejects)
-            self._sentences += [(at + one.offset, at + one.offset + one.size) for one in found if one.name]
-            self._nmea_at = at + kept
+            self._sentences += [(at + one.offset, at + one.offset + one.size) for one in sentences if one.name]
+            self._nmea_at = at + end
         self._strings_at = at = max(begin, self._strings_at)
         if at < stop:
-            found, kept = self._find_strings(data[at - start : stop - start], at, final)
-            self._pending += [(at + one.offset, one) for one in found]
-            self._strings_at = at + kept
+            sentences, end = self._find_strings(data[at - start : stop - start], at, final)
+            self._pending += [(at + one.offset, one) for one in sentences]
+            self._strings_at = at + end
         self._accept_pending(texts, rejects)
 
     def _find_strings(self, data: bytes, at: int, final: bool) -> tuple[list[ParsedMessage], int]:

@@ -278,8 +278,8 @@ class IsbSimulator:
     def _answer(self, flags: int, did: int, offset: int, payload: bytes, now: int) -> bytes:
         match flags & frames.TYPE_MASK:
             case frames.GET_DATA if len(payload) >= 8:
-                wanted, size, at, period = struct.unpack_from("<HHHH", payload)
-                return self._get(wanted, size, at, period, now)
+                target, size, at, period = struct.unpack_from("<HHHH", payload)
+                return self._get(target, size, at, period, now)
             case frames.SET_DATA:
                 done = self._set(did, offset, payload, now)
                 return _acked(ACK if done else NACK, flags, did, did, len(payload), offset)
@@ -308,9 +308,9 @@ class IsbSimulator:
         """Write; False if that is not possible."""
         if did == RMC and offset == 0 and len(data) >= 8:
             bits, options = int.from_bytes(data[:8], "little"), int.from_bytes(data[8:12], "little")
-            wanted = {one for one in dids_of(bits) if one in SOURCES}
-            wanted |= self.streams.keys() if options & RMC_PRESERVE else set()
-            self._choose({one: self.streams.get(one, 1) for one in wanted})
+            dids = {one for one in dids_of(bits) if one in SOURCES}
+            dids |= self.streams.keys() if options & RMC_PRESERVE else set()
+            self._choose({one: self.streams.get(one, 1) for one in dids})
             if options & RMC_PERSISTENT:
                 self._save()
             return True
@@ -352,8 +352,8 @@ class IsbSimulator:
                 return nmea.info(self._info())
             case ["ASCE"]:
                 return nmea.periods(self.memory.sentences)
-            case ["ASCE", *rest] if wanted := nmea.chosen(rest):
-                self.memory.choose(wanted[1], keep=bool(wanted[0] & RMC_PERSISTENT))
+            case ["ASCE", *rest] if periods := nmea.chosen(rest):
+                self.memory.choose(periods[1], keep=bool(periods[0] & RMC_PERSISTENT))
                 self._make()
         return b""
 

@@ -102,9 +102,9 @@ class GpxSimulator(IsbSimulator):
     def _set(self, did: int, offset: int, data: bytes, now: int) -> bool:
         if did == GPX_RMC and offset == 0 and len(data) >= 8:
             bits, options = int.from_bytes(data[:8], "little"), int.from_bytes(data[8:12], "little")
-            wanted = {one for one in dids_of(bits, gpx=True) if self.value(one, now)}
-            wanted |= self.streams.keys() if options & RMC_PRESERVE else set()
-            self._choose({one: self.streams.get(one, EVERY_MS.get(one, 1)) for one in wanted})
+            dids = {one for one in dids_of(bits, gpx=True) if self.value(one, now)}
+            dids |= self.streams.keys() if options & RMC_PRESERVE else set()
+            self._choose({one: self.streams.get(one, EVERY_MS.get(one, 1)) for one in dids})
             if options & RMC_PERSISTENT:
                 self._save()
             return True

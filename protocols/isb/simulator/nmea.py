@@ -108,8 +108,8 @@ LINES: Mapping[str, tuple[int, Callable[[Any], str]]] = {
 
 def source_of(number: int) -> int | None:
     """The data set that a sentence reports; None if this device does not send it."""
-    found = LINES.get(NMEA_MESSAGES.get(number, ""))
-    return found[0] if found else None
+    source = LINES.get(NMEA_MESSAGES.get(number, ""))
+    return source[0] if source else None
 
 
 def line(number: int, payload: bytes) -> bytes:
@@ -146,7 +146,7 @@ def chosen(words: list[str]) -> tuple[int, dict[int, int]] | None:
     try:
         options = int(words[0])
         named = [NUMBERS.get(word, -1) if not word.isdigit() else int(word) for word in words[1::2]]
-        found = dict(zip(named, (int(word) for word in words[2::2]), strict=True))
+        periods = dict(zip(named, (int(word) for word in words[2::2]), strict=True))
     except (ValueError, IndexError):
         return None
-    return (options, found) if found and all(number in NMEA_MESSAGES for number in found) else None
+    return (options, periods) if periods and all(number in NMEA_MESSAGES for number in periods) else None

@@ -331,8 +331,8 @@ def _position(at: SignalSamples, out: Array) -> None:
     _stamp(at, out)
     fixed, lla = at.fixed, trajectory.geodetic(at.enu)
     out["status"], out["satsUsed"] = at.gps_status, at.gps_status & 0xFF
-    seen = np.where(fixed[:, None], 1.0, 0.0)
-    out["lla"], out["ecef"] = lla * seen, trajectory.ecef(lla) * seen
+    is_fix = np.where(fixed[:, None], 1.0, 0.0)
+    out["lla"], out["ecef"] = lla * is_fix, trajectory.ecef(lla) * is_fix
     out["hMSL"] = np.where(fixed, lla[:, 2] - trajectory.GEOID_M, 0.0)
     better = np.exp(-np.maximum(at.times - FIRST_FIX_NS, 0) / (6 * S))
     out["hAcc"], out["vAcc"] = np.where(fixed, 0.9 + 4 * better, 1e3), np.where(fixed, 1.4 + 6 * better, 1e3)

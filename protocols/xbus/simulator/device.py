@@ -156,7 +156,7 @@ class XbusSimulator:
         self._port, self._bid = port, bid
         self._restored = False  # 0xDE was received during boot
         self._newest = b""  # sample, while SendLatest waits for a trigger
-        self._asked_for: list[bytes] = []
+        self._requested: list[bytes] = []
         self.restore()
         if baud in BAUD_RATES.values():
             self._begin_at(next(code for code, one in BAUD_RATES.items() if one == baud))
@@ -214,8 +214,8 @@ class XbusSimulator:
             else:
                 if answer is not None:
                     out += self._replies.send(frames.build(mid + 1, answer, bid), now)
-            out += self._asked_for
-            self._asked_for.clear()
+            out += self._requested
+            self._requested.clear()
         return before + self._under_own_name(out)
 
     @property
@@ -289,7 +289,7 @@ class XbusSimulator:
     def send_newest(self) -> None:
         """Handle a trigger of SendLatest; without a measurement since the last one nothing is sent."""
         if self._newest:
-            self._asked_for.append(renumbered(self._newest, self._counter))
+            self._requested.append(renumbered(self._newest, self._counter))
             self._counter += 1
             self._newest = b""
 
@@ -430,10 +430,10 @@ class XbusSimulator:
 
     def restore_communication(self) -> None:
         """Table 41: restore the settings that 0xDE during wake-up resets; everything else stays."""
-        kept = self.settings
+        settings = self.settings
         self.restore()
         mids = (BAUDRATE, PORT_CONFIG, SKIP, SYNC, STRINGS)
-        self.settings = {mid: self.settings[mid] if mid in mids else value for mid, value in kept.items()}
+        self.settings = {mid: self.settings[mid] if mid in mids else value for mid, value in settings.items()}
         self.change(**self._consequences())
         self.store()
 

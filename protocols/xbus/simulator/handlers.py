@@ -182,12 +182,12 @@ def alignment(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     which = payload[0]
     if which > 1:
         raise RequestRefusedError(ERROR_PARAMETER)
-    kept = device.settings[ALIGNMENT]
+    stored = device.settings[ALIGNMENT]
     if len(payload) == 1:
-        return kept[17 * which : 17 * which + 17]
+        return stored[17 * which : 17 * which + 17]
     if not abs(math.hypot(*struct.unpack(">4f", payload[1:])) - 1) < 1e-2:
         raise RequestRefusedError(ERROR_PARAMETER)
-    device.settings[ALIGNMENT] = payload + kept[17:] if which == 0 else kept[:17] + payload
+    device.settings[ALIGNMENT] = payload + stored[17:] if which == 0 else stored[:17] + payload
     return b""
 
 
@@ -221,9 +221,9 @@ def reset_orientation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     return b""
 
 
-def _aligned(kept: bytes, code: int, motion: trajectory.MotionState) -> bytes:
+def _aligned(stored: bytes, code: int, motion: trajectory.MotionState) -> bytes:
     """Both alignments after a reset: 1 and 4 turn the heading, 3 and 4 level the object, 5 to 7 undo it."""
-    sensor, local = kept[:17], kept[17:]
+    sensor, local = stored[:17], stored[17:]
     roll, pitch, yaw = motion.euler[0]
     if code in (3, 4):
         sensor = b"\0" + _rotation(roll, pitch, 0.0)

@@ -99,6 +99,6 @@ class ReplyQueue:
 
     def due(self, now: int) -> list[bytes]:
         """Late answers that are due."""
-        found = [frame for at, frame in self._delayed if at <= now]
+        frames = [frame for at, frame in self._delayed if at <= now]
         self._delayed = [(at, frame) for at, frame in self._delayed if at > now]
-        return found
+        return frames

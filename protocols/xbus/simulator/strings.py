@@ -99,8 +99,8 @@ def _psoncms(at: Moment, k: int) -> bytes:
 def _gga(at: Moment, k: int) -> bytes:
     height = at.place[k, 2] - trajectory.GEOID_M
     levels = f"{height:.1f},M,{trajectory.GEOID_M:.1f},M" if at.fix[k] else ",M,,M"
-    seen = "1,12,0.9" if at.fix[k] else "0,00,99.9"
-    return _nmea(f"GPGGA,{_clock(at, k)},{_place(at, k)},{seen},{levels},,")
+    quality = "1,12,0.9" if at.fix[k] else "0,00,99.9"
+    return _nmea(f"GPGGA,{_clock(at, k)},{_place(at, k)},{quality},{levels},,")
 
 
 def _zda(at: Moment, k: int) -> bytes:
