@@ -201,8 +201,8 @@ def _correlations(grids: Sequence[tuple[_Grid, _Grid]]) -> tuple[NDArray[np.int6
         second = [np.conj(rfft(part, size)) for part in (b.values, np.square(b.values), b.weight)]
 
         def at_lags(one: Floats, other: Floats) -> Floats:
-            found: Floats = irfft(one * other, size)
-            return np.roll(found, b_length - 1)[: len(lags)]
+            products: Floats = irfft(one * other, size)
+            return np.roll(products, b_length - 1)[: len(lags)]
 
         n = np.round(at_lags(first[2], second[2]))
         divisor = np.maximum(n, 1)
@@ -238,8 +238,8 @@ def _power(values: Floats, size: int) -> Floats:
     """Squared magnitudes of the transform of values that are followed by zeros, `size` in all."""
     from scipy.fft import rfft
 
-    found: Floats = np.square(np.abs(rfft(values, size)))
-    return found
+    power: Floats = np.square(np.abs(rfft(values, size)))
+    return power
 
 
 def _even_fast_length(least: int) -> int:
@@ -280,14 +280,14 @@ def _others(correlation: Floats, best: int, least: float) -> list[int]:
     limit = math.tanh(least)
     inner = correlation[1:-1]
     peaks = np.flatnonzero((inner >= correlation[:-2]) & (inner > correlation[2:]) & (inner >= limit)) + 1
-    found: list[int] = []
+    lags: list[int] = []
     width = _lobe(correlation, best)
     for peak in peaks[np.argsort(-correlation[peaks], kind="stable")]:
-        if all(abs(int(peak) - one) > width for one in (best, *found)):
-            found.append(int(peak))
-        if len(found) == MAX_OTHERS:
+        if all(abs(int(peak) - one) > width for one in (best, *lags)):
+            lags.append(int(peak))
+        if len(lags) == MAX_OTHERS:
             break
-    return found
+    return lags
 
 
 def _refined(pairs: Sequence[tuple[_Samples, _Samples]], grid: _Grid, offset: float) -> tuple[float, float]:
@@ -297,10 +297,10 @@ def _refined(pairs: Sequence[tuple[_Samples, _Samples]], grid: _Grid, offset: fl
     times = grid.begin + step * np.arange(n, dtype=np.float64)
     width = 0.0
     while width <= max(n / 40, 1):
-        found = _newton(pairs, times, step, offset, width)
-        if found is not None and found[1] < best[1]:
-            best = found
-        elif found is not None and found[1] > WORSE * best[1]:
+        estimate = _newton(pairs, times, step, offset, width)
+        if estimate is not None and estimate[1] < best[1]:
+            best = estimate
+        elif estimate is not None and estimate[1] > WORSE * best[1]:
             break
         width = 2 * width or 1.0
     if not math.isfinite(best[1]):
@@ -313,19 +313,19 @@ def _newton(
     pairs: Sequence[tuple[_Samples, _Samples]], times: Floats, step: float, offset: float, width: float
 ) -> tuple[float, float] | None:
     """Offset and standard deviation with a smoothing of `width` steps; None if the steps lead away."""
-    found, first = _step(pairs, times, step, offset, width), offset
+    estimate, first = _step(pairs, times, step, offset, width), offset
     finest = max(1e-9, float(np.spacing(np.abs(times[[0, -1]]).max())))  # no time is more exact than its number
     for _ in range(MAX_STEPS):
-        if found is None:
+        if estimate is None:
             return None
-        correction, sigma = found
+        correction, sigma = estimate
         offset += max(-step, min(step, correction))
         if abs(offset - first) > (2 + width) * step:
             return None
         if abs(correction) < max(1e-3 * sigma, finest):
             break
-        found = _step(pairs, times, step, offset, width)
-    return None if found is None else (offset, max(found[1], 1e-9))
+        estimate = _step(pairs, times, step, offset, width)
+    return None if estimate is None else (offset, max(estimate[1], 1e-9))
 
 
 def _step(
@@ -387,8 +387,8 @@ def _smoothed(signals: Sequence[Floats], weight: Floats, width: float) -> Sequen
 
 def _centred(values: Floats, weight: Floats) -> Floats:
     """Values without their mean; 0 where there is no weight."""
-    found: Floats = (values - np.dot(values, weight) / weight.sum()) * weight
-    return found
+    weighted: Floats = (values - np.dot(values, weight) / weight.sum()) * weight
+    return weighted
 
 
 def _variance(raw: Floats, residual: Floats, derivative: Floats, weight: Floats, width: float) -> float:

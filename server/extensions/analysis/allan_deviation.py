@@ -84,11 +84,11 @@ def allan_curve(runs: Sequence[Floats], rate: float, m: Sequence[int]) -> AllanC
 
 def _integral(run: Floats, mean: float) -> Floats:
     """Running sum of samples from 0 on, (n + 1,); without their mean, so that no digits are lost."""
-    found = np.empty(len(run) + 1)
-    found[0] = 0.0
-    np.subtract(run, mean, out=found[1:])
-    np.cumsum(found[1:], out=found[1:])
-    return found
+    sums = np.empty(len(run) + 1)
+    sums[0] = 0.0
+    np.subtract(run, mean, out=sums[1:])
+    np.cumsum(sums[1:], out=sums[1:])
+    return sums
 
 
 def _sum_of_squares(x: Floats, m: int, n: int) -> float:
@@ -114,14 +114,14 @@ def _sum_of_squares(x: Floats, m: int, n: int) -> float:
 def _degrees(n: int, m: int, noise: int) -> float:
     """Degrees of freedom of the overlapping deviation of n phases (NIST SP 1065, table 5)."""
     if noise == WHITE_PHASE:
-        found = (n + 1) * (n - 2 * m) / (2 * (n - m))
+        degrees = (n + 1) * (n - 2 * m) / (2 * (n - m))
     elif noise == WHITE:
-        found = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m * m / (4 * m * m + 5)
+        degrees = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m * m / (4 * m * m + 5)
     elif noise == FLICKER:
-        found = 2 * (n - 2) ** 2 / (2.3 * n - 4.9) if m == 1 else 5 * n * n / (4 * m * (n + 3 * m))
+        degrees = 2 * (n - 2) ** 2 / (2.3 * n - 4.9) if m == 1 else 5 * n * n / (4 * m * (n + 3 * m))
     else:
-        found = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m * m) / max(1, n - 3) ** 2
-    return max(1.0, found)
+        degrees = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m * m) / max(1, n - 3) ** 2
+    return max(1.0, degrees)
 
 
 def intervals(deviation: Floats, freedom: Floats, outside: float = OUTSIDE) -> tuple[Floats, Floats]:

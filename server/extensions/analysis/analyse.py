@@ -74,18 +74,18 @@ def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, no
 
 def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:
     analysis = analysis_named(request.analysis)
-    given = {}
+    chosen = {}
     for option in request.options:
         key, equals, value = option.partition("=")
         if not equals:
             raise AnalyseError(f"--option {option!r:.60} is not NAME=VALUE")
-        given[key] = value
-    settings = analysis.settings(given)
+        chosen[key] = value
+    settings = analysis.settings(chosen)
     t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
 
     def reports(one: SignalColumn | ExpressionSignal) -> list[SignalReport]:
-        found = one.signals(lambda column: recorded_samples(store, column, t0, t1))
-        return [SignalReport(signal.name, signal.unit, *figures_of(analysis, signal, settings)) for signal in found]
+        signals = one.signals(lambda column: recorded_samples(store, column, t0, t1))
+        return [SignalReport(signal.name, signal.unit, *figures_of(analysis, signal, settings)) for signal in signals]
 
     requested = requested_signals(
         channels_of(store).values(),

@@ -84,10 +84,10 @@ class CompanionChannels:
     @property
     def columns(self) -> list[tuple[ChannelInfo, int]]:
         """The columns that are read, by channel and position."""
-        found = [(triad.info, at) for triad in self.triads.values() for at in triad.at]
+        pairs = [(triad.info, at) for triad in self.triads.values() for at in triad.at]
         if self.attitude is not None:
-            found += [(self.attitude, at) for at in range(_ATTITUDE[self.attitude.kind])]
-        return found + [(info, at) for info, at, _ in self.flags]
+            pairs += [(self.attitude, at) for at in range(_ATTITUDE[self.attitude.kind])]
+        return pairs + [(info, at) for info, at, _ in self.flags]
 
     def read(self, read: ReadColumn) -> Companions:
         """Their samples."""
@@ -141,5 +141,5 @@ def _attitude(info: ChannelInfo, read: Callable[[ChannelInfo, Sequence[int]], tu
     values = np.stack(columns, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         values = values / np.linalg.norm(values, axis=1, keepdims=True)
-    kept = np.isfinite(values).all(axis=1) & np.isfinite(time)
-    return Samples(np.maximum.accumulate(time[kept]), values[kept])
+    is_finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    return Samples(np.maximum.accumulate(time[is_finite]), values[is_finite])

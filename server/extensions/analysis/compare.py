@@ -72,8 +72,8 @@ def compare_files(a: Path, b: Path, reading: DecodeOptions, request: FileCompari
 
 def _side(store: ColumnStore, name: str, words: Sequence[str], part: FileRange) -> ComparisonSide:
     t0, t1 = time_range_of(store, name, *part)
-    found = requested_signals(channels_of(store).values(), words, zero_phase=True, product=products_of(store))
-    return ComparisonSide(found, lambda column: recorded_samples(store, column, t0, t1))
+    signals = requested_signals(channels_of(store).values(), words, zero_phase=True, product=products_of(store))
+    return ComparisonSide(signals, lambda column: recorded_samples(store, column, t0, t1))
 
 
 def print_comparison(answer: ComparisonAnswer, out: TextIO) -> None:

@@ -97,10 +97,10 @@ def difference(a: Signal, b: Signal, offset: float) -> SignalDifference:
     near = neighbours(b, a.time - offset)
     values = unwrapped(b)
     shifted = values[near.before] + near.part * (values[near.before + 1] - values[near.before])
-    found = shifted - a.values[near.inside]
+    result = shifted - a.values[near.inside]
     if a.period:
-        found = found - a.period * np.round(found / a.period)
-    return _checked(SignalDifference(a.time[near.inside], found, near.left_out), a.name)
+        result = result - a.period * np.round(result / a.period)
+    return _checked(SignalDifference(a.time[near.inside], result, near.left_out), a.name)
 
 
 def attitude_difference(
@@ -123,17 +123,17 @@ def attitude_difference(
     first = a[1][near.inside]
     second = slerp(b[1][near.before], b[1][near.before + 1], near.part)
     between = product(conjugate(first), second)
-    found = _checked(SignalDifference(a[0][near.inside], angle_of(between), near.left_out), "Attitude")
+    result = _checked(SignalDifference(a[0][near.inside], angle_of(between), near.left_out), "Attitude")
     mean = mean_rotation(between)
     rest = angle_of(product(between, conjugate(mean)))
-    return found, {"mounting": float(angle_of(mean[np.newaxis])[0]), "remaining": _rms(rest)}
+    return result, {"mounting": float(angle_of(mean[np.newaxis])[0]), "remaining": _rms(rest)}
 
 
-def _checked(found: SignalDifference, name: str) -> SignalDifference:
-    if not len(found.time):
+def _checked(result: SignalDifference, name: str) -> SignalDifference:
+    if not len(result.time):
         hint = "Change the offset or the ranges."
         raise DomainError("no-result", f"The samples of {name} do not overlap at this offset.", hint)
-    return found
+    return result
 
 
 def difference_figures(values: Floats) -> Figures:

@@ -120,12 +120,12 @@ async def compare_settings(body: SettingsRequest, services: TheServices) -> Diff
     if driver is None:
         raise DomainError("not-alike", f"{first.protocol} has no settings.", "Compare devices that have settings.")
     try:
-        found = compare(driver, first.context, first.side, second.side)
+        result = compare(driver, first.context, first.side, second.side)
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError):  # a file of another origin
-        said = "The recorded settings do not match the tables of their protocol."
-        raise DomainError("bad-snapshot", said, "Look at them in each recording.") from None
-    rows = [_plain_row(row) for row in found.rows]
-    return Difference(found.left, found.right, rows, found.same, missing=found.missing, product=found.product)
+        reason = "The recorded settings do not match the tables of their protocol."
+        raise DomainError("bad-snapshot", reason, "Look at them in each recording.") from None
+    rows = [_plain_row(row) for row in result.rows]
+    return Difference(result.left, result.right, rows, result.same, missing=result.missing, product=result.product)
 
 
 def _plain_row(row: DifferenceRow) -> DifferenceRow:
@@ -201,6 +201,6 @@ async def _recorded(side: ComparedSide, letter: str, services: Services) -> _Dev
 
 
 def _recorded_name(store: ColumnStore, device: str) -> str:
-    found = [one for one in store.manifest["devices"] if device in ("", one["id"])]
-    names = [str(one["product"] or one["id"]) for one in found]
+    matches = [one for one in store.manifest["devices"] if device in ("", one["id"])]
+    names = [str(one["product"] or one["id"]) for one in matches]
     return ", ".join(names) or "this device"

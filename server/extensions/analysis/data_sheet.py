@@ -55,17 +55,17 @@ def data_sheet_of(info: ChannelInfo, at: int, product: Product) -> DataSheetNois
 
 def sheet_curve(sheet: DataSheetNoise, tau: Floats) -> Floats:
     """Allan deviation of a sensor that is just what its data sheet says."""
-    found: Floats = (sheet.random_walk**2 / tau + sheet.bias_instability**2) ** 0.5
-    return found
+    deviation: Floats = (sheet.random_walk**2 / tau + sheet.bias_instability**2) ** 0.5
+    return deviation
 
 
 def withheld(sheet: DataSheetNoise, unit: str, why: str) -> list[Mapping[str, str]]:
     """Open verdicts, with what prevents them."""
-    found = [_verdict("random_walk", "open", f"Random walk: not compared with {_sheet_walk(sheet, unit)}. {why}")]
+    out = [_verdict("random_walk", "open", f"Random walk: not compared with {_sheet_walk(sheet, unit)}. {why}")]
     if sheet.bias_instability:
         words = f"Bias instability: not compared with {_sheet_bias(sheet, unit)}. {why}"
-        found.append(_verdict("bias_instability", "open", words))
-    return found
+        out.append(_verdict("bias_instability", "open", words))
+    return out
 
 
 def verdicts(
@@ -76,10 +76,10 @@ def verdicts(
     Args:
         drifts: a drift in one direction raises the curve.
     """
-    found = [_walk(sheet, unit, model)]
+    out = [_walk(sheet, unit, model)]
     if sheet.bias_instability:
-        found.append(_bias(sheet, unit, curve, model, drifts))
-    return found
+        out.append(_bias(sheet, unit, curve, model, drifts))
+    return out
 
 
 def _walk(sheet: DataSheetNoise, unit: str, model: NoiseModel) -> Mapping[str, str]:

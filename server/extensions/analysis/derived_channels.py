@@ -215,23 +215,23 @@ class DerivedChannels:
 
     def _new_rows(self, running: _Running) -> dict[int, Rows]:
         """The next rows of the channels, up to one moment, so that none runs ahead of the others."""
-        found: dict[int, Rows] = {}
+        by_channel: dict[int, Rows] = {}
         until = np.inf
         for number, start in running.next.items():
             stored = self._store.get(number)
             if stored is None or stored.ring.total <= start:
                 continue
             running.next[number] = max(start, stored.ring.first)
-            found[number] = stored.ring.read(start)
-            arrival = found[number][0]
+            by_channel[number] = stored.ring.read(start)
+            arrival = by_channel[number][0]
             if len(arrival) > AT_ONCE:
                 until = min(until, float(arrival[AT_ONCE - 1]))
         running.is_behind = until < np.inf
-        for number, columns in found.items():
+        for number, columns in by_channel.items():
             count = int(np.searchsorted(columns[0], until, "right"))
-            found[number] = [column[:count] for column in columns]
+            by_channel[number] = [column[:count] for column in columns]
             running.next[number] += count
-        return {number: columns for number, columns in found.items() if len(columns[0])}
+        return {number: columns for number, columns in by_channel.items() if len(columns[0])}
 
     def _sweep(self) -> None:
         """Start the signals whose channels have come, and begin anew where a rate has changed."""
@@ -257,11 +257,11 @@ def _arrivals(running: _Running, rows: Mapping[int, Rows], piece: Piece) -> NDAr
         more, when = rows[running.clock][:2]
         when = np.where(np.isnan(when), more, when)
         arrival, time = np.concatenate((arrival, more)), np.maximum.accumulate(np.concatenate((time, when)))
-    found: NDArray[np.float64] = np.interp(piece.time, time, arrival) if len(time) else piece.time
+    arrivals: NDArray[np.float64] = np.interp(piece.time, time, arrival) if len(time) else piece.time
     end = float(piece.time[-1]) if len(piece) else -np.inf
     keep = max(0, int(np.searchsorted(time, end, "left")) - 1)
     running.recent = [arrival[keep:], time[keep:]]
-    return np.maximum.accumulate(found)
+    return np.maximum.accumulate(arrivals)
 
 
 def channel_of(device: str, definition: SignalDefinition, value: Quantity) -> ChannelInfo:

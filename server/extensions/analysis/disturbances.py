@@ -106,7 +106,7 @@ def _lines(spectrum: Spectrum) -> list[tuple[float, float]]:
     weights = segments.window
     lobe = math.ceil(len(weights) * float(np.square(weights).sum() / np.square(weights.sum()))) + 1
     limit = float(chdtri(freedom, FALSE_ALARM / n)) / float(chdtri(freedom, 0.5))
-    found = []
+    lines = []
     inner = np.arange(lobe, n - 1)
     least = min(float(np.median(part)) for part in np.array_split(psd, min(n, SMOOTH)))  # no floor is lower
     tops = inner[(psd[inner] >= psd[inner - 1]) & (psd[inner] >= psd[inner + 1]) & (psd[inner] > limit * least)]
@@ -119,8 +119,8 @@ def _lines(spectrum: Spectrum) -> list[tuple[float, float]]:
         if psd[at] <= limit * max(floor, below, 1e-300):
             continue
         power = float((psd[max(0, at - lobe) : at + lobe + 1] - floor).sum()) * spacing
-        found.append((float(frequency[at]), math.sqrt(max(power, 0.0))))
-    return found
+        lines.append((float(frequency[at]), math.sqrt(max(power, 0.0))))
+    return lines
 
 
 def _share(line: tuple[float, float], rate: float, curve: AllanCurve) -> float:

@@ -203,8 +203,8 @@ def _atan2(arguments: list[Quantity], node: Call, context: Context) -> Quantity:
         raise ExpressionError(f"{y.unit} and {x.unit} do not fit.", *_place(node))
     _wide(x, len(y.parts), node.arguments[1], "A value")
     x = x.in_unit(y.unit)
-    found = tuple(np.degrees(np.arctan2(a, b)) for a, b in zip(y.parts, x.parts, strict=True))
-    return Quantity(found, DEGREE, y.time if y.time is not None else x.time, y.names, 360.0)
+    angles = tuple(np.degrees(np.arctan2(a, b)) for a, b in zip(y.parts, x.parts, strict=True))
+    return Quantity(angles, DEGREE, y.time if y.time is not None else x.time, y.names, 360.0)
 
 
 def _sqrt(arguments: list[Quantity], node: Call, context: Context) -> Quantity:
@@ -228,14 +228,14 @@ def _derivative(arguments: list[Quantity], node: Call, context: Context) -> Quan
 
     def work(t: Floats, v: Floats) -> Floats:
         keep = np.flatnonzero(np.diff(t, prepend=-math.inf) > 0)  # of samples at one time the first
-        found = np.full(len(v), np.nan)
+        slopes = np.full(len(v), np.nan)
         if len(keep) > 1:
-            found[keep] = np.gradient(v[keep], t[keep])
-        return found
+            slopes[keep] = np.gradient(v[keep], t[keep])
+        return slopes
 
     values = x if not x.period else _continued(x)
-    found = in_runs(values, work)
-    return replace(found, unit=x.unit / SECOND)
+    slopes = in_runs(values, work)
+    return replace(slopes, unit=x.unit / SECOND)
 
 
 def _continued(x: Quantity) -> Quantity:
@@ -260,13 +260,13 @@ def _moving(measure: Callable[[Floats, int, int, Floats], Floats]) -> Callable[.
 
         def work(t: Floats, v: Floats) -> Floats:
             rate = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 and t[-1] > t[0] else 1.0
-            wanted = max(1, round(span * rate))
-            size = min(wanted, len(t))
+            count = max(1, round(span * rate))
+            size = min(count, len(t))
             before = size // 2 if context.zero_phase else size - 1
-            found = measure(v, size, before, t)
+            result = measure(v, size, before, t)
             if context.whole_windows:
-                found[: wanted - 1] = np.nan
-            return found
+                result[: count - 1] = np.nan
+            return result
 
         return in_runs(x, work)
 
@@ -278,8 +278,8 @@ def _mean_of(values: Floats, size: int, before: int, time: Floats) -> Floats:
     sums = np.concatenate(([0.0], np.cumsum(values - centre)))
     at = np.arange(len(values))
     low, high = np.maximum(at - before, 0), np.minimum(at - before + size, len(values))
-    found: Floats = (sums[high] - sums[low]) / (high - low) + centre
-    return found
+    means: Floats = (sums[high] - sums[low]) / (high - low) + centre
+    return means
 
 
 def _rms_of(values: Floats, size: int, before: int, time: Floats) -> Floats:
@@ -291,8 +291,8 @@ def _extreme(name: str) -> Callable[[Floats, int, int, Floats], Floats]:
         from scipy import ndimage
 
         origin = before - size // 2  # scipy's window begins size // 2 before the sample
-        found: Floats = getattr(ndimage, name)(values, size, mode="nearest", origin=origin)
-        return found
+        extremes: Floats = getattr(ndimage, name)(values, size, mode="nearest", origin=origin)
+        return extremes
 
     return measure
 
@@ -334,8 +334,8 @@ def _filter(kind: str) -> Callable[..., Quantity]:
                 message = f"There is no such filter of a signal with {2 * nyquist:.4g} samples per second."
                 raise ExpressionError(message, *_place(node), "Choose a higher frequency, or a lower order.") from None
             if context.zero_phase and len(v) > 3 * (2 * len(sections) + 1):
-                found: Floats = signal.sosfiltfilt(sections, v)
-                return found
+                filtered: Floats = signal.sosfiltfilt(sections, v)
+                return filtered
             causal: Floats = signal.sosfilt(sections, v, zi=steady * v[0])[0]
             return causal
 

@@ -54,11 +54,11 @@ def operate(node: Call, arguments: list[Quantity]) -> Quantity:
 def _sum(node: Call, left: Quantity, right: Quantity) -> Quantity:
     period = left.period or right.period
     left, right, unit = _alike(node, left, right)
-    found = _paired(node, left, right, _SUMS[node.name], unit)
+    result = _paired(node, left, right, _SUMS[node.name], unit)
     if node.name == "-" and period and left.period and right.period:  # the difference of two angles takes the short way
         half = left.period / 2
-        return found.with_parts([(part + half) % left.period - half for part in found.parts])
-    return found
+        return result.with_parts([(part + half) % left.period - half for part in result.parts])
+    return result
 
 
 def _alike(node: Call, left: Quantity, right: Quantity) -> tuple[Quantity, Quantity, Unit]:
@@ -109,19 +109,19 @@ def _paired(
     return Quantity(parts, unit, time, wide.names, 0.0, is_logical, left.is_literal and right.is_literal)
 
 
-def _checked(found: Any, a: Floats, b: Floats, *, is_logical: bool) -> Floats:
+def _checked(result: Any, a: Floats, b: Floats, *, is_logical: bool) -> Floats:
     """Truth as 0 and 1, and undefined where an operand is."""
     if not is_logical:
-        return np.asarray(found, np.float64)
-    truth: Floats = found.astype(np.float64)
+        return np.asarray(result, np.float64)
+    truth: Floats = result.astype(np.float64)
     if np.isnan(a.sum() + b.sum()):  # a sum is quicker than a search
         truth[np.isnan(a) | np.isnan(b)] = np.nan
     return truth
 
 
 def _each(quantity: Quantity, work: Callable[[Floats], Floats]) -> Quantity:
-    found = quantity.with_parts([work(part) for part in quantity.parts])
-    return Quantity(found.parts, found.unit, found.time, found.names, 0.0, is_literal=quantity.is_literal)
+    result = quantity.with_parts([work(part) for part in quantity.parts])
+    return Quantity(result.parts, result.unit, result.time, result.names, 0.0, is_literal=quantity.is_literal)
 
 
 def _power(node: Call, base: Quantity, exponent: Quantity) -> Quantity:
@@ -138,8 +138,8 @@ def _power(node: Call, base: Quantity, exponent: Quantity) -> Quantity:
         largest = max(abs(one) for _, one in unit.powers)
         message = f"A unit to the power of {float(largest):.6g} is not allowed."
         raise ExpressionError(message, begin, end, f"At most {MAX_POWER}; divide by the unit first.")
-    found = _each(base, lambda part: np.power(part, exponent.number))
-    return Quantity(found.parts, unit, found.time, found.names, 0.0, is_literal=found.is_literal)
+    result = _each(base, lambda part: np.power(part, exponent.number))
+    return Quantity(result.parts, unit, result.time, result.names, 0.0, is_literal=result.is_literal)
 
 
 def _logic(node: Call, arguments: list[Quantity]) -> Quantity:
@@ -155,5 +155,5 @@ def _logic(node: Call, arguments: list[Quantity]) -> Quantity:
     return _paired(node, left, right, lambda a, b: work(a != 0, b != 0), NO_UNIT, is_logical=True)
 
 
-def _truth(values: Floats, found: Any) -> Floats:
-    return np.where(np.isnan(values), np.nan, found)
+def _truth(values: Floats, result: Any) -> Floats:
+    return np.where(np.isnan(values), np.nan, result)

@@ -255,7 +255,7 @@ def _call(name: str, left: Node, right: Node) -> Call:
 
 
 def _tokens(text: str) -> list[_Token]:
-    found, at = [], 0
+    tokens, at = [], 0
     while at < len(text):
         match = _TOKENS.match(text, at)
         if match is None:
@@ -263,9 +263,9 @@ def _tokens(text: str) -> list[_Token]:
             raise ExpressionError(f"{text[at]} is not allowed.", at, at + 1, hint)
         kind = match.lastgroup or ""
         if kind != "space":
-            found.append(_Token(kind, match[0], at, match.end()))
+            tokens.append(_Token(kind, match[0], at, match.end()))
         at = match.end()
         if kind == "number" and (unit := _UNIT.match(text, at)):
-            found.append(_Token("unit", unit[0].strip(), at, unit.end()))
+            tokens.append(_Token("unit", unit[0].strip(), at, unit.end()))
             at = unit.end()
-    return [*found, _Token("end", "", len(text), len(text))]
+    return [*tokens, _Token("end", "", len(text), len(text))]

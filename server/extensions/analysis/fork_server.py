@@ -229,12 +229,12 @@ def serve(limit: Callable[[], None], answer: Answerer) -> None:
         control.sendall(READY)
         while True:
             try:
-                word, given, _, _ = socket.recv_fds(control, 1, 1)
+                word, descriptors, _, _ = socket.recv_fds(control, 1, 1)
             except OSError:
-                word, given = b"", []
+                word, descriptors = b"", []
             if not word:
                 return
-            for descriptor in given:
+            for descriptor in descriptors:
                 with socket.socket(fileno=descriptor) as line:
                     if _fork() == 0:
                         control.close()
@@ -276,9 +276,9 @@ def _fork() -> int:
 
 def _answer_one(line: socket.socket, answer: Answerer) -> None:
     def job() -> Any:
-        found = _received(line)
+        request = _received(line)
         _end_with(line)
-        return found
+        return request
 
     facts, body = answer(job)
     fcntl.fcntl(line, fcntl.F_SETFL, fcntl.fcntl(line, fcntl.F_GETFL) & ~os.O_ASYNC)  # room to write is a signal, too
@@ -295,14 +295,14 @@ def _received(line: socket.socket) -> Any:
 
 
 def _read(line: socket.socket, size: int) -> bytearray:
-    found = bytearray(size)
-    left = memoryview(found)
+    buffer = bytearray(size)
+    left = memoryview(buffer)
     while left:
         count = line.recv_into(left)
         if not count:
             os._exit(0)  # nobody wants it any more
         left = left[count:]
-    return found
+    return buffer
 
 
 def _end_with(line: socket.socket) -> None:

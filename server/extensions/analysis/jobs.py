@@ -93,10 +93,10 @@ class CopiedSource:
 
     def opened(self) -> ReadSamples:
         def read(column: SignalColumn) -> tuple[Floats, Floats]:
-            found = self.samples.get((column.info.id, column.at))
-            if found is None:  # while the request waited for its turn
+            samples = self.samples.get((column.info.id, column.at))
+            if samples is None:  # while the request waited for its turn
                 raise DomainError("gone", f"{column.name} has been removed, with its device.", "Request another.")
-            return found
+            return samples
 
         return read
 
@@ -104,11 +104,11 @@ class CopiedSource:
 def read_columns(requested: Requested) -> list[SignalColumn]:
     """The columns that a job may read: those named, their temperatures, and all of an attitude."""
     named = [column for one in requested for column in one.columns]
-    found = [*named, *(column.temperature for column in named if column.temperature is not None)]
+    columns = [*named, *(column.temperature for column in named if column.temperature is not None)]
     for column in named:
         if column.info.kind in ATTITUDES:
-            found += [SignalColumn(column.info, at) for at in range(len(column.info.columns))]
-    return list({(column.info.id, column.at): column for column in found}.values())
+            columns += [SignalColumn(column.info, at) for at in range(len(column.info.columns))]
+    return list({(column.info.id, column.at): column for column in columns}.values())
 
 
 def copied(read: ReadSamples, columns: Iterable[SignalColumn]) -> CopiedSource:
@@ -143,12 +143,12 @@ class FiguresJob:
         own_units: dict[str, str] = {}
 
         def work(one: SignalColumn | ExpressionSignal) -> list[dict[str, Figure]]:
-            found = []
+            reports = []
             for signal in one.signals(read):
                 figures, units = figures_of(analysis, signal, self.settings)
-                found.append({"signal": signal.name, "device": one.device, "units": units, "figures": figures})
+                reports.append({"signal": signal.name, "device": one.device, "units": units, "figures": figures})
                 own_units[signal.name] = signal.unit
-            return found
+            return reports
 
         rows = list(chain(*in_parallel(work, self.requested)))
         if self.format == "json":
@@ -174,12 +174,12 @@ class PairsSide:
             DomainError: there is no such part.
         """
         read = self.source.opened()
-        found = list(chain.from_iterable(one.signals(read) for one in self.requested))
-        if self.part >= len(found):
-            hint = f"Give a part from 0 to {len(found) - 1}."
-            words = f"part {self.part} is not allowed: it names {counted(len(found), 'signal')}."
+        signals = list(chain.from_iterable(one.signals(read) for one in self.requested))
+        if self.part >= len(signals):
+            hint = f"Give a part from 0 to {len(signals) - 1}."
+            words = f"part {self.part} is not allowed: it names {counted(len(signals), 'signal')}."
             raise DomainError("bad-value", words, hint)
-        return found[self.part]
+        return signals[self.part]
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,8 +105,8 @@ class LiveExpression:
             if name.name not in self._columns:
                 device = name.name.partition("/")[0]
                 there = [info for info in distant if info.device == device]
-                if found := _angles(there or known, name):
-                    self._columns[name.name], angles[name.name] = found
+                if euler := _angles(there or known, name):
+                    self._columns[name.name], angles[name.name] = euler
                 else:
                     self._columns[name.name] = _columns(there or known, name)
         if not self._columns:
@@ -155,10 +155,10 @@ class LiveExpression:
         """Times of new samples, never before earlier ones."""
         arrival, time = columns[0], columns[1]
         plain = np.where(np.isnan(time), arrival, time)
-        found: Floats = np.maximum(np.maximum.accumulate(plain), self._newest[channel]) if len(plain) else plain
-        if len(found):
-            self._newest[channel] = float(found[-1])
-        return found
+        times: Floats = np.maximum(np.maximum.accumulate(plain), self._newest[channel]) if len(plain) else plain
+        if len(times):
+            self._newest[channel] = float(times[-1])
+        return times
 
 
 def usual_rate(times: Floats) -> float:
@@ -284,10 +284,10 @@ def _check_rate(node: Call, arguments: Sequence[Stream | Quantity]) -> None:
     """Raise ExpressionError if `resample` makes more values than live data may have."""
     if len(arguments) != 2:
         return
-    signal, wanted = arguments
-    if not isinstance(signal, Stream) or isinstance(wanted, Stream) or not wanted.unit.fits(HERTZ):
+    signal, limit = arguments
+    if not isinstance(signal, Stream) or isinstance(limit, Stream) or not limit.unit.fits(HERTZ):
         return  # said by the function itself
-    columns, rate = len(signal.probe.parts), wanted.in_unit(HERTZ).number
+    columns, rate = len(signal.probe.parts), limit.in_unit(HERTZ).number
     if rate * columns > MAX_RESAMPLED_HZ:
         place = node.arguments[1]
         each = f" of {columns} columns" if columns > 1 else ""

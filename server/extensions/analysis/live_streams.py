@@ -101,10 +101,10 @@ class Pointwise(Stream):
         self._alignment = Alignment(streams, streams.index(fastest))
 
     def step(self, fresh: Mapping[str, Piece], *, final: bool) -> Piece:
-        found = self._alignment.step(fresh, final=final)
-        if not len(found[0].time if found[0].time is not None else ()):
+        piece = self._alignment.step(fresh, final=final)
+        if not len(piece[0].time if piece[0].time is not None else ()):
             return no_samples(len(self.probe.parts))
-        aligned = iter(found)
+        aligned = iter(piece)
         value = self._work([next(aligned) if isinstance(one, Stream) else one for one in self._arguments])
         assert value.time is not None
         return Piece(value.time, value.parts)
@@ -129,7 +129,7 @@ class Alignment:
         time = self._held[self._at].time
         count = min((self._known(k, time, final=final) for k in range(len(self._held))), default=0)
         axis = time[:count]
-        return [self._taken(k, axis) for k in range(len(self._held))]
+        return [self._aligned_rows(k, axis) for k in range(len(self._held))]
 
     def _is_alike(self, k: int) -> bool:
         return self._streams[k].axis == self._streams[self._at].axis
@@ -144,7 +144,7 @@ class Alignment:
         newest = max(own.time[-1] if len(own) else -np.inf, time[-1] - WAIT_S if len(time) else -np.inf)
         return int(np.searchsorted(time, newest, "right"))
 
-    def _taken(self, k: int, axis: Floats) -> Quantity:
+    def _aligned_rows(self, k: int, axis: Floats) -> Quantity:
         stream, own = self._streams[k], self._held[k]
         if self._is_alike(k):
             self._held[k] = own.rows(len(axis))
@@ -186,10 +186,10 @@ class Runs(Stream):
         return Piece(piece.time, tuple(self._column(k, piece.time, part) for k, part in enumerate(piece.parts)))
 
     def _column(self, k: int, time: Floats, values: Floats) -> Floats:
-        found = np.full(len(values), np.nan)
+        column = np.full(len(values), np.nan)
         finite = np.flatnonzero(np.isfinite(values))
         if not len(finite):
-            return found
+            return column
         t, v, state = time[finite], values[finite], self._states[k]
         breaks = np.flatnonzero(np.diff(t, prepend=self._last[k]) > self._longest)
         if np.isinf(self._last[k]):
@@ -197,9 +197,9 @@ class Runs(Stream):
         for begin, end in itertools.pairwise(sorted({0, *breaks.tolist(), len(t)})):
             if begin in breaks:
                 state.begin(float(t[begin]), float(v[begin]))
-            found[finite[begin:end]] = state.extend(t[begin:end], v[begin:end])
+            column[finite[begin:end]] = state.extend(t[begin:end], v[begin:end])
         self._last[k] = float(t[-1])
-        return found
+        return column
 
 
 class Filtered(RunState):
@@ -216,8 +216,8 @@ class Filtered(RunState):
         self._state = self._rest * v
 
     def extend(self, t: Floats, v: Floats) -> Floats:
-        found, self._state = self._sosfilt(self._sections, v, zi=self._state)
-        result: Floats = found
+        filtered, self._state = self._sosfilt(self._sections, v, zi=self._state)
+        result: Floats = filtered
         return result
 
 
@@ -242,11 +242,11 @@ class Moving(RunState):
     def extend(self, t: Floats, v: Floats) -> Floats:
         both = np.concatenate((self._tail, v))
         size = min(self._size, len(both))
-        found = self._measure(both, size, size - 1, both)[len(self._tail) :]
+        values = self._measure(both, size, size - 1, both)[len(self._tail) :]
         if self._whole:
-            found[: max(0, self._size - 1 - len(self._tail))] = np.nan
+            values[: max(0, self._size - 1 - len(self._tail))] = np.nan
         self._tail = both[max(0, len(both) - self._size + 1) :]
-        return found
+        return values
 
 
 class Integrated(RunState):
@@ -275,9 +275,9 @@ class Unwrapped(RunState):
         self._last = v
 
     def extend(self, t: Floats, v: Floats) -> Floats:
-        found: Floats = np.unwrap(np.concatenate(([self._last], v)), period=self._period)[1:]
-        self._last = float(found[-1])
-        return found
+        unwrapped: Floats = np.unwrap(np.concatenate(([self._last], v)), period=self._period)[1:]
+        self._last = float(unwrapped[-1])
+        return unwrapped
 
 
 class Derivative(Stream):
@@ -288,17 +288,17 @@ class Derivative(Stream):
         self._argument = argument
         self._longest = GAP / argument.rate
         self._held = no_samples(len(probe.parts))
-        self._given = 0  # the first of these were given: they are the neighbours of the next ones
+        self._done = 0  # the first of these were given: they are the neighbours of the next ones
 
     def step(self, fresh: Mapping[str, Piece], *, final: bool) -> Piece:
         held = self._held.then(self._argument.step(fresh, final=final))
         end = len(held) if final else min((self._settled(held.time, part) for part in held.parts), default=0)
-        end = max(end, self._given)
-        parts = tuple(self._column(held.time, part)[self._given : end] for part in held.parts)
-        found = Piece(held.time[self._given : end], parts)
+        end = max(end, self._done)
+        parts = tuple(self._column(held.time, part)[self._done : end] for part in held.parts)
+        piece = Piece(held.time[self._done : end], parts)
         keep = min((self._neighbour(held.time, part, end) for part in held.parts), default=end)
-        self._held, self._given = held.rows(keep), end - keep
-        return found
+        self._held, self._done = held.rows(keep), end - keep
+        return piece
 
     def _settled(self, time: Floats, values: Floats) -> int:
         """Number of samples whose derivative no later sample changes."""
@@ -316,15 +316,15 @@ class Derivative(Stream):
         return int(finite[first]) if time[end - 1] - time[finite[-1]] <= self._longest else end
 
     def _column(self, time: Floats, values: Floats) -> Floats:
-        found = np.full(len(values), np.nan)
+        slopes = np.full(len(values), np.nan)
         finite = np.flatnonzero(np.isfinite(values))
         finite = finite[np.diff(time[finite], prepend=-np.inf) > 0]
         edges = np.flatnonzero(np.diff(time[finite]) > self._longest) + 1
         for begin, end in itertools.pairwise([0, *edges.tolist(), len(finite)]):
             run = finite[begin:end]
             if len(run) > 1:
-                found[run] = np.gradient(values[run], time[run])
-        return found
+                slopes[run] = np.gradient(values[run], time[run])
+        return slopes
 
 
 class Shifted(Stream):

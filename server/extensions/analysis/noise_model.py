@@ -98,8 +98,8 @@ class NoiseModel:
     def deviation(self, tau: Floats) -> Floats:
         """Allan deviation of the model."""
         terms = [factor * self.parameters[name].value ** 2 * tau**power for name, (factor, power, _) in TERMS.items()]
-        found: Floats = np.sqrt(np.sum(terms, axis=0))
-        return found
+        total: Floats = np.sqrt(np.sum(terms, axis=0))
+        return total
 
 
 def fit_noise(curve: AllanCurve) -> NoiseModel:
@@ -113,23 +113,23 @@ def fit_noise(curve: AllanCurve) -> NoiseModel:
     everything = list(range(len(TERMS)))
     whole, _, weight = _fit(curve, columns, variance, everything)
     errors_of_all = _standard_errors(columns, weight, everything)
-    kept = min(
+    terms = min(
         (list(some) for size in range(1, len(everything) + 1) for some in combinations(everything, size)),
         key=lambda some: _misfit(columns, variance, weight, some) + SIGNIFICANT * len(some),
     )
-    squares, freedom, weight = _fit(curve, columns, variance, kept)
-    scale = _excess(_misfit(columns, variance, weight, kept), len(variance) - len(kept))
+    squares, freedom, weight = _fit(curve, columns, variance, terms)
+    scale = _excess(_misfit(columns, variance, weight, terms), len(variance) - len(terms))
     high = intervals(curve.adev, freedom, DOUBT)[1]
-    found = {}
+    estimates = {}
     for at, (name, (factor, power, _)) in enumerate(TERMS.items()):
-        errors = _standard_errors(columns, weight, sorted({*kept, at}))
+        errors = _standard_errors(columns, weight, sorted({*terms, at}))
         chosen = _parameter(float(squares[at]), scale * errors[at])
         among_all = _parameter(float(whole[at]), scale * errors_of_all[at])
         # no term is larger than the curve at any averaging time
         limit = float((high / np.sqrt(factor * curve.tau**power)).min())
         upper = max(chosen.value, min(limit, max(chosen.high, among_all.high)))
-        found[name] = NoiseParameter(chosen.value, min(chosen.low, among_all.low), upper)
-    model = NoiseModel(found, freedom, (float(curve.tau[0]), float(curve.tau[-1])))
+        estimates[name] = NoiseParameter(chosen.value, min(chosen.low, among_all.low), upper)
+    model = NoiseModel(estimates, freedom, (float(curve.tau[0]), float(curve.tau[-1])))
     return replace(model, misfit=_worst(curve, model))
 
 
@@ -151,7 +151,7 @@ def _worst(curve: AllanCurve, model: NoiseModel) -> Misfit | None:
     return Misfit(float(curve.tau[at]), math.sqrt(ratio[at]), math.sqrt(1 / (2 * freedom[at])))
 
 
-def _fit(curve: AllanCurve, columns: Table, variance: Floats, kept: list[int]) -> tuple[Floats, Floats, Floats]:
+def _fit(curve: AllanCurve, columns: Table, variance: Floats, terms: list[int]) -> tuple[Floats, Floats, Floats]:
     """Squares of all terms, 0 for those not kept; degrees of freedom; and the weights of the last turn."""
     kinds = [int(kind) for _, _, kind in TERMS.values()]
     model = np.maximum(variance, TINY)
@@ -161,7 +161,7 @@ def _fit(curve: AllanCurve, columns: Table, variance: Floats, kept: list[int]) -
         freedom = curve.degrees_of_freedom(noise)
         weight = np.sqrt(freedom / 2) / model
         squares = np.zeros(len(kinds))
-        squares[kept] = _least_squares(columns[:, kept], variance, weight)
+        squares[terms] = _least_squares(columns[:, terms], variance, weight)
         parts = columns * squares
         model = np.maximum(parts.sum(axis=1), TINY)
         noise = [kinds[int(at)] for at in parts.argmax(axis=1)]
@@ -173,23 +173,23 @@ def _least_squares(columns: Table, variance: Floats, weight: Floats) -> Floats:
 
     scaled = columns * weight[:, None]
     size = np.maximum(np.linalg.norm(scaled, axis=0), TINY)
-    found: Floats = nnls(scaled / size, variance * weight)[0] / size
-    return found
+    solution: Floats = nnls(scaled / size, variance * weight)[0] / size
+    return solution
 
 
-def _misfit(columns: Table, variance: Floats, weight: Floats, kept: list[int]) -> float:
+def _misfit(columns: Table, variance: Floats, weight: Floats, terms: list[int]) -> float:
     """Weighted sum of squares that is left."""
-    squares = _least_squares(columns[:, kept], variance, weight)
-    return float(np.square((columns[:, kept] @ squares - variance) * weight).sum())
+    squares = _least_squares(columns[:, terms], variance, weight)
+    return float(np.square((columns[:, terms] @ squares - variance) * weight).sum())
 
 
-def _standard_errors(columns: Table, weight: Floats, kept: list[int]) -> dict[int, float]:
+def _standard_errors(columns: Table, weight: Floats, terms: list[int]) -> dict[int, float]:
     """Of the squares of the terms kept."""
-    scaled = columns[:, kept] * weight[:, None]
+    scaled = columns[:, terms] * weight[:, None]
     size = np.maximum(np.linalg.norm(scaled, axis=0), TINY)
     inverse = np.linalg.pinv((scaled / size).T @ (scaled / size), rcond=1e-12)
     errors = SHARED * np.sqrt(np.maximum(np.diag(inverse), 0)) / size
-    return dict(zip(kept, errors.tolist(), strict=True))
+    return dict(zip(terms, errors.tolist(), strict=True))
 
 
 def _parameter(square: float, error: float) -> NoiseParameter:

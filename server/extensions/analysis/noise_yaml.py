@@ -91,16 +91,16 @@ def _sensors(signals: Sequence[FiguresOfSignal]) -> Mapping[str, _SensorNoise]:
     for one in signals:
         for obstacle in one.figures.get("obstacles", ()):
             raise DomainError("no-result", f"{one.name}: {obstacle['message']}", obstacle["hint"])
-    found = {
+    sensors = {
         unit: _noise([one for one in signals if Unit.parse(one.unit).fits(Unit.parse(unit))], Unit.parse(unit))
         for unit in ("m/s²", "rad/s")
         if any(Unit.parse(one.unit).fits(Unit.parse(unit)) for one in signals)
     }
-    if not found:
+    if not sensors:
         names = ", ".join(one.name for one in signals)
         hint = "Request the accelerometers and the gyroscopes."
         raise DomainError("bad-value", f"{names:.200} is no acceleration and no rate of turn.", hint)
-    return found
+    return sensors
 
 
 def _noise(signals: Sequence[FiguresOfSignal], unit: Unit) -> _SensorNoise:

@@ -66,15 +66,15 @@ def thinned(pairs: Pairs, most: int) -> Pairs:
         return pairs
     length = -(-n // max(1, most // KEPT))
     whole = n - n % length
-    kept = [np.arange(0, n, length), np.minimum(np.arange(0, n, length) + length, n) - 1]
+    indices = [np.arange(0, n, length), np.minimum(np.arange(0, n, length) + length, n) - 1]
     for values in (pairs.x, pairs.y):
         blocks = values[:whole].reshape(-1, length)
         offsets = np.arange(len(blocks)) * length
-        kept += [offsets + blocks.argmin(1), offsets + blocks.argmax(1)]
+        indices += [offsets + blocks.argmin(1), offsets + blocks.argmax(1)]
         if whole < n:
             rest = values[whole:]
-            kept.append(whole + np.array([rest.argmin(), rest.argmax()]))
-    at = np.unique(np.concatenate(kept))
+            indices.append(whole + np.array([rest.argmin(), rest.argmax()]))
+    at = np.unique(np.concatenate(indices))
     before = np.cumsum(pairs.starts)
     starts = np.diff(before[at], prepend=-1) > 0  # also where the start itself is not kept
     return Pairs(pairs.time[at], pairs.x[at], pairs.y[at], starts, pairs.leader)
@@ -128,7 +128,7 @@ def _starts(time: Floats, all_times: Floats) -> NDArray[np.bool_]:
 
 def _wrapped(values: Floats, period: float) -> NDArray[np.bool_]:
     """True for each sample at which an angle went over its edge."""
-    found = np.zeros(len(values), np.bool_)
+    is_wrap = np.zeros(len(values), np.bool_)
     if period and len(values):
-        found[1:] = np.abs(np.diff(values)) > period / 2
-    return found
+        is_wrap[1:] = np.abs(np.diff(values)) > period / 2
+    return is_wrap

@@ -71,16 +71,16 @@ def peaks_of(frequency: Floats, psd: Floats, rate: float, segments: Segments, fr
     skip = _half_width(segments)  # beside 0 Hz stands what the trend has left
     inner = np.arange(skip + 1, n - 1)
     tops = inner[(psd[inner] > psd[inner - 1]) & (psd[inner] >= psd[inner + 1]) & (psd[inner] > limit * floor[inner])]
-    found: list[Peak] = []
-    taken: list[int] = []
+    peaks: list[Peak] = []
+    bins: list[int] = []
     for at in sorted(tops.tolist(), key=lambda one: -psd[one]):
-        if len(found) == MAX_PEAKS:
+        if len(peaks) == MAX_PEAKS:
             break
-        if any(abs(at - other) <= 2 * skip for other in taken) or _on_a_slope(psd, at, skip):
+        if any(abs(at - other) <= 2 * skip for other in bins) or _on_a_slope(psd, at, skip):
             continue
-        taken.append(at)
-        found.append(_peak(frequency, psd, floor, rate, segments, freedom, at))
-    return _with_harmonics(found, float(frequency[1]))
+        bins.append(at)
+        peaks.append(_peak(frequency, psd, floor, rate, segments, freedom, at))
+    return _with_harmonics(peaks, float(frequency[1]))
 
 
 def _floor(psd: Floats) -> Floats:

@@ -109,8 +109,8 @@ class Measured:
 def obstacles(measured: Measured) -> list[Obstacle]:
     """Findings that prevent a verdict: those of the first group of checks that has any; empty if nothing does."""
     for checks in CHECKS:
-        if found := [obstacle for check in checks if (obstacle := check(measured)) is not None]:
-            return found
+        if problems := [obstacle for check in checks if (obstacle := check(measured)) is not None]:
+            return problems
     return []
 
 

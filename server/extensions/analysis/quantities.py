@@ -108,8 +108,8 @@ def _interpolated(quantity: Quantity, values: Floats, axis: Floats) -> Floats:
         half = quantity.period / 2
         wrapped: Floats = (turned + half) % quantity.period - half
         return wrapped
-    found: Floats = np.interp(axis, own, values, np.nan, np.nan)
-    return found
+    result: Floats = np.interp(axis, own, values, np.nan, np.nan)
+    return result
 
 
 def in_runs(quantity: Quantity, work: Callable[[Floats, Floats], Floats], gap: float = 1.5) -> Quantity:

@@ -40,12 +40,12 @@ def add_computed_signals(store: ColumnStore, definitions: Mapping[str, Any], sin
             try:
                 computed.add(device, definition)
             except DomainError as error:
-                _tell(sink, device, definition, f"{error.message} {error.hint}".strip())
+                _report(sink, device, definition, f"{error.message} {error.hint}".strip())
             except MemoryError:
-                _tell(sink, device, definition, "it needs too much memory for a recording of this length.")
+                _report(sink, device, definition, "it needs too much memory for a recording of this length.")
 
 
-def _tell(sink: RecordingSink, device: str, definition: SignalDefinition, why: str) -> None:
+def _report(sink: RecordingSink, device: str, definition: SignalDefinition, why: str) -> None:
     words = f"The computed signal “{definition.name}” is left out: {why}"
     data = {"reason": "computed", "name": definition.name, "expression": definition.expression}
     sink.event(device, "device", "warning", words, data=data)
@@ -91,8 +91,8 @@ class _ComputedSignals:
             return value.time
         source = max(stored, key=self._store.rows)
         key, arrival = (self._store.clock(source, 0, self._store.rows(source), name) for name in ("key", "arrival"))
-        found: Floats = np.interp(value.time, key, np.maximum.accumulate(arrival)) if len(key) else value.time
-        return found
+        arrivals: Floats = np.interp(value.time, key, np.maximum.accumulate(arrival)) if len(key) else value.time
+        return arrivals
 
 
 COMPUTED = SignalComputation("analysis", add_computed_signals)

@@ -119,19 +119,19 @@ class Analysis:
     formats: Mapping[str, TextFormat] = field(default_factory=dict)
     companions: bool = False
 
-    def settings(self, given: Mapping[str, object]) -> dict[str, float]:
+    def settings(self, values: Mapping[str, object]) -> dict[str, float]:
         """All options: those given, checked, and the defaults of the others.
 
         Raises:
             DomainError: "bad-value": an option is unknown or its value not allowed.
         """
         known = {option.name: option for option in self.options}
-        for name in given:
+        for name in values:
             if name not in known:
                 hint = f"Its options: {', '.join(known)}." if known else "It has no options."
                 raise DomainError("bad-value", f"{self.title} has no option {name:.40}.", hint)
         return {
-            name: option.checked(given[name]) if name in given else option.default for name, option in known.items()
+            name: option.checked(values[name]) if name in values else option.default for name, option in known.items()
         }
 
     def text(self, name: str, signals: Sequence[FiguresOfSignal]) -> str:
@@ -183,8 +183,8 @@ def load_analyses() -> list[str]:
     Returns:
         One sentence for each package whose analyses cannot be used.
     """
-    for found in pkgutil.iter_modules(methods.__path__):
-        import_module(f"{methods.__name__}.{found.name}")
+    for module in pkgutil.iter_modules(methods.__path__):
+        import_module(f"{methods.__name__}.{module.name}")
     return import_plugins(GROUP, "analysis")
 
 

@@ -27,12 +27,12 @@ def figures_of(analysis: Analysis, signal: Signal, settings: Mapping[str, float]
     """
     require_samples(signal)
     with np.errstate(over="ignore", invalid="ignore"):
-        found = analysis.run(signal, settings)
-    figures = {name: _plain(value) for name, value in found.items()}
+        result = analysis.run(signal, settings)
+    figures = {name: _plain(value) for name, value in result.items()}
     if signal.notes:
         figures["notes"] = [*signal.notes, *figures.get("notes", [])]
     units = analysis.units_for(signal, settings).items()
-    return figures, {name: unit for name, unit in units if name.partition(".")[0] in found}
+    return figures, {name: unit for name, unit in units if name.partition(".")[0] in result}
 
 
 def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:

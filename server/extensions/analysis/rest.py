@@ -63,8 +63,8 @@ def rest_of(signal: Signal, values: Floats, sampling: Sampling) -> Rest:
         moving[lo:hi] = True
     runs = [part for run in _resting_runs(values, sampling) for part in _unmoved(run, moving)]
     total = sum(run.stop - run.start for run in sampling.runs)
-    kept = sum(run.stop - run.start for run in runs)
-    return Rest(runs, (total - kept) / sampling.rate, total / sampling.rate)
+    samples = sum(run.stop - run.start for run in runs)
+    return Rest(runs, (total - samples) / sampling.rate, total / sampling.rate)
 
 
 def _absolute(signal: Signal, values: Floats) -> Iterable[tuple[float, float]]:
@@ -102,13 +102,13 @@ def _resting_runs(values: Floats, sampling: Sampling) -> list[slice]:
     limit = EXCESS * _usual(everything, length)
     if limit <= 0:
         return list(sampling.runs)
-    found: list[slice] = []
+    runs: list[slice] = []
     for run, own in zip(sampling.runs, variances, strict=True):
         moving = own > limit
         moving[1:] |= own[:-1] > limit
         moving[:-1] |= own[1:] > limit
-        found += _still(run, moving, length)
-    return found
+        runs += _still(run, moving, length)
+    return runs
 
 
 def _usual(variances: Floats, length: int) -> float:
@@ -137,11 +137,11 @@ def _still(run: slice, moving: Sequence[bool] | NDArray[np.bool_], length: int) 
     if not count:
         return [run]
     edges = [*(run.start + n * length for n in range(count)), run.stop]
-    found: list[slice] = []
+    runs: list[slice] = []
     for n, (begin, end) in enumerate(pairwise(edges)):
         if not moving[n]:
-            if found and found[-1].stop == begin:
-                found[-1] = slice(found[-1].start, end)
+            if runs and runs[-1].stop == begin:
+                runs[-1] = slice(runs[-1].start, end)
             else:
-                found.append(slice(begin, end))
-    return found
+                runs.append(slice(begin, end))
+    return runs

@@ -174,13 +174,13 @@ def _option(option: AnalysisOption) -> OptionInfo:
 @router.post("/pairs", response_model=None, responses={200: {"model": PairsInfo}, **responses(404, 409, 422)})
 async def pairs(body: PairsRequest, request: Request, services: TheServices) -> Response:
     """Pairs of two signals at the same moments, for a plot of one over the other."""
-    asked = [
+    requests = [
         AnalysisRequest.model_validate(
             {**body.model_dump(include={"source", "t0", "t1", "base"}), "signals": [one.signal]}
         )
         for one in (body.x, body.y)
     ]
-    (x, from_x), (y, from_y) = [await requested_of(one, services) for one in asked]
+    (x, from_x), (y, from_y) = [await requested_of(one, services) for one in requests]
 
     async def job() -> PairsJob:
         sides = (PairsSide(x, await from_x(), body.x.part), PairsSide(y, await from_y(), body.y.part))
@@ -214,10 +214,10 @@ async def analyse(name: str, body: AnalysisRequest, request: Request, services: 
 
 async def response_of(job: Callable[[], Awaitable[AnalysisJob]], request: Request, services: Services) -> Response:
     """The response of a job, which is cancelled when the client leaves."""
-    found = await while_connected(request, services.parts.get(AnalysisService).content(user_of(request), job))
-    if found is None:
+    content = await while_connected(request, services.parts.get(AnalysisService).content(user_of(request), job))
+    if content is None:
         return Response(status_code=CLIENT_GONE)
-    return Response(found.body, headers={"cache-control": "no-store", "content-type": found.media})
+    return Response(content.body, headers={"cache-control": "no-store", "content-type": content.media})
 
 
 async def requested_of(

@@ -106,7 +106,7 @@ def _stuck(parts: Sequence[Steps], rate: float, unit: str) -> list[Fault]:
     first = parts[0].values[0]
     if all(part.equal == len(part.steps) and part.values[0] == first for part in parts):
         return [("stuck", f"Stuck: all {counted(n, 'sample')} are {_with(first, unit)}.", _CHECK_SENSOR)]
-    longest, at_value = max((part.longest_equal() for part in parts), key=lambda found: found[0])
+    longest, at_value = max((part.longest_equal() for part in parts), key=lambda pair: pair[0])
     others = max(_equal(parts) - longest / n, 0.0)
     if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < RARE:
         words = f"Stuck: {longest / rate:.3g} s without a change, at {_with(at_value, unit)}."
@@ -141,14 +141,14 @@ def _with(value: float, unit: str, digits: int = 6) -> str:
 def _quiet(parts: Sequence[Steps], rate: float) -> int:
     """Samples in windows with hardly any noise, if the others have some: an average or a held value, no measurement."""
     length = max(MIN_WINDOW, round(rate * STUCK_S))
-    found = []
+    intervals = []
     for part in parts:
         count = len(part.steps) // length
         windows = part.steps[: count * length].reshape(count, length)[:, :-1]  # the last step leads to the next window
-        found.append(np.einsum("ij,ij->i", windows, windows))
+        intervals.append(np.einsum("ij,ij->i", windows, windows))
         if len(part.steps) - count * length == length - 1:
-            found.append(np.square(part.steps[count * length :]).sum(keepdims=True))
-    noise = np.concatenate(found)
+            intervals.append(np.square(part.steps[count * length :]).sum(keepdims=True))
+    noise = np.concatenate(intervals)
     if len(noise) < 4:
         return 0
     count = int(np.count_nonzero(noise < QUIET * float(np.quantile(noise, 0.75))))

@@ -47,13 +47,15 @@ class Sampling:
 
     def notes(self) -> list[str]:
         """Sentences for a person who has to trust a result that assumes even spacing."""
-        found = []
+        remarks = []
         if self.gaps:
-            found.append(f"{counted(self.gaps, 'gap')}, {self.missing:.3g} s in sum: nothing is computed across a gap.")
+            remarks.append(
+                f"{counted(self.gaps, 'gap')}, {self.missing:.3g} s in sum: nothing is computed across a gap."
+            )
         if self.jitter > UNEVEN / self.rate:
             percent = 100 * self.jitter * self.rate
-            found.append(f"The sample times have a jitter of {percent:.0f} % of a step; even spacing is assumed.")
-        return found
+            remarks.append(f"The sample times have a jitter of {percent:.0f} % of a step; even spacing is assumed.")
+        return remarks
 
 
 def sampling_of(signal: Signal, least: int) -> Sampling:

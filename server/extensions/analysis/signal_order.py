@@ -22,22 +22,22 @@ def in_order(definitions: Sequence[SignalDefinition]) -> list[SignalDefinition]:
     """The definitions, each after those that it uses; those of a cycle come last, as given."""
     names = [one.name for one in definitions]
     waiting = {one.name: (one, {*used_by(one, names)}) for one in definitions}
-    found: list[SignalDefinition] = []
+    ordered: list[SignalDefinition] = []
     while ready := [name for name, (_, uses) in waiting.items() if uses.isdisjoint(waiting)]:
-        found += [waiting.pop(name)[0] for name in ready]
-    return found + [one for one, _ in waiting.values()]
+        ordered += [waiting.pop(name)[0] for name in ready]
+    return ordered + [one for one, _ in waiting.values()]
 
 
 def cycle_of(definition: SignalDefinition, others: Sequence[SignalDefinition]) -> list[str]:
     """Names from a definition back to itself, along what each uses; empty if there is no such way."""
     known = {one.name: one for one in others} | {definition.name: definition}
     ways = [[definition.name]]
-    seen: set[str] = set()
+    visited: set[str] = set()
     for way in ways:  # grows while it is walked: the shortest way comes first
         for name in used_by(known[way[-1]], list(known)):
             if name == definition.name:
                 return [*way, name]
-            if name not in seen:
-                seen.add(name)
+            if name not in visited:
+                visited.add(name)
                 ways.append([*way, name])
     return []

@@ -102,12 +102,12 @@ class ExpressionSignal:
         """
         value = self.quantity(read)
         assert value.time is not None  # it is no number
-        found = []
+        sampled = []
         for name, part in zip(value.names, value.parts, strict=True):
             title = f"({self.text}).{name}" if name else self.text
             plain = finite_signal(title, str(value.unit), value.period, value.time, part)
-            found.append(replace(plain, notes=(*self.notes, *plain.notes)))
-        return found
+            sampled.append(replace(plain, notes=(*self.notes, *plain.notes)))
+        return sampled
 
 
 def requested_signals(
@@ -134,12 +134,12 @@ def requested_signals(
     """
     known = list(infos)
     context = Context(zero_phase, SampleBudget())
-    found: list[SignalColumn | ExpressionSignal] = []
+    signals: list[SignalColumn | ExpressionSignal] = []
     beside = functools.cache(functools.partial(companions_in, [*known, *others]))
     for word in words:
         try:
             columns = columns_named(_meant(known, others, word), [word], device)
-            found += [
+            signals += [
                 replace(
                     one,
                     data_sheet=data_sheet_of(one.info, one.at, product),
@@ -151,12 +151,12 @@ def requested_signals(
             ]
         except DomainError:
             if angles_named(_meant(known, others, word), word, device) is not None:
-                found.append(replace(expression_over(known, f'"{word}"', context, device, others), text=word))
+                signals.append(replace(expression_over(known, f'"{word}"', context, device, others), text=word))
                 continue
             if not _may_be_expression(word, [*known, *others]):
                 raise
-            found.append(expression_over(known, word, context, device, others))
-    return found
+            signals.append(expression_over(known, word, context, device, others))
+    return signals
 
 
 def expression_over(
@@ -174,8 +174,8 @@ def expression_over(
         if name.name in named:
             continue
         there = _meant(infos, others, name.name)
-        if found := _angles(there, name, device):
-            named[name.name], angles[name.name] = found
+        if euler := _angles(there, name, device):
+            named[name.name], angles[name.name] = euler
         else:
             named[name.name] = _columns(there, name, device)
     return ExpressionSignal(text, node, named, context, angles)

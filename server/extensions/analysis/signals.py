@@ -103,11 +103,11 @@ class SignalColumn:
     def signals(self, read: ReadSamples) -> list[Signal]:
         """Its samples."""
         column = self.info.columns[self.at]
-        found = finite_signal(self.name, column.unit, column.period, *read(self))
+        signal = finite_signal(self.name, column.unit, column.period, *read(self))
         warmth, others = self.temperature, self.companions
         return [
             replace(
-                found,
+                signal,
                 data_sheet=self.data_sheet,
                 temperature=None if warmth is None else lambda: read(warmth),
                 companions=None
@@ -153,14 +153,14 @@ def temperature_of(infos: Iterable[ChannelInfo], column: SignalColumn) -> Signal
     """The temperature of a column's device, in °C, the one of its own channel first; None for a temperature."""
     if column.info.columns[column.at].unit == "°C":
         return None
-    found = [
+    columns = [
         SignalColumn(info, at)
         for info in infos
         if info.device == column.device and info.verified
         for at, one in enumerate(info.columns)
         if one.unit == "°C"
     ]
-    return min(found, key=lambda one: (one.info.id != column.info.id, one.info.id), default=None)
+    return min(columns, key=lambda one: (one.info.id != column.info.id, one.info.id), default=None)
 
 
 def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str], device: str = "") -> list[SignalColumn]:
@@ -215,9 +215,9 @@ def angles_named(infos: Iterable[ChannelInfo], word: str, device: str = "") -> t
 
 def _fitting(infos: Iterable[ChannelInfo], name: str) -> list[ChannelInfo]:
     """The channels that a name may begin with: those with the longest name that fits."""
-    found = [info for info in infos if name == info.name or name.startswith(f"{info.name}.")]
-    length = max((len(info.name) for info in found), default=0)
-    return [info for info in found if len(info.name) == length]
+    channels = [info for info in infos if name == info.name or name.startswith(f"{info.name}.")]
+    length = max((len(info.name) for info in channels), default=0)
+    return [info for info in channels if len(info.name) == length]
 
 
 def _columns(infos: Sequence[ChannelInfo], word: str, device: str) -> list[SignalColumn]:
@@ -271,16 +271,16 @@ def live_samples(
     Returns:
         Gives the samples of one of the columns, in any thread; this function copies these in the event loop.
     """
-    asked: dict[int, list[int]] = {}
+    by_channel: dict[int, list[int]] = {}
     for one in columns:
-        asked[one.info.id] = sorted({*asked.get(one.info.id, ()), one.at})
+        by_channel[one.info.id] = sorted({*by_channel.get(one.info.id, ()), one.at})
     copies: Mapping[int, list[NDArray[np.generic]]] = {
-        number: stored_values(store.of(number), t0, base, own) for number, own in asked.items()
+        number: stored_values(store.of(number), t0, base, own) for number, own in by_channel.items()
     }
 
     def samples(column: SignalColumn) -> tuple[Floats, Floats]:
         number = column.info.id
-        at = asked[number].index(column.at)
+        at = by_channel[number].index(column.at)
         rows = query_columns(column.info, copies[number], t0, t1, 0, columns=[at], base=base).rows
         assert isinstance(rows, ExactRows)  # no buckets were asked for
         time = rows.arrival if base == "arrival" else np.where(np.isnan(rows.time), rows.arrival, rows.time)

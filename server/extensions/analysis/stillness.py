@@ -90,8 +90,8 @@ def step_means(samples: Samples, step: float = STEP_S) -> StepMeans:
     counts = np.diff(np.append(starts, len(number)))
     sums = np.add.reduceat(samples.values, starts, axis=0)
     times = np.add.reduceat(samples.time - samples.time[0], starts) + counts * samples.time[0]
-    kept = counts >= max(1, 0.3 * counts.max())  # a sliver at the end is noise
-    return StepMeans((times / counts)[kept], (sums / counts[:, None])[kept], step, counts[kept])
+    is_full = counts >= max(1, 0.3 * counts.max())  # a sliver at the end is noise
+    return StepMeans((times / counts)[is_full], (sums / counts[:, None])[is_full], step, counts[is_full])
 
 
 def stillness(turn: StepMeans | None, force: StepMeans | None) -> Stillness:
@@ -131,8 +131,8 @@ def _motion(means: StepMeans, starts: Floats, window: float, spread: float, chan
         steps = np.linalg.norm(mean[2:] - mean[:-2], axis=1) / change
         changes[2:] = steps
         changes[:-2] = np.maximum(changes[:-2], steps)
-    found: Floats = np.where(count >= 0.6 * window / means.step, np.maximum(spreads, changes), np.inf)
-    return found
+    motion: Floats = np.where(count >= 0.6 * window / means.step, np.maximum(spreads, changes), np.inf)
+    return motion
 
 
 def _runs(starts: Floats, window: float, still: NDArray[np.bool_]) -> list[RestRun]:
@@ -156,14 +156,14 @@ def mean_and_uncertainty(means: StepMeans) -> tuple[Floats, Floats]:
     """
     values = means.means
     mean = np.average(values, axis=0, weights=means.counts)
-    found = np.zeros(3)
+    uncertainty = np.zeros(3)
     length = 1
     while len(values) // length >= 5:
         count = len(values) // length
         batches = values[: count * length].reshape(count, length, 3).mean(axis=1)
-        found = np.maximum(found, batches.std(axis=0, ddof=1) / math.sqrt(count))
+        uncertainty = np.maximum(uncertainty, batches.std(axis=0, ddof=1) / math.sqrt(count))
         length *= 2
-    return mean, found
+    return mean, uncertainty
 
 
 def moving_intervals(
@@ -184,7 +184,7 @@ def moving_intervals(
         return []
     grow = max(1.0, 4 * _white(samples) / math.sqrt(float(np.median(means.counts))) / spread)
     edges = np.flatnonzero(np.diff(means.time) > 1.5 * means.step) + 1
-    found: list[tuple[float, float]] = []
+    intervals: list[tuple[float, float]] = []
     for part in np.split(np.arange(len(means)), edges):
         if len(part) < WINDOW_STEPS:
             continue
@@ -203,11 +203,11 @@ def moving_intervals(
         moving[2:] |= jumps
         moving[:-2] |= jumps
         time = means.time[part]
-        found += [
+        intervals += [
             (float(time[at] - means.step / 2), float(time[at + WINDOW_STEPS - 1] + means.step / 2))
             for at in starts[moving].tolist()
         ]
-    return found
+    return intervals
 
 
 def _white(samples: Samples) -> float:

@@ -115,7 +115,7 @@ def _slope(centres: Floats, warmth: Floats, means: Floats) -> tuple[float, float
     steps = (centres - centres[0]) / np.median(np.diff(centres))
     walk = np.minimum.outer(steps, steps)
     design = np.stack([np.ones(count), warmth - warmth.mean()], axis=1)
-    best, found = -np.inf, (0.0, np.inf)
+    best, estimate = -np.inf, (0.0, np.inf)
     for share in WALKS:
         root = np.linalg.cholesky(np.eye(count) + share * walk)
         rows, right = np.linalg.solve(root, design), np.linalg.solve(root, means)
@@ -129,8 +129,8 @@ def _slope(centres: Floats, warmth: Floats, means: Floats) -> tuple[float, float
         likelihood = -0.5 * ((count - 2) * np.log(rest) + logs)
         if likelihood > best:
             variance = rest / (count - 2) * float(np.linalg.inv(normal)[1, 1])
-            best, found = likelihood, (float(solution[1]), float(np.sqrt(variance)))
-    return found
+            best, estimate = likelihood, (float(solution[1]), float(np.sqrt(variance)))
+    return estimate
 
 
 def _along(time: Floats, centres: Floats, warmth: Floats) -> Floats:

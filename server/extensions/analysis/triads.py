@@ -79,7 +79,7 @@ NO_SAMPLES = Samples(np.empty(0), np.empty((0, 3)))
 
 def sensors_in(infos: Iterable[ChannelInfo]) -> dict[str, Triad]:
     """The sensors of one device, by the words of `SENSORS`; of several of a kind the plainest channel."""
-    found: dict[str, list[Triad]] = {}
+    by_sensor: dict[str, list[Triad]] = {}
     for info in infos:
         for triad, words in _triads(info):
             for sensor, (name, si) in _NAMES.items():
@@ -92,12 +92,12 @@ def sensors_in(infos: Iterable[ChannelInfo]) -> dict[str, Triad]:
                     continue
                 shown = {"gyroscope": "°/s", "accelerometer": "m/s²"}.get(sensor, info.columns[triad[0]].unit)
                 factor = unit.to(Unit.parse(shown)) if si else 1.0
-                found.setdefault(sensor, []).append(Triad(info, triad, words, factor, shown))
+                by_sensor.setdefault(sensor, []).append(Triad(info, triad, words, factor, shown))
                 break
     # a channel of its own before a part of a data set; the newest of those with one name
     return {
         sensor: min(those, key=lambda one: (one.info.kind != "vector", len(one.name), -one.info.id))
-        for sensor, those in found.items()
+        for sensor, those in by_sensor.items()
     }
 
 
@@ -114,7 +114,7 @@ def _triads(info: ChannelInfo) -> list[tuple[tuple[int, int, int], str]]:
     """Columns x, y, z that follow one another, each with the words that say what it is."""
     if info.kind not in ("vector", "record") or not info.verified:
         return []
-    found = []
+    triads = []
     columns = info.columns
     for at in range(len(columns) - 2):
         heads = [_head(columns[at + k].name, "xyz"[k]) for k in range(3)]
@@ -123,8 +123,8 @@ def _triads(info: ChannelInfo) -> list[tuple[tuple[int, int, int], str]]:
             continue
         own = (heads[0] or "").rstrip("._[")
         words = f"{info.name}.{own}" if own else info.name if info.kind == "record" else f"{info.name}"
-        found.append(((at, at + 1, at + 2), words))
-    return found
+        triads.append(((at, at + 1, at + 2), words))
+    return triads
 
 
 def _head(name: str, axis: str) -> str | None:
@@ -141,5 +141,5 @@ def gather(triad: Triad, read: Callable[[ChannelInfo, Sequence[int]], tuple[Floa
 
 def finite(time: Floats, values: Floats) -> Samples:
     """Samples without those that are not finite."""
-    kept = np.isfinite(values).all(axis=1) & np.isfinite(time)
-    return Samples(np.maximum.accumulate(time[kept]), values[kept])
+    is_finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    return Samples(np.maximum.accumulate(time[is_finite]), values[is_finite])

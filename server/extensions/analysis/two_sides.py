@@ -89,14 +89,14 @@ class ComparisonSide:
 
     def parts(self) -> list[tuple[SignalColumn | None, Signal]]:
         """All signals, with the column that each is; None for an expression. DomainError if one has no samples."""
-        found = [
+        signals = [
             (one if isinstance(one, SignalColumn) else None, signal)
             for one in self.requested
             for signal in one.signals(self.read)
         ]
-        for _, signal in found:
+        for _, signal in signals:
             require_samples(signal)
-        return found
+        return signals
 
     def attitude(self) -> SignalColumn | None:
         """The first of them that is an attitude."""
@@ -197,19 +197,19 @@ def _attitude(sides: Sequence[ComparisonSide], offset: float, columns: int) -> C
     try:
         own = attitude_of(first.info, sides[0].read)
         time, other = attitude_of(second.info, sides[1].read)
-        found, figures = attitude_difference(own, (time, turned(first, second, other)), offset)
+        difference, figures = attitude_difference(own, (time, turned(first, second, other)), offset)
     except DomainError as error:
         row.notes.append(f"{error.message} {error.hint}")
         return row
-    _take(row, found, columns)
+    _take(row, difference, columns)
     row.figures |= figures
     return row
 
 
-def _take(row: ComparedSignal, found: SignalDifference, columns: int) -> None:
-    row.difference = Outline(**outline(Signal(row.signal, row.unit, 0.0, found.time, found.values), columns))
-    row.figures = {name: _number(value) for name, value in difference_figures(found.values).items()}
-    row.notes += found.notes
+def _take(row: ComparedSignal, difference: SignalDifference, columns: int) -> None:
+    row.difference = Outline(**outline(Signal(row.signal, row.unit, 0.0, difference.time, difference.values), columns))
+    row.figures = {name: _number(value) for name, value in difference_figures(difference.values).items()}
+    row.notes += difference.notes
 
 
 def _number(value: float) -> float | None:

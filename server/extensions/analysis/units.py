@@ -83,11 +83,11 @@ class Unit:
                 sign, at = -1, at + 1
             elif text[at] == "1" and text[at : at + 2] in ("1", "1/"):
                 at += 1
-            elif found := _PART.match(text, at):
-                symbol = SPELLINGS.get(found[1], found[1])
-                power = int(found[2] or (found[3] or "1").translate(_SUPERSCRIPT))
+            elif match := _PART.match(text, at):
+                symbol = SPELLINGS.get(match[1], match[1])
+                power = int(match[2] or (match[3] or "1").translate(_SUPERSCRIPT))
                 powers[symbol] = powers.get(symbol, Fraction(0)) + sign * power
-                at = found.end()
+                at = match.end()
             else:
                 return cls(((text, Fraction(1)),))
         return cls(_tidy(powers))
@@ -100,11 +100,11 @@ class Unit:
     @property
     def dimensions(self) -> dict[str, Fraction]:
         """Powers of the dimensions; none for a plain number."""
-        found: dict[str, Fraction] = {}
+        exponents: dict[str, Fraction] = {}
         for name, power in self.powers:
             for dimension, times in SYMBOLS.get(name, (1.0, {name: 1}))[1].items():
-                found[dimension] = found.get(dimension, Fraction(0)) + power * times
-        return {name: power for name, power in found.items() if power}
+                exponents[dimension] = exponents.get(dimension, Fraction(0)) + power * times
+        return {name: power for name, power in exponents.items() if power}
 
     def fits(self, other: Unit) -> bool:
         """Whether numbers of both can be added."""

@@ -74,11 +74,11 @@ class Segments:
         return 2 * total * total / variance
 
 
-def segments_for(sampling: Sampling, settings: Mapping[str, float], wanted: int = SEGMENTS) -> Segments:
+def segments_for(sampling: Sampling, settings: Mapping[str, float], count: int = SEGMENTS) -> Segments:
     """Segments for a signal.
 
     Args:
-        wanted: number of segments of the automatic length.
+        count: number of segments of the automatic length.
 
     Raises:
         DomainError: "no-result": no run is as long as a segment.
@@ -89,7 +89,7 @@ def segments_for(sampling: Sampling, settings: Mapping[str, float], wanted: int 
     total = sum(run.stop - run.start for run in sampling.runs)
     length = int(settings["length"])
     if not length:
-        length = 1 << max(0, int(math.log2(2 * total / (wanted + 1))))
+        length = 1 << max(0, int(math.log2(2 * total / (count + 1))))
         length = max(MIN_LENGTH, min(length, MAX_LENGTH, 1 << int(math.log2(longest))))
     if not 2 <= length <= longest:
         hint = "Request a longer range, or give a shorter length."

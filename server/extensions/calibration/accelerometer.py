@@ -68,8 +68,8 @@ def six_positions(
     """
     means = step_means(force)
     rest = stillness(step_means(turn) if len(turn) else None, means)
-    found = list(_rests_on_sides(means, rest.runs))
-    seconds = [max((one.seconds for one in found if one.side == side), default=0.0) for side in range(6)]
+    positions = list(_rests_on_sides(means, rest.runs))
+    seconds = [max((one.seconds for one in positions if one.side == side), default=0.0) for side in range(6)]
     done = [one >= HOLD_S for one in seconds]
     is_still = rest.motion <= 1
     now = _side_of(means.means[-5:].mean(axis=0)) if len(means) >= 5 and is_still else -1
@@ -90,7 +90,7 @@ def six_positions(
             hint=f"Rest the sensor for {HOLD_S:.0f} s with each of these axes pointing up.",
         )
         return report
-    used = [one for one in found if one.seconds >= HOLD_S]
+    used = [one for one in positions if one.seconds >= HOLD_S]
     if square:
         _fill_square(report, used, gravity or STANDARD_GRAVITY)
     else:

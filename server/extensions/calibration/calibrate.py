@@ -55,19 +55,19 @@ class Calibration:
     device: str
 
 
-def format_of(given: str, output: Path | None) -> str:
+def format_of(name: str, output: Path | None) -> str:
     """The format to write: as given, else that of the suffix, else "text" for people.
 
     Raises:
         CalibrateError: the suffix selects none.
     """
-    if given or output is None:
-        return given or "text"
-    found = SUFFIXES.get(output.suffix.lower())
-    if found is None:
+    if name or output is None:
+        return name or "text"
+    by_suffix = SUFFIXES.get(output.suffix.lower())
+    if by_suffix is None:
         known = ", ".join(SUFFIXES)
         raise CalibrateError(f"{output.name} selects no format; end the name with one of {known}, or give --format")
-    return found
+    return by_suffix
 
 
 def calibrate_file(path: Path, reading: DecodeOptions, request: CalibrateRequest, notes: TextIO) -> Calibration:
@@ -117,18 +117,23 @@ def _of_one_device(store: ColumnStore, name: str, device: str) -> list[ChannelIn
     return [info for info in infos if info.device == (device or devices[0])]
 
 
-def text_of(found: Calibration, format: str) -> str:
+def text_of(calibration: Calibration, format: str) -> str:
     """The result in a format of export, or as text for people."""
     if format in FORMATS:
-        return exported(found.report, found.device, format)[0]
-    return _for_people(found)
+        return exported(calibration.report, calibration.device, format)[0]
+    return _for_people(calibration)
 
 
-def _for_people(found: Calibration) -> str:
-    report = found.report
+def _for_people(calibration: Calibration) -> str:
+    report = calibration.report
     result = report.correction
     assert result is not None
-    lines = [f"{report.kind} of {found.device}: corrected = matrix · (measured − bias)", "", *_numbers(result), ""]
+    lines = [
+        f"{report.kind} of {calibration.device}: corrected = matrix · (measured − bias)",
+        "",
+        *_numbers(result),
+        "",
+    ]
     width = max((len(one.title) for one in report.figures), default=0)
     for one in report.figures:
         sigma = "" if one.uncertainty is None else f" ± {one.uncertainty:.2g}"

@@ -29,8 +29,8 @@ SEEN_NEAR = 0.4  # of the cells near an axis
 
 def unit_vectors(values: Floats) -> Floats:
     """Directions of vectors, (n, 3)."""
-    found: Floats = values / np.maximum(np.linalg.norm(values, axis=-1, keepdims=True), 1e-300)
-    return found
+    vectors: Floats = values / np.maximum(np.linalg.norm(values, axis=-1, keepdims=True), 1e-300)
+    return vectors
 
 
 def cells_of(directions: Floats) -> NDArray[np.int64]:
@@ -42,29 +42,29 @@ def cells_of(directions: Floats) -> NDArray[np.int64]:
     counts = np.array(RINGS)[ring]
     begins = np.array((0, *_ENDS[:-1]))[ring]
     sector = np.floor(np.remainder(np.arctan2(y, x), 2 * np.pi) / (2 * np.pi) * counts).astype(np.int64)
-    found: NDArray[np.int64] = np.where(z >= 0, 0, HALF) + begins + np.minimum(sector, counts - 1)
-    return found
+    cells: NDArray[np.int64] = np.where(z >= 0, 0, HALF) + begins + np.minimum(sector, counts - 1)
+    return cells
 
 
 def cell_centres() -> Floats:
     """Centre of each cell, (CELLS, 3)."""
-    found = []
+    centres = []
     begin = 0
     for count in RINGS:
         share = (begin + count / 2) / HALF
         angles = (np.arange(count) + 0.5) * 2 * np.pi / count
         flat = np.sqrt(1 - (1 - share) ** 2)
-        found.append(np.stack([flat * np.cos(angles), flat * np.sin(angles), np.full(count, 1 - share)], axis=1))
+        centres.append(np.stack([flat * np.cos(angles), flat * np.sin(angles), np.full(count, 1 - share)], axis=1))
         begin += count
-    half = np.concatenate(found)
+    half = np.concatenate(centres)
     return np.concatenate((half, half * [1, 1, -1]))
 
 
 CENTRES = cell_centres()
 
 
-def missing_axes(seen: NDArray[np.bool_]) -> list[str]:
+def missing_axes(is_covered: NDArray[np.bool_]) -> list[str]:
     """Axes that too few of the cells near them were seen of."""
     near = np.cos(np.radians(NEAR_DEG)) <= AXIS_VECTORS @ CENTRES.T
-    shares = (near & seen).sum(axis=1) / near.sum(axis=1)
+    shares = (near & is_covered).sum(axis=1) / near.sum(axis=1)
     return [axis for axis, share in zip(AXES, shares.tolist(), strict=True) if share < SEEN_NEAR]

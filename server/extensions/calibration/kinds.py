@@ -33,8 +33,8 @@ class CalibrationInputs:
     def of(cls, infos: Iterable[ChannelInfo]) -> CalibrationInputs:
         """Those of a device with these channels."""
         known = list(infos)
-        found = temperature_in(known)
-        warmth = None if found is None else Triad(found[0], (found[1],) * 3, TEMPERATURE, 1.0, "°C")
+        column = temperature_in(known)
+        warmth = None if column is None else Triad(column[0], (column[1],) * 3, TEMPERATURE, 1.0, "°C")
         return cls(sensors_in(known), warmth)
 
     def all(self) -> dict[str, Triad]:

@@ -103,9 +103,9 @@ def magnetometer_iron(samples: Samples, unit: str, field: float = 0.0) -> Calibr
         fit = fit_ellipsoid(own)
     else:
         directions = unit_vectors(samples.values - centre)
-    seen = np.zeros(CELLS, np.bool_)
-    seen[:] = np.bincount(cells_of(directions), minlength=CELLS) >= MIN_IN_CELL
-    coverage = report.coverage = _coverage(seen, directions[-1])
+    is_covered = np.zeros(CELLS, np.bool_)
+    is_covered[:] = np.bincount(cells_of(directions), minlength=CELLS) >= MIN_IN_CELL
+    coverage = report.coverage = _coverage(is_covered, directions[-1])
     report.progress = min(1.0, coverage.share / GOAL_SHARE)
     report.advice = _advice(coverage)
     report.refusal = _refusal(fit, own, coverage)
@@ -116,14 +116,14 @@ def magnetometer_iron(samples: Samples, unit: str, field: float = 0.0) -> Calibr
     return report
 
 
-def _coverage(seen: NDArray[np.bool_], now: Floats) -> DirectionCoverage:
+def _coverage(is_covered: NDArray[np.bool_], now: Floats) -> DirectionCoverage:
     return DirectionCoverage(
         rings=list(RINGS),
-        seen=seen.tolist(),
-        share=float(seen.mean()),
+        seen=is_covered.tolist(),
+        share=float(is_covered.mean()),
         needed=NEEDED_SHARE,
         goal=GOAL_SHARE,
-        missing=missing_axes(seen),
+        missing=missing_axes(is_covered),
         now=now.tolist(),
     )
 
@@ -225,8 +225,8 @@ def provisional_centre(values: Floats) -> Floats:
         rows = np.concatenate((-away / size[:, None], -np.ones((len(some), 1))), axis=1)
         # held as if a few per cent of the samples were at the centre 0 with the usual radius
         held = np.sqrt(0.03 * len(some)) * np.diag([0.3, 0.3, 0.3, 1.0])
-        wanted = np.concatenate((size - radius, held.diagonal() * (np.array([*centre, radius - usual]))))
-        step = np.linalg.lstsq(np.concatenate((rows, -held)), -wanted, rcond=None)[0]
+        residuals = np.concatenate((size - radius, held.diagonal() * (np.array([*centre, radius - usual]))))
+        step = np.linalg.lstsq(np.concatenate((rows, -held)), -residuals, rcond=None)[0]
         centre, radius = centre + step[:3], radius + float(step[3])
         if np.abs(step).max() < 1e-6 * usual:
             break
@@ -236,10 +236,10 @@ def provisional_centre(values: Floats) -> Floats:
 def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """At most PER_CELL samples of each cell, evenly along time; in order."""
     order = np.argsort(cells, kind="stable")
-    found = []
+    indices = []
     for own in np.split(order, np.flatnonzero(np.diff(cells[order])) + 1):
-        found.append(own[np.unique(np.linspace(0, len(own) - 1, PER_CELL).astype(np.int64))])
-    return np.sort(np.concatenate(found))
+        indices.append(own[np.unique(np.linspace(0, len(own) - 1, PER_CELL).astype(np.int64))])
+    return np.sort(np.concatenate(indices))
 
 
 def fit_ellipsoid(samples: Samples) -> Ellipsoid | None:
@@ -335,15 +335,15 @@ def _covariance(rows: Floats, residuals: Floats, time: Floats) -> Floats:
         return plain
     robust = inverse @ (sums.T @ sums) @ inverse * count / (count - p)
     grown = np.sqrt(np.maximum(np.diagonal(robust) / np.maximum(np.diagonal(plain), 1e-300), 1.0))
-    found: Floats = plain * np.outer(grown, grown)
-    return found
+    covariance: Floats = plain * np.outer(grown, grown)
+    return covariance
 
 
 def _symmetric(elements: Floats) -> Floats:
-    found = np.empty((3, 3))
+    matrix = np.empty((3, 3))
     for k, (i, j) in enumerate(_PAIRS):
-        found[i, j] = found[j, i] = elements[k]
-    return found
+        matrix[i, j] = matrix[j, i] = elements[k]
+    return matrix
 
 
 def worst_error(fit: Ellipsoid) -> float:

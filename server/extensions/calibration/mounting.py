@@ -127,7 +127,7 @@ def _fill(report: CalibrationReport, best: DriveFit, vertical: VerticalAxis) -> 
 
 
 def _fits(forces: StepMeans, turns: StepMeans, runs: list[RestRun]) -> list[DriveFit]:
-    found = []
+    fits = []
     for number, run in enumerate(runs):
         if run.seconds < REST_S or not len(forces):
             continue
@@ -136,8 +136,8 @@ def _fits(forces: StepMeans, turns: StepMeans, runs: list[RestRun]) -> list[Driv
         end = min(next(later, float(forces.time[-1])) + 0.5, run.end + LONGEST_S)
         fit = _fit(forces, turns, run, end)
         if fit is not None:
-            found.append(fit)
-    return found
+            fits.append(fit)
+    return fits
 
 
 def _fit(forces: StepMeans, turns: StepMeans, run: RestRun, end: float) -> DriveFit | None:

@@ -192,10 +192,10 @@ async def calibrate_stretch(
     async def job() -> CalibrationJob:
         return CalibrationJob(kind, triads, options, await source())
 
-    found = await while_connected(request, services.parts.get(AnalysisService).content(user_of(request), job))
-    if found is None:
+    content = await while_connected(request, services.parts.get(AnalysisService).content(user_of(request), job))
+    if content is None:
         return Response(status_code=CLIENT_GONE)
-    report = CalibrationReport.model_validate_json(found.body)
+    report = CalibrationReport.model_validate_json(content.body)
     return report if body.format == "report" else _file(report, name, body.format)
 
 

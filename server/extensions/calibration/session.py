@@ -61,10 +61,10 @@ class SampleCollector:
         self._next = known.ring.total
         arrival, time = columns[0], columns[1]
         rows = len(arrival)
-        taken = np.arange(self._skip, rows, self._stride)
+        indices = np.arange(self._skip, rows, self._stride)
         self._skip = (self._skip - rows) % self._stride
-        values = np.stack([columns[2 + at][taken] for at in self.triad.at], axis=1).astype(np.float64)
-        times = np.where(np.isnan(time), arrival, time)[taken]
+        values = np.stack([columns[2 + at][indices] for at in self.triad.at], axis=1).astype(np.float64)
+        times = np.where(np.isnan(time), arrival, time)[indices]
         piece = finite(times, values * self.triad.factor)
         if len(piece):
             self._pieces.append(piece)

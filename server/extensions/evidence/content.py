@@ -24,10 +24,10 @@ from imuscope.server.extensions.analysis.signals import Signal, SignalColumn, re
 from imuscope.server.extensions.evidence.plots import all_plots
 from imuscope.server.extensions.evidence.position import (
     Scrubber,
+    names_position,
     reveals_position,
     scrubbed,
     scrubber_of,
-    tells_position,
 )
 from imuscope.server.extensions.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
 from imuscope.server.extensions.evidence.series import Blocks, embedded, intervals_for
@@ -73,12 +73,12 @@ class About:
 @dataclass(slots=True)
 class _Curve:
     plot: int
-    asked: EvidenceSeries
+    series: EvidenceSeries
     signal: SignalColumn | ExpressionSignal
 
 
 def content_of(
-    store: ColumnStore, about: About, asked: EvidenceRequest, room: int, step: Step
+    store: ColumnStore, about: About, request: EvidenceRequest, room: int, step: Step
 ) -> tuple[dict[str, Any], Blocks]:
     """The content of a file, and its binary blocks.
 
@@ -89,55 +89,55 @@ def content_of(
         EvidenceError: the range has no samples of any plot.
     """
     infos = list(channels_of(store).values())
-    scrub = Scrubber() if asked.with_position else scrubber_of(store, infos)
-    t0, t1 = _range(store, asked)
-    plots = asked.plots if asked.plots is not None else all_plots(infos, len(store.manifest["devices"]))
+    scrub = Scrubber() if request.with_position else scrubber_of(store, infos)
+    t0, t1 = _range(store, request)
+    plots = request.plots if request.plots is not None else all_plots(infos, len(store.manifest["devices"]))
     left_out: list[str] = []
-    curves = list(_curves(plots, infos, asked.with_position, left_out))
+    curves = list(_curves(plots, infos, request.with_position, left_out))
     n_position = sum(1 for why in left_out if why == "")
     blocks = Blocks()
     shown = [{**asdict(plot), "series": []} for plot in plots]
-    intervals = intervals_for(_sizes(store, curves, t0, t1, asked), room)
+    intervals = intervals_for(_sizes(store, curves, t0, t1, request), room)
     for number, curve in enumerate(curves):
-        signal = _read(store, curve, t0, t1, asked)
+        signal = _read(store, curve, t0, t1, request)
         if signal is None:
-            left_out.append(f"{curve.asked.signal}: no samples in the range.")
+            left_out.append(f"{curve.series.signal}: no samples in the range.")
         else:
-            row = _series(curve, signal, (t0, t1), intervals, blocks, asked)
+            row = _series(curve, signal, (t0, t1), intervals, blocks, request)
             shown[curve.plot]["series"].append(row)
         step((number + 1) / len(curves))
-    kept = [plot for plot in shown if plot["series"]]
-    if not kept:
+    plots_with_data = [plot for plot in shown if plot["series"]]
+    if not plots_with_data:
         raise EvidenceError(
             "This range contains nothing to show.",
             "Choose a longer range or other plots." if n_position == 0 else "Choose plots without positions.",
         )
-    devices, n_settings = _devices(store, asked.with_position, about.file)
+    devices, n_settings = _devices(store, request.with_position, about.file)
     events = _events(store, t0, t1)
     content = {
         "title": about.title,
-        "file": about.file if asked.with_position else "",
+        "file": about.file if request.with_position else "",
         "tags": about.tags,
-        "plots": kept,
+        "plots": plots_with_data,
         "devices": devices,
         "notes": {"text": about.notes, "times": _notes(store, about, t0, t1)},
         "events": events[:MOST_EVENTS],
         "not_shown": [why for why in left_out if why],
     }
-    if not asked.with_position:
+    if not request.with_position:
         content = scrubbed(content, scrub)
     return content | {
         "format": FORMAT,
         "t0": t0,
         "t1": t1,
         "recorded": [store.manifest["started"], store.manifest["ended"]],
-        "base": asked.base,
-        "cursors": {"a": asked.cursor_a, "b": asked.cursor_b},
+        "base": request.base,
+        "cursors": {"a": request.cursor_a, "b": request.cursor_b},
         "made": time.time(),
         "events_left_out": int(store.manifest.get("events_left_out") or 0) + len(events[MOST_EVENTS:]),
         "damage": [one.get("words", "") for one in store.manifest.get("damage", [])],
         "position": None
-        if asked.with_position
+        if request.with_position
         else {"signals": n_position, "settings": n_settings, "numbers": scrub.removed},
         "versions": {
             "imuscope": VERSION,
@@ -148,10 +148,10 @@ def content_of(
     }, blocks
 
 
-def _range(store: ColumnStore, asked: EvidenceRequest) -> tuple[float, float]:
-    first, last = store.span(base=asked.base) or (0.0, 0.0)
-    t0 = first if asked.t0 is None else max(asked.t0, first)
-    t1 = last if asked.t1 is None else min(asked.t1, last)
+def _range(store: ColumnStore, request: EvidenceRequest) -> tuple[float, float]:
+    first, last = store.span(base=request.base) or (0.0, 0.0)
+    t0 = first if request.t0 is None else max(request.t0, first)
+    t1 = last if request.t1 is None else min(request.t1, last)
     if not t0 < t1:
         raise EvidenceError("This range contains nothing to show.", "Choose a range within the recording.")
     return t0, t1
@@ -164,12 +164,12 @@ def _curves(
     for number, plot in enumerate(plots):
         for series in plot.series:
             try:
-                found = requested_signals(infos, [series.signal], zero_phase=True)
+                signals = requested_signals(infos, [series.signal], zero_phase=True)
             except DomainError as error:
-                left_out.append(error.message if with_position or not tells_position(series.signal) else "")
+                left_out.append(error.message if with_position or not names_position(series.signal) else "")
                 continue
-            is_one = isinstance(found[0], ExpressionSignal) or len(found) <= series.part
-            signal = found[0] if is_one else found[series.part]
+            is_one = isinstance(signals[0], ExpressionSignal) or len(signals) <= series.part
+            signal = signals[0] if is_one else signals[series.part]
             if not with_position and any(
                 reveals_position(one.info, one.info.columns[one.at]) for one in signal.columns
             ):
@@ -179,7 +179,7 @@ def _curves(
 
 
 def _sizes(
-    store: ColumnStore, curves: list[_Curve], t0: float, t1: float, asked: EvidenceRequest
+    store: ColumnStore, curves: list[_Curve], t0: float, t1: float, request: EvidenceRequest
 ) -> list[tuple[int, int]]:
     """Samples, and bytes of their values, of curves that share their times."""
     widths: dict[tuple[int, int], int] = {}
@@ -189,48 +189,48 @@ def _sizes(
         key = (column.info.id, -1 if own else number)
         width = 8 if column.info.columns[column.at].dtype in ("f8", "i8", "u8") else 4
         widths[key] = widths.get(key, 0) + width
-    found = []
+    sizes = []
     for key, width in widths.items():
-        lo, hi = store.between(key[0], t0, t1, asked.base)
-        found.append((hi - lo, width))
-    return found
+        lo, hi = store.between(key[0], t0, t1, request.base)
+        sizes.append((hi - lo, width))
+    return sizes
 
 
-def _read(store: ColumnStore, curve: _Curve, t0: float, t1: float, asked: EvidenceRequest) -> Signal | None:
+def _read(store: ColumnStore, curve: _Curve, t0: float, t1: float, request: EvidenceRequest) -> Signal | None:
     try:
-        signals = curve.signal.signals(lambda column: recorded_samples(store, column, t0, t1, asked.base))
+        signals = curve.signal.signals(lambda column: recorded_samples(store, column, t0, t1, request.base))
     except DomainError:
         return None
-    signal = signals[curve.asked.part if curve.asked.part < len(signals) else 0]
+    signal = signals[curve.series.part if curve.series.part < len(signals) else 0]
     if isinstance(curve.signal, SignalColumn):
         signal = signals[0]
     if not len(signal.time):
         return None
-    values = signal.values * curve.asked.factor + curve.asked.offset
-    return Signal(signal.name, signal.unit, curve.asked.period or signal.period, signal.time, values, signal.notes)
+    values = signal.values * curve.series.factor + curve.series.offset
+    return Signal(signal.name, signal.unit, curve.series.period or signal.period, signal.time, values, signal.notes)
 
 
 def _series(
-    curve: _Curve, signal: Signal, span: tuple[float, float], intervals: int, blocks: Blocks, asked: EvidenceRequest
+    curve: _Curve, signal: Signal, span: tuple[float, float], intervals: int, blocks: Blocks, request: EvidenceRequest
 ) -> dict[str, Any]:
-    found = {
+    series = {
         "name": signal.name,
-        "label": curve.asked.label or signal.name,
-        "colour": curve.asked.colour or "axis-n",
-        "dash": curve.asked.dash,
-        "decimals": curve.asked.decimals,
+        "label": curve.series.label or signal.name,
+        "colour": curve.series.colour or "axis-n",
+        "dash": curve.series.dash,
+        "decimals": curve.series.decimals,
         "unit": signal.unit,
         "period": signal.period,
         "notes": list(signal.notes),
         "figures": _figures(signal),
     }
-    a, b = asked.cursor_a, asked.cursor_b
+    a, b = request.cursor_a, request.cursor_b
     if a is not None and b is not None:
         low, high = min(a, b), max(a, b)
         part = (signal.time >= low) & (signal.time <= high)
         between = Signal(signal.name, signal.unit, signal.period, signal.time[part], signal.values[part])
-        found["between"] = _figures(between) if part.any() else {"n": 0}
-    return found | embedded(signal.time, signal.values, span, intervals, blocks)
+        series["between"] = _figures(between) if part.any() else {"n": 0}
+    return series | embedded(signal.time, signal.values, span, intervals, blocks)
 
 
 def _figures(signal: Signal) -> dict[str, Any]:
@@ -241,23 +241,23 @@ def _figures(signal: Signal) -> dict[str, Any]:
 
 def _devices(store: ColumnStore, with_position: bool, file: str) -> tuple[list[dict[str, Any]], int]:
     """Identity, counts and settings of the devices; and the number of settings left out."""
-    found, removed = [], 0
+    devices, removed = [], 0
     for device in store.manifest["devices"]:
         counted = store.manifest.get("figures", {}).get(device["id"], {})
         snapshot = store.manifest.get("snapshots", {}).get(device["id"])
         settings = settings_of(snapshot).settings if isinstance(snapshot, Mapping) else []
-        kept = []
+        fields = []
         for one in settings:
             rows = _rows(one, with_position)
             removed += len(one.rows) - len(rows)
             if rows:
-                kept.append({"title": one.title, "group": one.group, "rows": rows})
+                fields.append({"title": one.title, "group": one.group, "rows": rows})
         device = {**device}
         if not with_position:  # a capture that does not tell its device is called after its file, which may be a place
             for key in ("name", "source"):
                 if file and file in str(device.get(key, "")):
                     device[key] = f"device {device['id']}" if key == "name" else ""
-        found.append(
+        devices.append(
             {
                 **{name: device.get(name, "") for name in ("id", "name", "product", "serial_number", "firmware")},
                 "protocol": device.get("protocol", ""),
@@ -267,19 +267,19 @@ def _devices(store: ColumnStore, with_position: bool, file: str) -> tuple[list[d
                 "gaps": counted.get("gaps"),
                 "rejects": counted.get("rejects"),
                 "messages": sum(counted.get("messages", {}).values()) if counted else None,
-                "settings": kept,
+                "settings": fields,
             }
         )
-    return found, removed
+    return devices, removed
 
 
 def _rows(setting: RecordedSetting, with_position: bool) -> list[list[str]]:
     rows = [[row.title, row.words] for row in setting.rows]
     if with_position:
         return rows
-    if tells_position(f"{setting.name} {setting.title}"):
+    if names_position(f"{setting.name} {setting.title}"):
         return []
-    return [row for row in rows if not tells_position(f"{row[0]} {row[1]}")]
+    return [row for row in rows if not names_position(f"{row[0]} {row[1]}")]
 
 
 def _notes(store: ColumnStore, about: About, t0: float, t1: float) -> list[dict[str, Any]]:
@@ -296,13 +296,13 @@ def _notes(store: ColumnStore, about: About, t0: float, t1: float) -> list[dict[
 
 def _events(store: ColumnStore, t0: float, t1: float) -> list[EventRow]:
     """Events that concern the range, in order of time."""
-    found = []
+    events = []
     for event in store.manifest.get("events", []):
         begin = event.get("t0") if event.get("t0") is not None else event.get("time")
         end = event.get("t1") if event.get("t1") is not None else event.get("time")
         if begin is None or end is None or end < t0 or begin > t1:
             continue
         row = {name: event.get(name) for name in ("time", "device", "kind", "level", "text", "t0", "t1", "samples")}
-        found.append(row | {"time": event.get("time", begin)})
-    found.sort(key=lambda one: float(np.nan_to_num(one["time"])))
-    return found
+        events.append(row | {"time": event.get("time", begin)})
+    events.sort(key=lambda one: float(np.nan_to_num(one["time"])))
+    return events

@@ -22,14 +22,14 @@ def pieces_of(text: str, first: float) -> list[tuple[str, float | None, float | 
     """
     pieces: list[tuple[str, float | None, float | None]] = []
     at = 0
-    for found in _TIMES.finditer(text):
-        words = found.groups()
+    for match in _TIMES.finditer(text):
+        words = match.groups()
         t0 = _moment(words[:4], math.floor(first))
         t1 = None if t0 is None or words[5] is None else _moment(words[4:], t0)
         if t0 is None:
             continue
-        pieces += [(text[at : found.start()], None, None), (found[0][1:-1], t0, t1)]
-        at = found.end()
+        pieces += [(text[at : match.start()], None, None), (match[0][1:-1], t0, t1)]
+        at = match.end()
     return [piece for piece in [*pieces, (text[at:], None, None)] if piece[0]]
 
 
@@ -42,5 +42,5 @@ def _moment(words: tuple[str | None, ...], begin: float) -> float | None:
             return datetime.strptime(day, "%Y-%m-%d").replace(tzinfo=UTC).timestamp() + time
         except ValueError:
             return None
-    found = begin // DAY_S * DAY_S + time
-    return found + DAY_S if found < begin else found
+    moment = begin // DAY_S * DAY_S + time
+    return moment + DAY_S if moment < begin else moment

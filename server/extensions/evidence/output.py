@@ -25,9 +25,9 @@ def write_part(request: ExportRequest, out: Path, with_position: bool, step: Cal
     is_part = request.device != "" or request.channels is not None
     plots = all_plots(infos, len(columns.manifest["devices"])) if is_part else None
     t0, t1 = (None if math.isinf(time) else time for time in (request.t0, request.t1))
-    asked = EvidenceRequest(t0, t1, plots=plots, with_position=with_position)
+    evidence_request = EvidenceRequest(t0, t1, plots=plots, with_position=with_position)
     name = request.title
     about = About(Path(name).stem, file=name, format=str(columns.manifest.get("format", "")))
     if not with_position:
         about.title = "Recording"  # a name may be that of a place
-    return write(columns, about, asked, out, step)
+    return write(columns, about, evidence_request, out, step)

@@ -21,7 +21,7 @@ def all_plots(infos: Iterable[ChannelInfo], devices: int) -> list[EvidencePlot]:
     Args:
         devices: number of devices; with several, titles and signals name theirs.
     """
-    found: list[EvidencePlot] = []
+    plots: list[EvidencePlot] = []
     for info in infos:
         if info.kind not in KINDS:
             continue
@@ -32,8 +32,8 @@ def all_plots(infos: Iterable[ChannelInfo], devices: int) -> list[EvidencePlot]:
                 units.setdefault(column.unit or info.unit, []).append(column)
         for unit, columns in units.items():
             for first in range(0, len(columns), _TOGETHER):
-                found.append(_plot(info, unit, columns[first : first + _TOGETHER], len(units) > 1, devices))
-    return found[:MOST]
+                plots.append(_plot(info, unit, columns[first : first + _TOGETHER], len(units) > 1, devices))
+    return plots[:MOST]
 
 
 def _plot(info: ChannelInfo, unit: str, columns: list[ColumnInfo], is_part: bool, devices: int) -> EvidencePlot:

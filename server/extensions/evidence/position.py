@@ -52,7 +52,7 @@ def words_of(text: str) -> set[str]:
     return {word.lower() for word in _WORD.findall(text)}
 
 
-def tells_position(text: str) -> bool:
+def names_position(text: str) -> bool:
     """Whether a name or title says that its value is a position or leads to one."""
     return bool(words_of(text) & _WORDS)
 
@@ -62,9 +62,9 @@ def reveals_position(info: ChannelInfo, column: ColumnInfo) -> bool:
     if column.unit in LENGTHS or info.unit in LENGTHS or "ECEF" in info.frame:
         return True
     names = words_of(" ".join((info.name, info.title, info.group, info.message, column.name, column.label)))
-    found = names & _WORDS
+    words = names & _WORDS
     is_motion = bool(names & {"velocity", "vel", "acceleration", "quaternion", "euler", "orientation"})
-    return bool(found - _FRAME_WORDS if is_motion else found)
+    return bool(words - _FRAME_WORDS if is_motion else words)
 
 
 @dataclass(slots=True)
@@ -87,8 +87,8 @@ class Scrubber:
             self.removed += n
         return _NUMBER.sub(self._number, text)
 
-    def _number(self, found: re.Match[str]) -> str:
-        digits = found[0]
+    def _number(self, match: re.Match[str]) -> str:
+        digits = match[0]
         if not self._is_position(re.sub("[,_]", ".", digits).replace("\u2212", "-")):
             return digits
         self.removed += 1
@@ -114,15 +114,15 @@ class Scrubber:
 
 def scrubber_of(store: ColumnStore, infos: Iterable[ChannelInfo]) -> Scrubber:
     """The scrubber for all positions of a recording."""
-    found = Scrubber()
+    scrubber = Scrubber()
     for info in infos:
         for at, column in enumerate(info.columns):
             names = words_of(f"{column.name} {column.label}")
             is_angle = bool(names & {"lat", "lon", "latitude", "longitude"})
             is_far = (column.unit == "m" and "ECEF" in info.frame) or "ecef" in names | words_of(info.name)
             if (is_angle or is_far) and (ends := _ends(store, info.id, at)) is not None:
-                (found.degrees if is_angle else found.metres).append(ends)
-    return found
+                (scrubber.degrees if is_angle else scrubber.metres).append(ends)
+    return scrubber
 
 
 def _ends(store: ColumnStore, channel: int, column: int) -> tuple[float, float] | None:

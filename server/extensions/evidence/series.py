@@ -88,20 +88,20 @@ def embedded(time: Floats, values: Floats, span: tuple[float, float], intervals:
     """
     t0, t1 = span
     tick = tick_of(t1 - t0)
-    found: dict[str, Any] = {"n": len(time), "step": float(np.median(np.diff(time))) if len(time) > 1 else 0.0}
+    content: dict[str, Any] = {"n": len(time), "step": float(np.median(np.diff(time))) if len(time) > 1 else 0.0}
     breaks = gaps_in(time)
     if intervals == 0 or len(time) <= 2 * intervals:
-        found |= {"v": _block(blocks, _packed(values)), "shown": len(time)}
+        content |= {"v": _block(blocks, _packed(values)), "shown": len(time)}
     else:
         place = ((time - t0) * (intervals / max(t1 - t0, 1e-9))).astype(np.int64)
         cuts = np.flatnonzero(np.diff(np.maximum.accumulate(place), prepend=-1))
         low, high = _packed(np.minimum.reduceat(values, cuts)), _packed(np.maximum.reduceat(values, cuts))
-        found |= {"low": _block(blocks, low), "high": _block(blocks, high), "shown": len(cuts)}
-        found["interval"] = (t1 - t0) / intervals
+        content |= {"low": _block(blocks, low), "high": _block(blocks, high), "shown": len(cuts)}
+        content["interval"] = (t1 - t0) / intervals
         breaks = np.unique(np.searchsorted(cuts, breaks[np.isin(breaks, cuts)]))
         time = time[cuts]
     ticks = np.clip(np.rint((time - t0) / tick), 0, TICKS).astype("<u4")
-    return found | {"t": _block(blocks, ticks), "breaks": [int(row) for row in breaks]}
+    return content | {"t": _block(blocks, ticks), "breaks": [int(row) for row in breaks]}
 
 
 def _block(blocks: Blocks, array: NDArray[Any]) -> dict[str, Any]:

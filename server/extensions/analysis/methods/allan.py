@@ -65,14 +65,14 @@ def run(signal: Signal, options: Settings) -> Result:
     model = fit_noise(curve)
     low, high = intervals(curve.adev, model.freedom)
     measured = Measured(signal, values, sampling, replace(rest, runs=runs), curve, model)
-    found = obstacles(measured)
-    ramp = "" if found else _ramp_note(model, signal.unit)
-    if not found and not ramp and measured.slow.is_suspected:
+    problems = obstacles(measured)
+    ramp = "" if problems else _ramp_note(model, signal.unit)
+    if not problems and not ramp and measured.slow.is_suspected:
         ramp = f"The bias may follow {measured.slow.words}; then K and B contain it. Record longer to tell."
     sheet = signal.data_sheet
     compared: Result = {} if sheet is None else {"data_sheet": sheet_curve(sheet, curve.tau).tolist()}
-    if sheet is not None and found:
-        compared = {**compared, "verdicts": withheld(sheet, signal.unit, found[0].message)}
+    if sheet is not None and problems:
+        compared = {**compared, "verdicts": withheld(sheet, signal.unit, problems[0].message)}
     elif sheet is not None:
         compared = {**compared, "verdicts": verdicts(sheet, signal.unit, curve, model, drifts=bool(ramp))}
     noise: Result = {
@@ -87,7 +87,7 @@ def run(signal: Signal, options: Settings) -> Result:
         "low": low.tolist(),
         "high": high.tolist(),
         "degrees_of_freedom": model.freedom.tolist(),
-        **({"obstacles": [one.figures() for one in found]} if found else noise),
+        **({"obstacles": [one.figures() for one in problems]} if problems else noise),
         **compared,
         **({} if drift is None else {"temperature_drift": _drift_figures(drift)}),
         "rate": sampling.rate,

@@ -35,8 +35,8 @@ def run(signal: Signal, options: Settings) -> Result:
         raise DomainError("bad-expression", f"{signal.name:.80} is a signal, no condition.", hint)
     edges = np.diff(is_true.astype(np.int8), prepend=0, append=0)
     begins, ends = signal.time[np.flatnonzero(edges == 1)], signal.time[np.flatnonzero(edges == -1) - 1]
-    wanted = (begins > options["after"]) & (begins < options["before"])
-    begins, ends = begins[wanted], ends[wanted]
+    is_within = (begins > options["after"]) & (begins < options["before"])
+    begins, ends = begins[is_within], ends[is_within]
     total = len(begins)
     if options["order"] == DESCENDING:
         begins, ends = begins[::-1], ends[::-1]
