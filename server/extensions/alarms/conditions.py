@@ -105,11 +105,11 @@ class ExpressionJudge:
     ) -> None:
         self._missing_s = missing_s
         node = checked(condition)
-        found = [_columns(infos, name) for name in names_in(node)]
-        every = {column.name: column for columns, _ in found for column in columns}
+        by_name = [_columns(infos, name) for name in names_in(node)]
+        every = {column.name: column for columns, _ in by_name for column in columns}
         self.columns: Sequence[SignalColumn] = list(every.values())
         self.signals: Sequence[str] = list(
-            dict.fromkeys(one for columns, angle in found for one in _names(columns, angle))
+            dict.fromkeys(one for columns, angle in by_name for one in _names(columns, angle))
         )
         self.channels = frozenset(column.info.id for column in self.columns)
         known: Mapping[int, float] = {} if rates is None else rates
@@ -214,15 +214,15 @@ class ExpressionJudge:
             axis = np.unique(np.concatenate(times))
         if not len(axis):
             return axis, {}
-        found = {}
+        aligned = {}
         for name, one in self._named.items():
             buffer = self._buffers[one.key]
-            found[name] = _at(one.quantity(buffer, buffer[1]), axis, self._missing_s)
+            aligned[name] = _at(one.quantity(buffer, buffer[1]), axis, self._missing_s)
         self._done = horizon
         for source, buffer in self._buffers.items():
             begin = max(0, int(np.searchsorted(buffer[1], horizon, "right")) - 1)
             self._buffers[source] = [column[begin:] for column in buffer]
-        return axis, found
+        return axis, aligned
 
     def _wait(self, source: Hashable, columns: Sequence[NDArray[Any]]) -> None:
         time = sample_times(columns)
@@ -286,14 +286,14 @@ class FlagJudge:
     def __init__(
         self, condition: FlagCondition, infos: Sequence[ChannelInfo], device: DeviceInfo | None = None
     ) -> None:
-        found = [
+        flags = [
             (column, bits)
             for column in columns_named(infos, [condition.signal])
             for bits in column.info.columns[column.at].bits
         ]
-        fitting = [(column, bits) for column, bits in found if bits.name == condition.flag]
+        fitting = [(column, bits) for column, bits in flags if bits.name == condition.flag]
         if not fitting:
-            names = ", ".join(bits.name for _, bits in found)
+            names = ", ".join(bits.name for _, bits in flags)
             hint = f"It has: {names:.400}." if names else "Choose a status word."
             raise DomainError("not-found", f"{condition.signal:.60} has no flag {condition.flag:.60}.", hint)
         if device is not None and condition.flag in device.absent:

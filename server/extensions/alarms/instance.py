@@ -145,7 +145,7 @@ class AlarmInstance:
                 self.is_new = isinstance(judge, ExpressionJudge) and bool(judge.rates)
             self.channels = judge.channels
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """Compile the condition again at the next occasion: the rate of a channel has changed."""
         self._samples, self._known = None, None
 

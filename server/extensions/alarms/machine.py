@@ -126,23 +126,23 @@ class AlarmMachine:
             time = np.maximum(time, self.last)
         self.last_value = float(values[-1])
         steps = np.diff(time, prepend=time[0] if first else self.last)
-        found: list[AlarmTransition] = []
+        transitions: list[AlarmTransition] = []
         cuts = codes[1:] != codes[:-1]
         cuts |= steps[1:] > self.timing.missing_s
         begin = 0
         for end in (*(np.flatnonzero(cuts) + 1).tolist(), len(time)):
             if steps[begin] > self.timing.missing_s:
-                found += self._lose(self.last + self.timing.missing_s)
-            found += self._run(time[begin:end], int(codes[begin]), values[begin:end])
+                transitions += self._lose(self.last + self.timing.missing_s)
+            transitions += self._run(time[begin:end], int(codes[begin]), values[begin:end])
             begin = end
-        return found
+        return transitions
 
     def _run(self, time: Floats, code: int, values: Floats) -> list[AlarmTransition]:
         """Take samples of one code without a gap between them."""
-        found = []
+        transitions = []
         if self.is_missing:
             self.is_missing = False
-            found.append(AlarmTransition("data", float(time[0])))
+            transitions.append(AlarmTransition("data", float(time[0])))
         self.last = float(time[-1])
         if code != (WITHIN if self.is_on else BEYOND):
             self._since = math.nan
@@ -154,13 +154,13 @@ class AlarmMachine:
                 at = int(np.argmax(held))
                 self._since = math.nan
                 if self.is_on:
-                    found.append(self._end(float(time[at])))
-                    return found
-                found.append(self._raise(float(time[at]), float(values[at])))
+                    transitions.append(self._end(float(time[at])))
+                    return transitions
+                transitions.append(self._raise(float(time[at]), float(values[at])))
                 values = values[at:]
         if self.is_on:
             self._note_worst(values)
-        return found
+        return transitions
 
     def _raise(self, time: float, value: float) -> AlarmTransition:
         if not self.is_active:

@@ -158,8 +158,8 @@ def _slices(store: ColumnStore, channels: Sequence[int]) -> Iterator[Rows]:
         for number in channels:
             stop = store.rows(number) if edge == end else store.between(number, -math.inf, float(edge))[1]
             if stop > at[number]:
-                found = store.exact(number, at[number], stop)
-                rows[number] = [found.arrival, found.time, *found.columns]
+                exact = store.exact(number, at[number], stop)
+                rows[number] = [exact.arrival, exact.time, *exact.columns]
                 at[number] = stop
         if rows:
             yield rows

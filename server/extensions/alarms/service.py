@@ -95,11 +95,11 @@ class AlarmService:
 
     async def start(self) -> None:
         """Load the alarms and evaluate them from now on."""
-        found = await asyncio.to_thread(AlarmFile.load, self._path)
-        if found.problem:
-            self._bus.event("", "alarm", "error", found.problem)
-        self._stored = {one.id: one for one in found.alarms[:MAX_ALARMS]}
-        self._saved = found.states
+        stored = await asyncio.to_thread(AlarmFile.load, self._path)
+        if stored.problem:
+            self._bus.event("", "alarm", "error", stored.problem)
+        self._stored = {one.id: one for one in stored.alarms[:MAX_ALARMS]}
+        self._saved = stored.states
         self._task = asyncio.get_running_loop().create_task(self._run(), name="alarms")
         self._trigger.start()
 
@@ -158,7 +158,7 @@ class AlarmService:
         """Evaluate all alarms on what is new."""
         self._turns += 1
         if self._turns % RATES_EVERY == 0:
-            self._look_at_rates()
+            self._update_rates()
         if self._is_stale:
             self._is_stale = False
             self._match()
@@ -187,18 +187,18 @@ class AlarmService:
                 log.exception("evaluating the alarm %s failed", instance.definition.name)
                 instance.problem = "Internal error while it was evaluated; the log has details."
 
-    def _look_at_rates(self) -> None:
+    def _update_rates(self) -> None:
         """Begin anew what waits for the rate of a channel, or depends on one that has changed."""
         for instance in self._instances.values():
             if instance.is_waiting:
                 self._is_stale = True
             elif instance.rates and have_changed(self._store, instance.rates):
-                instance.begin_anew()
+                instance.restart()
                 self._is_stale = True
 
     def _match(self) -> None:
         """Create, compile and remove the instances of the alarms for the present devices and channels."""
-        wanted: dict[tuple[str, str], AlarmInstance] = {}
+        instances: dict[tuple[str, str], AlarmInstance] = {}
         devices = list(self._bus.devices.latest.values())
         infos = {info.id: list(self._store.of_device(info.id).values()) for info in devices}
         rates = ChannelRates(self._store)
@@ -214,32 +214,32 @@ class AlarmService:
                     instance = self._create(stored, info, infos[info.id], rates)
                 else:
                     instance.compile(info, infos[info.id], rates)
-                wanted[key] = instance
+                instances[key] = instance
         for key, instance in self._instances.items():
-            if wanted.get(key) is not instance:
+            if instances.get(key) is not instance:
                 instance.close(self._bus.now())
                 self._saved.get(key[0], {}).pop(instance.name, None)
-        self._instances = wanted
-        needed = {channel for instance in wanted.values() for channel in instance.channels}
+        self._instances = instances
+        needed = {channel for instance in instances.values() for channel in instance.channels}
         self._positions = {
             channel: self._positions.get(channel, 0 if channel in self._opened else known.ring.total)
             for channel in needed
             if (known := self._store.get(channel)) is not None
         }
         self._opened.clear()
-        for instance in wanted.values():
+        for instance in instances.values():
             if instance.is_new:
                 instance.warm_up(self._past(instance.channels))
 
     def _past(self, channels: Iterable[int]) -> Rows:
         """The samples in memory of channels before the first row that the next turn reads."""
-        found = {}
+        times = {}
         for channel in channels:
             ring, end = self._store.of(channel).ring, self._positions[channel]
             begin = max(ring.first, end - MAX_PAST)
             if begin < end:
-                found[channel] = [column[: end - begin] for column in ring.read(begin)]
-        return found
+                times[channel] = [column[: end - begin] for column in ring.read(begin)]
+        return times
 
     def _create(
         self,

@@ -29,15 +29,15 @@ class TargetError(OSError):
 def why_refused(address: str) -> str:
     """The reason that a webhook may not reach an address; "" if it may, or if the text is not an address."""
     try:
-        found = ipaddress.ip_address(address.partition("%")[0])
+        host = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
         return ""
-    found = _embedded(found)
-    if found.is_loopback or found.is_unspecified or (found.version == 4 and found in THIS_NETWORK):
+    host = _embedded(host)
+    if host.is_loopback or host.is_unspecified or (host.version == 4 and host in THIS_NETWORK):
         return "is this machine"
-    if found.is_link_local:
+    if host.is_link_local:
         return "is a link-local address"
-    return "is not the address of one host" if found.is_multicast or found == IPv4Address("255.255.255.255") else ""
+    return "is not the address of one host" if host.is_multicast or host == IPv4Address("255.255.255.255") else ""
 
 
 def _embedded(address: IPv4Address | IPv6Address) -> IPv4Address | IPv6Address:

@@ -303,12 +303,12 @@ async def _table(stream: CasterStream) -> str:
 
 def mounts(table: str) -> dict[str, str]:
     """Mount points of a source table, with place and format."""
-    found = {}
+    by_name = {}
     for line in table.splitlines():
         fields = line.split(";")
         if fields[0].strip() == "STR" and len(fields) > 3:
-            found[fields[1]] = ", ".join(word for word in (fields[2], fields[3]) if word)
-    return found
+            by_name[fields[1]] = ", ".join(word for word in (fields[2], fields[3]) if word)
+    return by_name
 
 
 def _no_mount(caster: Caster, table: str) -> CorrectionError:

@@ -228,8 +228,8 @@ def file_of(source: str) -> Path | None:
     Raises:
         CorrectionError: invalid source.
     """
-    found = source_of(source)
-    return found.path if isinstance(found, _File) else None
+    parsed_source = source_of(source)
+    return parsed_source.path if isinstance(parsed_source, _File) else None
 
 
 def without_password(source: str) -> str:
@@ -247,7 +247,7 @@ class _Counts:
 
     rejected: int = 0
     refused: int = 0
-    asked_at: float | None = None  # time of the last sent message, to relate errors to it
+    sent_at: float | None = None  # time of the last sent message, to relate errors to it
     forwarded_at: float | None = None
 
 
@@ -374,7 +374,7 @@ class CorrectionForwarder:
                 "The device has been removed.", "Forward the corrections to another device.", over=True
             )
         await self._session.wait_idle()  # the device rejects a message between a setting and its acknowledgement
-        self._counts.asked_at = time.monotonic()  # before sending: a simulator answers at once
+        self._counts.sent_at = time.monotonic()  # before sending: a simulator answers at once
         corrections = self._input()
         frame = corrections.wrap(message, self._address()) if corrections is not None else message
         try:
@@ -411,7 +411,7 @@ class CorrectionForwarder:
         self._position.update(event, self._session.info.protocol)
         corrections = self._input() if isinstance(event, Reply) else None
         if isinstance(event, Reply) and corrections is not None and corrections.is_rejection(event):
-            at = self._counts.asked_at
+            at = self._counts.sent_at
             if at is not None and time.monotonic() - at < ANSWER_S:
                 self._counts.refused += 1
                 self._log.refused()

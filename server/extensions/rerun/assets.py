@@ -96,9 +96,9 @@ def _address(process: subprocess.Popen[bytes], log: Path) -> str:
     waiting = threading.Event()
     for _ in range(int(START_S / 0.05)):
         text = re.sub(r"\x1b\[[0-9;]*m", "", log.read_text(errors="replace"))
-        found = re.search(r"web-viewer at (http://127\.0\.0\.1:\d+)", text)
-        if found:
-            return found[1]
+        match = re.search(r"web-viewer at (http://127\.0\.0\.1:\d+)", text)
+        if match:
+            return match[1]
         if process.poll() is not None:
             break
         waiting.wait(0.05)

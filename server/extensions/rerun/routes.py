@@ -141,11 +141,11 @@ async def get_amount(
 ) -> ViewerQuery:
     """Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device."""
     begin, end = _stretch(t0, t1)
-    found = await asyncio.to_thread(limit_of, store, begin, end, as_much=all)
+    limit = await asyncio.to_thread(limit_of, store, begin, end, as_much=all)
     first, last = store.span() or (0.0, 0.0)
     span = max(0.0, min(end, last) - max(begin, first))
-    whole_s = span * min(1.0, WHOLE / max(1, found.rows))
-    return ViewerQuery(rows=found.rows, shown=found.shown, most=found.most, every=found.every, whole_s=whole_s)
+    whole_s = span * min(1.0, WHOLE / max(1, limit.rows))
+    return ViewerQuery(rows=limit.rows, shown=limit.shown, most=limit.most, every=limit.every, whole_s=whole_s)
 
 
 def _stretch(t0: float | None, t1: float | None) -> tuple[float, float]:

@@ -92,9 +92,9 @@ class RerunViewer:
             self.past.append(batch)
             self.wake_event.set()
 
-    def acknowledge(self, taken: int) -> None:
+    def acknowledge(self, size: int) -> None:
         """Set the number of batches that the browser has passed to its viewer."""
-        self.is_taken = taken
+        self.is_taken = size
         self.wake_event.set()
 
     async def take(self) -> tuple[float, bytes]:

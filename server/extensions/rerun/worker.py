@@ -64,7 +64,7 @@ class RerunBatcher:
         self._past: list[SampleFrame] = []
         self._next = 0.0
         self._laid_out = 0.0
-        self._taken = self._refused = 0.0  # since when a remote viewer accepts everything, or nothing
+        self._accepted_since = self._refused_since = 0.0  # since when a remote viewer accepts everything, or nothing
         self._is_reached = False
 
     def lay_out(self) -> None:
@@ -118,7 +118,7 @@ class RerunBatcher:
         now = time.monotonic()
         if self._past:
             past, self._past = self._past, []
-            if not self._is_taken():
+            if not self._is_accepted():
                 return
             for one in past:
                 self._send(one.channel, [one], live=False)
@@ -126,34 +126,34 @@ class RerunBatcher:
         if now >= self._next and self._live:
             self._next = now + PERIOD_S
             live, self._live = self._live, {}
-            if not self._is_taken():
+            if not self._is_accepted():
                 return
             newest = max(float(one.columns[0][-1]) for parts in live.values() for one in parts)
             for number, parts in live.items():
                 self._send(number, parts)
             self._report(newest=newest)
 
-    def _is_taken(self) -> bool:
+    def _is_accepted(self) -> bool:
         """Whether a remote viewer has accepted the sent data. More would only fill memory, since the SDK stores it all.
 
         Ends the process if nothing was accepted for a while: the SDK does not reconnect; a new process does.
         """
         if not self._remote:
             return True
-        taken = True
+        is_accepted = True
         try:
             self._stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except RuntimeError:
-            taken = False
+            is_accepted = False
         now = time.monotonic()
-        if not taken:
-            self._taken, self._refused = 0.0, self._refused or now
-            if now - self._refused > self._stuck_s:
+        if not is_accepted:
+            self._accepted_since, self._refused_since = 0.0, self._refused_since or now
+            if now - self._refused_since > self._stuck_s:
                 self._client.send(op="stuck")
                 os._exit(1)
             return False
-        self._refused, self._taken = 0.0, self._taken or now
-        if not self._is_reached and now - self._taken >= STEADY_S:
+        self._refused_since, self._accepted_since = 0.0, self._accepted_since or now
+        if not self._is_reached and now - self._accepted_since >= STEADY_S:
             self._is_reached = True
             self._client.send(op="reached")
         return True

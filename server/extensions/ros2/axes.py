@@ -40,8 +40,8 @@ def body_vectors(vectors: Floats, axes: str) -> Floats:
 def world_vectors(vectors: Floats, frame: str) -> Floats:
     """Vectors (n, 3) in ENU, NED or NWU, as ENU."""
     order, signs = _ENU_ROWS[frame]
-    found: Floats = vectors[:, order] * np.array(signs)
-    return found
+    turned: Floats = vectors[:, order] * np.array(signs)
+    return turned
 
 
 def attitudes(columns: Sequence[NDArray[Any]], kind: str) -> Floats:

@@ -117,9 +117,9 @@ class RosGraph:
     def subscribers(self, topic: str, type: str, hash: str) -> tuple[int, list[RosEndpoint]]:
         """Number of subscribers of a topic, and those that expect another type and so get nothing."""
         with self._lock:
-            found = [one for one in self._subscribers.values() if one.topic == topic]
-        other = [one for one in found if one.type != type or (one.hash != hash and one.hash.startswith("RIHS"))]
-        return len(found) - len(other), other
+            matches = [one for one in self._subscribers.values() if one.topic == topic]
+        other = [one for one in matches if one.type != type or (one.hash != hash and one.hash.startswith("RIHS"))]
+        return len(matches) - len(other), other
 
     def close(self) -> None:
         """Leave the graph."""

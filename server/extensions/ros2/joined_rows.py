@@ -115,12 +115,12 @@ class RecentRows:
 
     def at(self, times: Times) -> Floats:
         """The row of each time, else the last one before it; NaN where that is too old."""
-        found = np.full((len(times), self._values.shape[1]), np.nan)
+        result = np.full((len(times), self._values.shape[1]), np.nan)
         index = np.searchsorted(self.times, times, "right") - 1
         rows = np.flatnonzero(index >= 0)
         rows = rows[times[rows] - self.times[index[rows]] <= MAX_AGE]
-        found[rows] = self._values[index[rows]]
-        return found
+        result[rows] = self._values[index[rows]]
+        return result
 
 
 def values_of(place: Place, columns: Sequence[NDArray[Any]]) -> Floats:

@@ -80,8 +80,8 @@ class QosProfile:
         """
         try:
             reliability, durability, history, *_ = text.split(":")
-            kept, depth = history.split(",")
-            return cls(_RELIABILITY[reliability], _DURABILITY[durability], _HISTORY[kept], int(depth or DEFAULT_DEPTH))
+            kind, depth = history.split(",")
+            return cls(_RELIABILITY[reliability], _DURABILITY[durability], _HISTORY[kind], int(depth or DEFAULT_DEPTH))
         except (ValueError, KeyError):
             raise KeyExpressionError(f"{text!r} is not a quality of service") from None
 

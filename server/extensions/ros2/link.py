@@ -133,19 +133,19 @@ class Ros2Link(MessageLink):
         while True:
             await self._changed.wait()
             self._changed.clear()
-            found: dict[str, str] = {}
-            for topic in self._seen:
+            types: dict[str, str] = {}
+            for topic in self._available:
                 if topic.name in self.where.topics and topic.name not in self._subscribed:
-                    found.setdefault(topic.name, topic.type)
-            if found and not self.where.type:
-                await asyncio.to_thread(self._subscribe, session, found)
+                    types.setdefault(topic.name, topic.type)
+            if types and not self.where.type:
+                await asyncio.to_thread(self._subscribe, session, types)
 
     @property
-    def _seen(self) -> list[SeenTopic]:
+    def _available(self) -> list[SeenTopic]:
         """Topics with a publisher, by name."""
         with self._graph_lock:
-            found = {SeenTopic(one.topic, one.type) for one in self._publishers.values()}
-        return sorted(found, key=lambda one: (one.name, one.type))
+            topics = {SeenTopic(one.topic, one.type) for one in self._publishers.values()}
+        return sorted(topics, key=lambda one: (one.name, one.type))
 
     @property
     def notices(self) -> list[str]:
@@ -153,31 +153,31 @@ class Ros2Link(MessageLink):
         session = self._session
         if session is None or self._queue is None:
             return []
-        seen = self._seen
-        found = []
+        available = self._available
+        reasons = []
         routers = bool(list(session.info.routers_zid()))
         self._has_router = self._has_router or routers
         if self._has_router and not routers:
             words = (
                 f"The Zenoh router at {self.where.place} has gone: nodes that were known go on, new ones are not found."
             )
-            found.append(words)
+            reasons.append(words)
         if not self.where.topics:
-            topics = f"Topics seen: {listed(seen)}." if seen else "No topics are seen yet."
-            found.append(f"No topic is given. {topics}")
-        by_name = {one.name: one for one in seen}
+            topics = f"Topics seen: {listed(available)}." if available else "No topics are seen yet."
+            reasons.append(f"No topic is given. {topics}")
+        by_name = {one.name: one for one in available}
         absent = [topic for topic in self.where.topics if topic not in by_name]
         if absent:
-            found.append(missing_topic(absent, seen, self.where.place))
+            reasons.append(missing_topic(absent, available, self.where.place))
         for topic, type in self._subscribed.items():
-            types = {one.type for one in seen if one.name == topic}
+            types = {one.type for one in available if one.name == topic}
             if types and type not in types:
-                found.append(other_type(by_name[topic], type))
-        for one in seen:
+                reasons.append(other_type(by_name[topic], type))
+        for one in available:
             if one.name in self.where.topics and not is_known(one.type):
-                found.append(f"{one.name} is {one.type}, whose definition is not known here.")
-        found += [f"{key} has another definition of its type than this program." for key in sorted(self._unusable)]
-        return found
+                reasons.append(f"{one.name} is {one.type}, whose definition is not known here.")
+        reasons += [f"{key} has another definition of its type than this program." for key in sorted(self._unusable)]
+        return reasons
 
     @notices.setter
     def notices(self, notices: list[str]) -> None:

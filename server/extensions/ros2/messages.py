@@ -129,7 +129,7 @@ class RateEstimate:
 
 def builders_of(quantities: DeviceQuantities, frames: FrameNames, noise: SensorProperties) -> dict[str, MessageBuilder]:
     """The builders of a device, by topic: relative to the device, or with its first slash."""
-    found: dict[str, MessageBuilder | None] = {
+    builders: dict[str, MessageBuilder | None] = {
         "imu/data": _imu(quantities, frames, noise, oriented=True),
         "imu/data_raw": _imu(quantities, frames, noise, oriented=False),
         "imu/mag": _field(quantities.field, frames, noise),
@@ -140,7 +140,7 @@ def builders_of(quantities: DeviceQuantities, frames: FrameNames, noise: SensorP
         "temperature": _scalar(TEMPERATURE, "temperature", quantities.temperature, frames),
         "/tf": _transform(quantities, frames, noise),
     }
-    return {topic: builder for topic, builder in found.items() if builder is not None}
+    return {topic: builder for topic, builder in builders.items() if builder is not None}
 
 
 def _imu(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties, *, oriented: bool) -> MessageBuilder | None:
@@ -153,18 +153,18 @@ def _imu(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties, *, o
     channels = {driver.channel, *(place.channel for place in places.values())}
 
     def columns(block: RowBlock, rate: float) -> Columns:
-        found: Columns = {"orientation_covariance": ABSENT}
+        fields: Columns = {"orientation_covariance": ABSENT}
         if oriented:
             q = _attitudes(of, frames, noise, block.values)
-            found = {f"orientation.{axis}": q[:, at] for at, axis in enumerate("wxyz")}
-            found["orientation_covariance"] = _diagonal(noise.tilt, noise.tilt, noise.heading)
+            fields = {f"orientation.{axis}": q[:, at] for at, axis in enumerate("wxyz")}
+            fields["orientation_covariance"] = _diagonal(noise.tilt, noise.tilt, noise.heading)
         for name, path, density in (
             ("turn", "angular_velocity", noise.turn),
             ("acceleration", "linear_acceleration", noise.acceleration),
         ):
             vectors = block.values if name == driver_name else block.others.get(name)
-            found |= _sensor(path, vectors, density * math.sqrt(rate / 2), frames, noise, len(block.times))
-        return found
+            fields |= _sensor(path, vectors, density * math.sqrt(rate / 2), frames, noise, len(block.times))
+        return fields
 
     def keep(block: RowBlock) -> Mask:
         values = attitudes(list(block.values.T), of.attitude.kind) if oriented and of.attitude else block.values
@@ -285,8 +285,8 @@ def _time(of: UtcPlaces | None, frames: FrameNames) -> MessageBuilder | None:
         return dict(stamp_columns(utc_of(of, block.values), "time_ref"))
 
     def keep(block: RowBlock) -> Mask:
-        found: Mask = utc_of(of, block.values) > 0
-        return found
+        has_utc: Mask = utc_of(of, block.values) > 0
+        return has_utc
 
     texts = {"header.frame_id": frames.device, "source": "gnss" if of.is_receiver else "device"}
     return MessageBuilder(TIME, RowJoin(place, {}), {place.channel}, columns, texts, keep=keep)
@@ -340,8 +340,8 @@ def _transform(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties
 
 def _attitudes(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties, values: Floats) -> Floats:
     assert of.attitude is not None
-    found = attitudes(list(values.T), of.attitude.kind)
-    return enu_from_flu(found, of.attitude.frame, noise.axes) if frames.rep103 else found
+    quaternions = attitudes(list(values.T), of.attitude.kind)
+    return enu_from_flu(quaternions, of.attitude.frame, noise.axes) if frames.rep103 else quaternions
 
 
 def _body(vectors: Floats, frames: FrameNames, noise: SensorProperties) -> Floats:

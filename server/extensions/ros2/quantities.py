@@ -163,9 +163,9 @@ def _vectors(channels: Sequence[Info], title: str, quantity: str) -> Iterator[Pl
 
 
 def _field(channels: Sequence[Info]) -> tuple[Place | None, str]:
-    found = next(_vectors(channels, "^magnetic", "field"), None)
-    if found is not None:
-        return found, ""
+    vectors = next(_vectors(channels, "^magnetic", "field"), None)
+    if vectors is not None:
+        return vectors, ""
     for info in channels:
         if info["kind"] == "vector" and re.match("^magnetic", str(info["title"]), re.I):
             unit = next(iter(_units(info)), "")
@@ -175,9 +175,9 @@ def _field(channels: Sequence[Info]) -> tuple[Place | None, str]:
 
 
 def _velocity(channels: Sequence[Info]) -> Place | None:
-    found = list(_vectors(channels, "^velocity$", "velocity"))
-    world = [one for one in found if one.frame in WORLD_FRAMES]
-    body = [one for one in found if not one.frame]
+    vectors = list(_vectors(channels, "^velocity$", "velocity"))
+    world = [one for one in vectors if one.frame in WORLD_FRAMES]
+    body = [one for one in vectors if not one.frame]
     return next(iter(world + body), None)
 
 
@@ -200,7 +200,7 @@ def _column(info: Info, pattern: re.Pattern[str]) -> int:
 
 
 def _fix(channels: Sequence[Info]) -> GnssPlaces | None:
-    found: list[tuple[bool, GnssPlaces]] = []
+    places: list[tuple[bool, GnssPlaces]] = []
     for info in channels:
         words = f"{info['group']} {info['title']}"
         lat, lon = _column(info, _LATITUDE), _column(info, _LONGITUDE)
@@ -209,7 +209,7 @@ def _fix(channels: Sequence[Info]) -> GnssPlaces | None:
         place = Place(int(info["id"]), (lat, lon), str(info["message"]))
         same = [info, *(one for one in channels if one["message"] == info["message"] and one is not info)]
         fix, invalid = _fix_type(same)
-        found.append(
+        places.append(
             (
                 not _RECEIVER.search(words),
                 GnssPlaces(
@@ -222,7 +222,7 @@ def _fix(channels: Sequence[Info]) -> GnssPlaces | None:
                 ),
             )
         )
-    return min(found, key=lambda one: one[0])[1] if found else None
+    return min(places, key=lambda one: one[0])[1] if places else None
 
 
 def _number(channels: Sequence[Info], pattern: re.Pattern[str]) -> Place | None:

@@ -103,13 +103,13 @@ class Ros2:
         if not self.is_enabled:
             raise DomainError("not-now", "ROS 2 is not enabled on this server.", "Start it with --ros2.")
         rows = [dict(row) for row in self.state.topics]
-        found = next((row for row in rows if row["key"] == topic), None)
-        if found is None:
+        entry = next((row for row in rows if row["key"] == topic), None)
+        if entry is None:
             raise DomainError(
                 "not-found", f"There is no topic {topic:.200}.", "The list of topics may be out of date: load it again."
             )
         self._switches.set(topic, enabled=enabled)
-        found["enabled"] = enabled
+        entry["enabled"] = enabled
         self.state.topics = rows
         if self._process is not None:
             self._process.send(op="switch", topic=topic, enabled=enabled)

@@ -64,12 +64,12 @@ def fields_of(type: str) -> tuple[tuple[str, str, int | None], ...]:
         TypeSupportError: an unknown type.
     """
     _check(type)
-    found = []
+    fields = []
     for name, (kind, details) in _typestore().fielddefs[type][1]:
         inner, count = (details[0], details[1] if kind.name == "ARRAY" else -1) if kind.name in _MANY else (None, None)
         element = (kind, details) if inner is None else inner
-        found.append((str(name), str(element[1] if element[0].name == "NAME" else element[1][0]), count))
-    return tuple(found)
+        fields.append((str(name), str(element[1] if element[0].name == "NAME" else element[1][0]), count))
+    return tuple(fields)
 
 
 def definition(type: str) -> str:
@@ -113,5 +113,5 @@ def _check(type: str) -> None:
 def _serde_error() -> type[Exception]:
     from rosbags.serde import SerdeError
 
-    found: type[Exception] = SerdeError
-    return found
+    error_class: type[Exception] = SerdeError
+    return error_class

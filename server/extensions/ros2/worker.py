@@ -196,8 +196,8 @@ class Ros2Bridge:
         now = time.monotonic()
         names: dict[str, str] = {}
         for id, name in device_names(self._client.devices).items():
-            wanted = name_of(name)
-            names[id] = f"{wanted}_{name_of(id)}" if wanted in names.values() else wanted
+            full_name = name_of(name)
+            names[id] = f"{full_name}_{name_of(id)}" if full_name in names.values() else full_name
         ready = set()
         for device in self._client.devices:
             since = self._first_seen.setdefault(device["id"], now)
@@ -259,7 +259,7 @@ class Ros2Bridge:
                 self._subscribe()
 
     def _subscribe(self) -> None:
-        wanted = sorted(
+        ids = sorted(
             {
                 channel
                 for node in self._nodes.values()
@@ -268,9 +268,9 @@ class Ros2Bridge:
                 for channel in builder.channels
             }
         )
-        if wanted != self._requested:
-            self._requested = wanted
-            self._client.subscribe(wanted)
+        if ids != self._requested:
+            self._requested = ids
+            self._client.subscribe(ids)
 
     # ── once a second ────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -313,12 +313,12 @@ class Ros2Bridge:
             rows: list[tuple[str, str, str]] = [(topic, type, "") for topic, type in node.types.items()]
             for topic, type, _ in rows:
                 publisher = node.publishers.get(topic)
-                found: dict[str, Any] = {"rate": 0.0, "subscribers": 0, "messages": 0, "bytes": 0, "problem": ""}
+                state: dict[str, Any] = {"rate": 0.0, "subscribers": 0, "messages": 0, "bytes": 0, "problem": ""}
                 hash = ""
                 if publisher is not None:
                     hash = publisher.endpoint.hash
                     count, others = graph.subscribers(topic, type, hash)
-                    found = {
+                    state = {
                         "rate": round(publisher.rate.rate(now), 2),
                         "subscribers": max(count, int(publisher.has_subscribers)),
                         "messages": publisher.rate.total,
@@ -334,7 +334,7 @@ class Ros2Bridge:
                         "type": type,
                         "hash": hash,
                         "enabled": publisher is not None,
-                        **found,
+                        **state,
                     }
                 )
         missing = [

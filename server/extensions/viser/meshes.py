@@ -128,5 +128,5 @@ def _extent(document: dict[str, Any]) -> float:
 
 
 def _list(document: dict[str, Any], name: str) -> list[Any]:
-    found = document.get(name, [])
-    return found if isinstance(found, list) else []
+    entries = document.get(name, [])
+    return entries if isinstance(entries, list) else []

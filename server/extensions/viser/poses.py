@@ -158,11 +158,11 @@ class DeviceView:
 
 def device_views(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[DeviceView]:
     """All devices with an attitude, in order."""
-    found = [
+    views = [
         DeviceView(device, [info for info in channels if info["device"] == device.id])
         for device in entities.devices_of(devices, channels)
     ]
-    return [view for view in found if view.attitude]
+    return [view for view in views if view.attitude]
 
 
 def _vector(infos: Sequence[Info], title: re.Pattern[str], unit: str | None) -> int:

@@ -106,9 +106,9 @@ class SceneManager:
         newest = {
             (info["device"], info["name"]): info for info in self._client.channels.values()
         }  # a layout may change
-        found = device_views(self._client.devices, list(newest.values()))
+        views = device_views(self._client.devices, list(newest.values()))
         before = {(view.id, view.title, *view.channels): view for view in self._appearances}
-        self._appearances = [before.get((view.id, view.title, *view.channels), view) for view in found]
+        self._appearances = [before.get((view.id, view.title, *view.channels), view) for view in views]
         known = [(view.title, tuple(view.channels)) for view in self._appearances]
         if known == self._devices:
             return
