@@ -124,9 +124,8 @@ def _doctor(options: argparse.Namespace) -> int:
         sys.stdout.write(doctor.udev_rule() if options.udev_rule else doctor.systemd_unit())
         return 0
     config = load(options.config, data=options.data)
-    return doctor.format_findings(
-        run_checks(Machine(config.data, config.port)), sys.stdout, as_json=options.format == "json"
-    )
+    findings = [*run_checks(Machine(config.data, config.port)), *doctor.extension_findings(config)]
+    return doctor.format_findings(findings, sys.stdout, as_json=options.format == "json")
 
 
 def _inspect(options: argparse.Namespace) -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from imuscope.recordings.exporters import ExportRequest
     from imuscope.server.config import Config
+    from imuscope.server.diagnostics.checks import Finding
     from imuscope.server.services import Services
 
 GROUP = "imuscope.extensions"
@@ -131,6 +132,7 @@ class Extension:
     jobs: tuple[str, ...] = ()
     outputs: tuple[FileOutput, ...] = ()
     page: str = ""
+    diagnoses: str = ""
     problems: str = ""
     requires: tuple[str, ...] = ()
     package: str = ""
@@ -153,6 +155,10 @@ class Extension:
         """
         if self.checks:
             _named(self.checks)(config)
+
+    def diagnose(self, config: Config) -> list[Finding]:
+        """Findings for `imuscope doctor`."""
+        return [*_named(self.diagnoses)(config)] if self.diagnoses else []
 
     def install(self, services: Services) -> list[APIRouter]:
         """Add its parts to a server; returns its routes."""

@@ -85,7 +85,7 @@ SERVER: dict[str, set[str]] = {
         ),
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
-    "extension": {"config", "parts", "services"},
+    "extension": {"config", "diagnostics", "parts", "services"},
     "api": {
         *("auth", "extension", "configuration", "devices", "http_server"),
         *(

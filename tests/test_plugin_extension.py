@@ -129,6 +129,20 @@ def test_one_that_fails_when_it_is_used_stops_nothing(environment: dict[str, str
     assert "The extension 'total' of imuscope-total 1.0 cannot be used: RuntimeError: of the package." in lines[-1]
 
 
+def test_doctor_names_what_cannot_be_used(environment: dict[str, str], tmp_path: Path) -> None:
+    site = Path(environment["PYTHONPATH"].split(os.pathsep)[0])
+    shutil.copytree(site, tmp_path / "site")
+    (tmp_path / "site" / "imuscope_total" / "__init__.py").write_text("raise RuntimeError('of the package')\n")
+    words = [sys.executable, "-m", PACKAGE, "doctor", "--data", str(tmp_path / "data")]
+    there = environment | {"PYTHONPATH": str(tmp_path / "site")}
+    printed = subprocess.run(
+        words, env=there, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+    assert re.search(
+        r"^warning +extension +The extension 'total' of imuscope-total 1\.0 cannot be used", printed.stdout, re.M
+    )
+
+
 def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
     plugins = [
         ProtocolPlugin("gone", "imuscope_of_nobody:EXTENSION", "imuscope-gone 1.0"),

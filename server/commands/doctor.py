@@ -9,12 +9,14 @@ ok       disk           23.1 GB free.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from functools import partial
 from importlib import resources
 from typing import TextIO
 
+from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import RULES, Finding
+from imuscope.server.extension import attempt, extension_problems, extensions
 from imuscope.server.printable import json_text, printable
 
 UNIT = "imuscope.service"
@@ -25,7 +27,7 @@ def format_findings(findings: Sequence[Finding], out: TextIO, *, as_json: bool =
     """Print the findings, worst first. Returns the exit status: 1 if there is a problem."""
     ordered = sorted(findings, key=lambda one: _RANK[one.status])
     if as_json:
-        out.write(json_text([asdict(one) for one in ordered], indent=1) + "\n")
+        out.write(json_text([_row(one) for one in ordered], indent=1) + "\n")
     else:
         width = max((len(one.about) for one in ordered), default=0)
         for one in ordered:
@@ -33,6 +35,19 @@ def format_findings(findings: Sequence[Finding], out: TextIO, *, as_json: bool =
             for step in one.todo:
                 out.write(printable(f"{'':<8} {'':<{width}}  → {step}") + "\n")
     return int(any(one.status == "problem" for one in findings))
+
+
+def _row(finding: Finding) -> dict[str, object]:
+    """A finding in JSON; `found` is its sentence, as programs know it."""
+    return {"status": finding.status, "about": finding.about, "found": finding.message, "todo": finding.todo}
+
+
+def extension_findings(config: Config) -> Iterator[Finding]:
+    """Extensions that cannot be used, and what the others find."""
+    for one in extensions():
+        yield from attempt(one, partial(one.diagnose, config)) or ()
+    for problem in extension_problems():
+        yield Finding("warning", "extension", problem)
 
 
 def udev_rule() -> str:

@@ -80,4 +80,5 @@ EXTENSION = Extension(
     ),
     requires=("alarms",),
     checks="imuscope.server.extensions.fleet.store:check_store",
+    diagnoses="imuscope.server.extensions.fleet.diagnosis:findings",
 )

@@ -7,4 +7,5 @@ EXTENSION = Extension(
     "ROS 2",
     parts="imuscope.server.extensions.ros2.service",
     routes=("imuscope.server.extensions.ros2.routes",),
+    diagnoses="imuscope.server.extensions.ros2.diagnosis:findings",
 )

@@ -1,0 +1,24 @@
+"""Check of `imuscope doctor`: can the store of recordings be used?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+
+from imuscope.server.config import Config
+from imuscope.server.diagnostics.checks import Finding
+from imuscope.server.extensions.fleet.store import PACKAGES
+
+ABOUT = "store"
+
+
+def findings(config: Config) -> Iterator[Finding]:
+    """Whether the packages that a store needs are installed; nothing without a store."""
+    if not config.store.url:
+        return
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if missing:
+        message = f"Recordings cannot be stored: {', '.join(missing)} not installed."
+        yield Finding("problem", ABOUT, message, ("pip install 'imuscope[fleet]'",))
+    else:
+        yield Finding("ok", ABOUT, "The packages of the store are installed.")

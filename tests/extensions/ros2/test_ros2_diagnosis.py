@@ -1,0 +1,21 @@
+"""The finding of `imuscope doctor` about the router of ROS 2."""
+
+from __future__ import annotations
+
+import socket
+
+from imuscope.server.config import Config
+from imuscope.server.extensions.ros2.diagnosis import findings
+
+
+def test_a_router_that_answers_and_one_that_does_not() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as router:
+        config = Config(ros2=True, ros2_router=f"tcp/127.0.0.1:{router.getsockname()[1]}")
+        assert [one.status for one in findings(config)] == ["ok"]
+    [finding] = findings(config)
+    assert (finding.status, finding.about) == ("warning", "ROS 2")
+    assert "connection refused" in finding.message
+
+
+def test_nothing_where_ros_2_is_off() -> None:
+    assert list(findings(Config())) == []
