@@ -73,7 +73,7 @@ async def live_frames(
         raise DomainError("not-found", words, "bytes_mb in the configuration makes it longer; a recording has all.")
     family = _family(session.info.protocol)
     settings = session.reading.settings(family.name)
-    read = live_bytes(link, session.link.preamble)
+    read = live_bytes(link, session.access.link.preamble)
     view = await asyncio.to_thread(
         packets_around,
         *(device, family, settings, read, moment),

@@ -91,7 +91,7 @@ class SharedPort(BaseModel):
 
 def _shared_port(services: Services, session: Session) -> SharedPort:
     state, shares, why_not = services.shares.state(session)
-    clients, link = state.get("clients", ()), session.link
+    clients, link = state.get("clients", ()), session.access.link
     return SharedPort(
         why_not=why_not,
         folder=services.shares.folder,

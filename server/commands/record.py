@@ -152,7 +152,7 @@ async def _record(request: RecordRequest, notes: TextIO) -> tuple[RecordStatus, 
 
 
 def _count_bytes(session: Session, status: RecordStatus) -> None:
-    session.chunks(status.update)
+    session.listeners.chunks(status.update)
 
 
 async def _until_end(

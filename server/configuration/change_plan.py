@@ -19,7 +19,7 @@ from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.risks import UNASKED, Risk, dangers_of_write
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import head_of, numbers
-from imuscope.server.devices.link_member import shares
+from imuscope.server.devices.link_member import link_of, shares
 from imuscope.server.errors import DomainError
 
 SHARED = "Other devices share this line; they cannot be received at another baud rate than theirs."
@@ -231,7 +231,7 @@ def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     family = PROTOCOLS[controller.session.info.protocol]
-    listing = family.frames.listing(**controller.session.reading.settings(family.name))
+    listing = family.frames.listing(**link_of(controller.session).reading.settings(family.name))
     listing.feed(data)
     lines = listing.drain(stalled=True)
     if any("reject" in line for line in lines) or sum(line["size"] for line in lines) != len(data):

@@ -23,6 +23,7 @@ from imuscope.server.configuration.device_controller import ControlError, Device
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import plain_values
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
+from imuscope.server.devices.link_member import DevicePort
 
 MAX_LATEST = 5
 MOST_WORDS = 6  # changes that a sentence lists
@@ -71,7 +72,7 @@ class ClientChanges:
         self._ending: _Configuration | None = None  # its client is done, and answers are still being decoded
         self.latest: deque[ClientChange] = deque(maxlen=MAX_LATEST)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._off = controller.session.listen(self._on_event)
+        self._off = DevicePort(controller.session).listen(self._on_event)
 
     def close(self) -> None:
         """Stop following the device."""

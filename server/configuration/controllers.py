@@ -22,7 +22,7 @@ from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.snapshots import Snapshots
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.link_member import AnyDevice, LinkMember
+from imuscope.server.devices.link_member import AnyDevice, LinkMember, link_of
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.links.base import LinkError
@@ -46,7 +46,7 @@ def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any]
     row = PROTOCOLS.get(protocol)
     if row is None:
         return None
-    listing = row.frames.listing(**session.reading.settings(row.name))
+    listing = row.frames.listing(**link_of(session).reading.settings(row.name))
     listing.feed(frame)
     return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
 
@@ -100,7 +100,7 @@ class ControllerRegistry:
         async def removed() -> None:
             self._controllers.pop(device, None)
 
-        session.before_close(removed)
+        session.listeners.before_close(removed)
         controller.notify()
         if isinstance(session, Session):
             session.devices.created.add(lambda sender: self._added(LinkMember(session, sender)))

@@ -43,7 +43,16 @@ from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.traffic_log import TrafficLog
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.devices.device_demux import QuietReason
-from imuscope.server.devices.link_member import AnyDevice, address_of, explain_silence, name_of, state_of
+from imuscope.server.devices.link_member import (
+    AnyDevice,
+    DevicePort,
+    address_of,
+    explain_silence,
+    link_of,
+    name_of,
+    state_of,
+    suppress_timeout,
+)
 from imuscope.server.errors import DomainError
 from imuscope.server.links.base import LinkError
 from imuscope.server.streaming.bus import TelemetryBus
@@ -125,11 +134,11 @@ class DeviceController:
             session.info.id,
             lambda frame: decode(self.session.info.protocol, frame, session),
             lambda frame: self._name_of(frame),
-            session.bytes_at,
+            session.access.bytes_at,
         )
         is_stored = session.info.link not in ("simulator", "file")
         self.put_back = PutBackTask(self, put_back, timings, device=name_of(session), is_stored=is_stored)
-        self.runner = Runner(session, self.log, timings.patience, self.put_back.keep)
+        self.runner = Runner(DevicePort(session), self.log, timings.patience, self.put_back.keep)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
@@ -148,9 +157,9 @@ class DeviceController:
         self._running: QueuedJob | None = None
         self._queue_task: asyncio.Task[None] | None = None
         self._next_job = 1
-        self._off = session.listen(self._on_traffic)
+        self._off = DevicePort(session).listen(self._on_traffic)
         self._off_replaced = state_of(session).replaced.add(lambda before: self._forget())
-        session.before_close(self.close)
+        session.listeners.before_close(self.close)
 
     # ── state ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -178,9 +187,9 @@ class DeviceController:
             product=info.product or self.product,
             serial_number=info.serial_number or self.serial_number,
             firmware=info.firmware or self.firmware,
-            baud=self.session.baud,
+            baud=self.session.access.baud,
             device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
-            settings=self.session.reading.settings(info.protocol),
+            settings=link_of(self.session).reading.settings(info.protocol),
             at_rest=self.at_rest,
         )
 
@@ -190,7 +199,7 @@ class DeviceController:
         health = self.bus.health_of(self.device)
         measured = health.bytes_per_s if health is not None else None
         others = [(one.session.info.name, sent) for one in self.beside(self.device) if (sent := one.sends)]
-        line = SerialLine(self.session.baud, self.session.capacity, measured, others)
+        line = SerialLine(self.session.access.baud, self.session.access.capacity, measured, others)
         return DevicePresentState(self.driver, self.context, line, self.values)
 
     @property
@@ -299,14 +308,14 @@ class DeviceController:
     async def _run_queue(self) -> None:
         """Run the jobs in the queue, then return."""
         while self._queue:
-            async with self.session.turn:
+            async with self.session.listeners.turn:
                 if self._queue:  # the job may have been removed while waiting
                     await self._do(self._queue.popleft())
 
     async def _do(self, task: QueuedJob) -> None:
         self._running = task
         task.job.state, task.job.started = "running", self.bus.now()
-        self.session.suppress_timeout(True)
+        suppress_timeout(self.session, True)
         self.notify()
         try:
             await task.work(task)
@@ -321,7 +330,7 @@ class DeviceController:
             self._finish(task, "failed", message, hint)
         finally:
             self._running = None
-            self.session.suppress_timeout(False)
+            suppress_timeout(self.session, False)
             self.put_back.transaction_ended()
             self.notify()
 

@@ -36,7 +36,7 @@ from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
 from imuscope.server.configuration.value_format import field_at, title_at, value_at, words
-from imuscope.server.devices.link_member import address_of, name_of
+from imuscope.server.devices.link_member import address_of, link_of, name_of
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire_codec import to_json_safe
 
@@ -159,7 +159,7 @@ class Jobs:
             record = self._record(controller, change, cuts)
             record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
-                await controller.session.check_rate(baud)  # also reports a far end that must be set by hand
+                await controller.session.access.check_rate(baud)  # also reports a far end that must be set by hand
             written = await RollbackRun(controller, driver, self._rollbacks, record, task, self._timings).apply()
         else:
             written = await self._write_in_place(controller, task, change)
@@ -261,7 +261,7 @@ class Jobs:
             old[name] = {key: before[key] for key in keys if key in before and key not in read_only}
             changes += changed_words(row, controller.driver.same(name, old[name], new), old[name], new)
         bauds = [cut.baud for cut in cuts if cut.baud is not None]
-        baud = controller.session.baud
+        baud = controller.session.access.baud
         seconds = self._timings.rollback_s if change.confirm_s is None else change.confirm_s
         return RollbackRecord(
             source=controller.session.info.source,
@@ -346,18 +346,18 @@ class Jobs:
             driver, known = controller.driver, controller.context
             record = await asyncio.to_thread(self._unfinished, controller, known)
             controller.step(task, "Switch the device off and on now")
-            before = controller.session.baud
+            before = controller.session.access.baud
             if not await _call_device(controller, driver, task, self._timings):
                 await controller.runner.reopen(before)
                 raise JobError("The device did not answer.", "Switch its power off and on while this runs.")
-            rate = f" at {group(controller.session.baud)} Bd" if controller.session.baud else ""
+            rate = f" at {group(controller.session.access.baud)} Bd" if controller.session.access.baud else ""
             task.job.message = f"The device answers again{rate}, with the factory's communication settings."
             if controller.pending_rollback is not None and controller.pending_rollback.state == "unreachable":
                 controller.pending_rollback = None
             if record is not None:
                 rollback = RollbackRun(controller, driver, self._rollbacks, record, task, self._timings)
                 try:
-                    restored = await rollback.put_back(controller.session.baud)
+                    restored = await rollback.put_back(controller.session.access.baud)
                 except (NoReplyError, DeviceRejectedError) as error:
                     raise JobError(f"The device answers{rate}, but: {error}", "Read its settings.") from None
                 if not restored:
@@ -398,7 +398,8 @@ class Jobs:
         async def work(task: QueuedJob) -> None:
             session = controller.session
             if session.info.protocol != record.protocol:
-                await session.read_as(replace(session.reading, protocol=record.protocol))
+                link = link_of(session)
+                await link.read_as(replace(link.reading, protocol=record.protocol))
             rollback = RollbackRun(controller, controller.driver, self._rollbacks, record, task, self._timings)
             if record.state == "unreachable":
                 rollback.show("unreachable", "The device could not be reached when this server last ran.")

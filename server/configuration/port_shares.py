@@ -73,8 +73,8 @@ class PortShares:
         return SharedPortLink(link, shares, link.settings)
 
     def _on_added(self, session: Session) -> None:
-        if isinstance(session.link, SharedPortLink):
-            self._follow(session, session.link)
+        if isinstance(session.access.link, SharedPortLink):
+            self._follow(session, session.access.link)
 
     def _follow(self, session: Session, link: SharedPortLink) -> None:
         known: dict[str, Any] = {"clients": {}, "configuring": None, "turned_away": 0, "unsent": 0}
@@ -90,7 +90,7 @@ class PortShares:
             if changes is not None:
                 changes.close()
 
-        session.before_close(closing)
+        session.listeners.before_close(closing)
 
     # ── what clients do ──────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -161,7 +161,7 @@ class PortShares:
         task.add_done_callback(self._tasks.discard)
 
     def _on_client_data(self, session: Session, link: SharedPortLink, sent: ClientData) -> None:
-        session.note_sent(sent.data, sent.arrival_ns)
+        session.listeners.note_sent(sent.data, sent.arrival_ns)
         device = session.info.id
         try:
             controller = self._controllers.get(device)
@@ -193,7 +193,7 @@ class PortShares:
 
     def state(self, session: Session) -> tuple[Mapping[str, Any], Sequence[ShareAddress], str]:
         """State of the holder ({} without one), the shares, and why the port cannot be shared ("" if it can)."""
-        link = session.link
+        link = session.access.link
         if isinstance(link, SharedPortLink):
             shares = [ShareAddress.from_json(one) for one in link.state.get("shares", ())]
             return link.state, shares or link.shares, ""
@@ -218,7 +218,7 @@ class PortShares:
             raise DomainError("full", f"A port has at most {MOST_SHARES} shares.", "End one first.")
         if address.kind == "pty":
             await asyncio.to_thread(_check_path, address)
-        link = session.link
+        link = session.access.link
         if isinstance(link, SharedPortLink):
             await link.request("share", share=address.to_json())
             link.shares.append(address)
@@ -226,11 +226,11 @@ class PortShares:
         assert isinstance(link, SerialLink | TcpLink)
         held = SharedPortLink(link, [address], link.settings)
         self._follow(session, held)
-        await session.use_link(held)
+        await session.access.use_link(held)
         try:
             await _opened(session, held)
         except DomainError:
-            await session.use_link(link)
+            await session.access.use_link(link)
             raise
 
     async def remove(self, session: Session, name: str) -> None:
@@ -239,14 +239,14 @@ class PortShares:
         Raises:
             DomainError: there is no such share.
         """
-        link = session.link
+        link = session.access.link
         if not isinstance(link, SharedPortLink) or name not in {one.text for one in link.shares}:
             raise DomainError("not-found", f"Share {name:.80} not found.", "It may have been ended.")
         await link.request("unshare", name=name)
         link.shares[:] = [one for one in link.shares if one.text != name]
         if not link.shares:
             await link.request("end")
-            await session.use_link(link.inner)
+            await session.access.use_link(link.inner)
 
     async def drop(self, session: Session, client: int) -> None:
         """Disconnect a client; it may connect again.
@@ -254,7 +254,7 @@ class PortShares:
         Raises:
             DomainError: there is no such client.
         """
-        link = session.link
+        link = session.access.link
         if not isinstance(link, SharedPortLink) or client not in {
             one["number"] for one in link.state.get("clients", ())
         }:
@@ -267,7 +267,7 @@ class PortShares:
         Raises:
             DomainError: "confirm" with the name of the program until it is confirmed; "not-now": nobody configures it.
         """
-        link = session.link
+        link = session.access.link
         client = link.state.get("configuring") if isinstance(link, SharedPortLink) else None
         if not isinstance(link, SharedPortLink) or client is None:
             raise DomainError("not-now", "No program is configuring the device now.", "Send what you want to send.")

@@ -157,7 +157,7 @@ class PutBackTask:
             if not link_of(self._controller.session).info.is_open:
                 backoff.reset()
                 continue
-            async with self._controller.session.turn:
+            async with self._controller.session.listeners.turn:
                 await self._attempt()
         if not self._frames:
             await self._save()

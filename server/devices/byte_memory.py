@@ -288,14 +288,14 @@ class ByteMemory:
         """Store the bytes of a session from now on, until it is closed."""
         device = session.info.id
         link = self._links[device] = LinkMemory(self._trim, self._history_s)
-        off = session.chunk_batches(link.append)
+        off = session.listeners.chunk_batches(link.append)
 
         async def removed() -> None:
             off()
             with self._lock:
                 del self._links[device]
 
-        session.before_close(removed)
+        session.listeners.before_close(removed)
 
     def of(self, device: str) -> LinkMemory | None:
         """The memory of the link of a device ("1", or "1.102"); None if it was removed."""

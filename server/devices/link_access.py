@@ -1,7 +1,7 @@
 """Access to the link of a session, for configuration and port sharing.
 
     device_controller.py, rollback.py …  ──send, reopen, check_rate, suppress_timeout──>  LinkAccess  ──>  Link
-    port_shares.py                       ──use_link──────────────────────────────────>  (Session)
+    port_shares.py                       ──use_link──────────────────────────────────>      │ LinkReader (Session)
 
 A caller that sends to the device holds `turn` (session_listeners.py), so that no other one does at the same time;
 `wait_idle` waits for those that do.
@@ -10,46 +10,56 @@ A caller that sends to the device holds `turn` (session_listeners.py), so that n
 from __future__ import annotations
 
 import asyncio
-from abc import abstractmethod
+from collections.abc import Callable
+from typing import Protocol
 
 from imuscope.server.devices.decode_pipeline import DecodePipeline
 from imuscope.server.devices.device_demux import LinkDevices
 from imuscope.server.devices.session_listeners import SessionListeners
 from imuscope.server.devices.silence_watchdog import SilenceWatchdog
 from imuscope.server.links.base import Link
-from imuscope.server.streaming.sink import TelemetrySink
 
 IDLE_POLL_S = 0.05
 
 
-class LinkAccess(SessionListeners):
+class LinkReader(Protocol):
+    """Reads from the link and decodes: the session."""
+
+    def start_reading(self, *, opened: bool = False) -> None:
+        """Begin to read; `opened`: the link is open already."""
+
+    async def interrupt(self, message: str) -> None:
+        """Stop reading and decode what was received; the link is opened again next."""
+
+    def drain(self) -> bool:
+        """Decode a slice of received bytes; true if more is waiting."""
+
+
+class LinkAccess:
     """Link of one session; the session itself reads from it, opens it again after a loss, and decodes.
 
     Args:
         link: closed.
-        sink: has the clock.
+        listeners: are passed what is sent.
+        reader: stops and starts while the link is opened again.
+        pipeline: decodes the bytes of the link.
+        devices: on the link.
+        now: clock of the server, unix s.
     """
 
-    devices: LinkDevices
-    _pipeline: DecodePipeline
-
-    def __init__(self, link: Link, sink: TelemetrySink) -> None:
-        super().__init__(link.flow)
-        self._link, self._sink = link, sink
-        self._silence = SilenceWatchdog()
+    def __init__(
+        self,
+        link: Link,
+        listeners: SessionListeners,
+        reader: LinkReader,
+        pipeline: DecodePipeline,
+        devices: LinkDevices,
+        now: Callable[[], float],
+    ) -> None:
+        self.silence = SilenceWatchdog()
+        self._link, self._listeners, self._reader = link, listeners, reader
+        self._pipeline, self._devices, self._now = pipeline, devices, now
         self._sending = asyncio.Lock()
-
-    @abstractmethod
-    def _start(self, *, opened: bool = False) -> None:
-        """Begin to read; `opened`: the link is open already."""
-
-    @abstractmethod
-    async def _interrupt(self, message: str) -> None:
-        """Stop reading and decode what was received; the link is opened again next."""
-
-    @abstractmethod
-    def _drain(self, *, final: bool = False) -> bool:
-        """Decode a slice of received bytes; true if more is waiting."""
 
     async def send(self, data: bytes) -> int:
         """Write to the device, one caller at a time, and pass the sent data to the listeners.
@@ -65,7 +75,7 @@ class LinkAccess(SessionListeners):
             self._link.expect_reply()
             written_ns = await self._link.write(data)
             written_ns = began_ns if written_ns is None else written_ns
-            self._sent.call(data, written_ns)
+            self._listeners.note_sent(data, written_ns)
             return written_ns
 
     async def reopen(self, baud: int | None = None) -> None:
@@ -74,13 +84,13 @@ class LinkAccess(SessionListeners):
         Raises:
             LinkError: it could not be opened; retries continue as after any loss.
         """
-        await self._interrupt(f"Opening {self._link.source}{f' at {baud} Bd' if baud else ''}.")
+        await self._reader.interrupt(f"Opening {self._link.source}{f' at {baud} Bd' if baud else ''}.")
         try:
             await self._link.reopen(baud)
         except BaseException:
-            self._start()
+            self._reader.start_reading()
             raise
-        self._start(opened=True)
+        self._reader.start_reading(opened=True)
         await asyncio.sleep(0)  # it has begun to read when this returns
 
     async def check_rate(self, baud: int) -> None:
@@ -94,12 +104,12 @@ class LinkAccess(SessionListeners):
 
     async def use_link(self, link: Link) -> None:
         """Continue on another link to the same device: id, channels, history and listeners stay."""
-        await self._interrupt(f"Opening {link.source}.")
+        await self._reader.interrupt(f"Opening {link.source}.")
         await self._link.close()
         link.flow = self._link.flow
         self._link = link
         self._pipeline.use_link(link)
-        self._start()
+        self._reader.start_reading()
 
     @property
     def other_users(self) -> str:
@@ -119,17 +129,17 @@ class LinkAccess(SessionListeners):
     def suppress_timeout(self, on: bool, device: str = "") -> None:
         """Ignore silence while `on` (a device that is being configured does not measure)."""
         self._link.hold_clients(on)
-        self._silence.suppress(on, self._sink.now())
-        self.devices.suppress_timeout(device, on)
+        self.silence.suppress(on, self._now())
+        self._devices.suppress_timeout(device, on)
 
     async def wait_idle(self) -> None:
         """Wait until the device is not being configured: data must not get between a request and its answer."""
-        while self._silence.suppressed:
+        while self.silence.suppressed:
             await asyncio.sleep(IDLE_POLL_S)
 
     def decode(self) -> None:
         """Decode the received bytes now instead of in the next turn."""
-        self._drain()
+        self._reader.drain()
 
     def bytes_at(self, offset: int, size: int) -> bytes:
         """Bytes of this connection from an offset of the decoder; b"" if they are no longer stored."""

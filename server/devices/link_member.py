@@ -8,11 +8,10 @@ A device controller (server/configuration/device_controller.py) uses either thro
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 
 from imuscope.protocols.events import Event
 from imuscope.server import wire
-from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.device_demux import LinkDevice, QuietReason
 from imuscope.server.devices.device_state import DeviceState
 from imuscope.server.devices.session import Session
@@ -28,7 +27,7 @@ class LinkMember:
     def __init__(self, session: Session, sender: LinkDevice) -> None:
         self.session = session
         self._sender = sender
-        self.turn = session.turn
+        self.listeners, self.access = session.listeners, session.access
 
     @property
     def state(self) -> DeviceState:
@@ -45,73 +44,34 @@ class LinkMember:
         """Name of the device in the stream."""
         return self._sender.name
 
-    @property
-    def reading(self) -> DecodeOptions:
-        """Decode options of the link."""
-        return self.session.reading
-
-    @property
-    def baud(self) -> int | None:
-        """The present baud rate of the link."""
-        return self.session.baud
-
-    @property
-    def other_users(self) -> str:
-        """Names of the programs that use the device beside this server."""
-        return self.session.other_users
-
-    @property
-    def capacity(self) -> float | None:
-        """Bytes/s that the link can carry, for all of its devices together."""
-        return self.session.capacity
-
-    def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Call `callback` with every event of this device; see SessionListeners.listen."""
-        return self.session.listen(callback, self.name)
-
-    def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
-        """Call `callback(data, time)` with all data sent on the link; returns a function that removes it."""
-        return self.session.on_sent(callback)
-
-    def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
-        """Run a coroutine before the link is closed for good."""
-        self.session.before_close(last)
-
-    def suppress_timeout(self, on: bool) -> None:
-        """Ignore silence of the device while `on`."""
-        self.session.suppress_timeout(on, self.name)
-
-    async def send(self, data: bytes) -> int:
-        """Write to the line. Result and LinkError: as Session.send."""
-        return await self.session.send(data)
-
-    async def reopen(self, baud: int | None = None) -> None:
-        """Close the link and open it again. LinkError: as Session.reopen."""
-        await self.session.reopen(baud)
-
-    async def check_rate(self, baud: int) -> None:
-        """Check that this end of the link supports a rate. As Link.check_rate."""
-        await self.session.check_rate(baud)
-
-    async def read_as(self, reading: DecodeOptions) -> None:
-        """Change the decode options of the link. As Session.read_as."""
-        await self.session.read_as(reading)
-
-    async def wait_idle(self) -> None:
-        """Wait until no device of the link is being configured."""
-        await self.session.wait_idle()
-
-    def decode(self) -> None:
-        """Decode the received bytes now instead of in the next turn."""
-        self.session.decode()
-
-    def bytes_at(self, offset: int, size: int) -> bytes:
-        """Bytes of this connection from an offset of the decoder; b"" if they are no longer stored."""
-        return self.session.bytes_at(offset, size)
-
 
 AnyDevice = Session | LinkMember
 """A device that can be configured."""
+
+
+class DevicePort:
+    """A device for what sends to it and waits for its answers: a transaction, or a stream of corrections."""
+
+    def __init__(self, device: AnyDevice) -> None:
+        self._device = device
+        self.send = device.access.send
+        self.reopen = device.access.reopen
+        self.decode = device.access.decode
+        self.wait_idle = device.access.wait_idle
+
+    @property
+    def info(self) -> wire.DeviceInfo:
+        """The published state of the device."""
+        return self._device.info
+
+    def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        """Call `callback` with every event of this device; see SessionListeners.listen."""
+        return self._device.listeners.listen(callback, name_of(self._device))
+
+
+def suppress_timeout(device: AnyDevice, on: bool) -> None:
+    """Ignore silence of a device while `on`; see LinkAccess.suppress_timeout."""
+    device.access.suppress_timeout(on, name_of(device))
 
 
 def name_of(device: AnyDevice) -> str:

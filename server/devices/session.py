@@ -37,6 +37,7 @@ from imuscope.server.devices.outage import Outage
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sequence_restarts import Restarts
 from imuscope.server.devices.sequence_store import SequenceStore
+from imuscope.server.devices.session_listeners import SessionListeners
 from imuscope.server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
 from imuscope.server.links.base import Chunk, Link, LinkError
@@ -51,7 +52,7 @@ GIVE_UP_S = 10.0  # without bytes, after which it is given up: no link needs so 
 STALL_TICKS = 3  # ticks without new bytes, also required, in case this process itself was delayed
 
 
-class Session(LinkAccess):
+class Session:
     """One device.
 
     Args:
@@ -61,7 +62,11 @@ class Session(LinkAccess):
         sink: receives samples, events and states.
         sequences: store of the last numbers of Secure devices; None: in this process only.
         scheduler: of decoding, shared with other sessions; None: its own.
-        names: names that people gave to devices; None: nobody did.
+        names: names that people gave to devices; None: there are none.
+
+    Attributes:
+        listeners: of decoded events, received chunks and sent bytes.
+        access: to the link, for configuration and port sharing.
     """
 
     def __init__(
@@ -75,7 +80,8 @@ class Session(LinkAccess):
         scheduler: DecodeScheduler | None = None,
         names: DeviceNames | None = None,
     ) -> None:
-        super().__init__(link, sink)
+        self._sink = sink
+        self.listeners = SessionListeners(link.flow)
         info = wire.DeviceInfo(
             id=device,
             name=short_source(link.source),
@@ -88,7 +94,6 @@ class Session(LinkAccess):
         self._state = DeviceState(sink, info, protocol_set.title, names)
         self._set = self._state.set
         self._protocols = protocol_set
-        self._identification = IdentifyRequest(self.send, link.source)
         self.devices = LinkDevices(sink, self._state, protocol_set.title)
         self._stats = self.devices.own.stats
         self.latency = self._stats.latency  # s, from the arrival of bytes until their samples are published
@@ -105,6 +110,9 @@ class Session(LinkAccess):
             on_events=self._on_events,
             on_restart=lambda: self._decode(final=True),
         )
+        self.access = LinkAccess(link, self.listeners, self, self._pipeline, self.devices, sink.now)
+        self._silence = self.access.silence
+        self._identification = IdentifyRequest(self.access.send, link.source)
         self._connection = Connection()
         self._opened_at = 0.0  # unix s, while it is open
         self._outage = Outage()
@@ -116,7 +124,11 @@ class Session(LinkAccess):
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._scheduler = scheduler or DecodeScheduler()
-        self._off_turns = self._scheduler.add(self._drain)
+        self._off_turns = self._scheduler.add(self.drain)
+
+    @property
+    def _link(self) -> Link:
+        return self.access.link
 
     @property
     def info(self) -> wire.DeviceInfo:
@@ -138,9 +150,9 @@ class Session(LinkAccess):
     def start(self) -> None:
         """Start the session; returns at once."""
         self._connection.apply(ConnectionEvent.START)
-        self._start()
+        self.start_reading()
 
-    def _start(self, *, opened: bool = False) -> None:
+    def start_reading(self, *, opened: bool = False) -> None:
         task = self._run(opened=opened)
         self._task = asyncio.get_running_loop().create_task(task, name=f"session {self.info.source}")
 
@@ -149,16 +161,16 @@ class Session(LinkAccess):
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
 
-    async def _interrupt(self, message: str) -> None:
+    async def interrupt(self, message: str) -> None:
         """Stop reading and decode what was received; the link is opened again next."""
         await self._stop_reading()
-        self._drain(final=True)
+        self.drain(final=True)
         self._connection.apply(ConnectionEvent.REOPEN)
         self._set(is_open=False, status="connecting", message=message, hint="", next_attempt=None)
 
     async def close(self) -> None:
         """Stop, close the link, remove its devices."""
-        await self._close_listeners()
+        await self.listeners.close()
         await self._stop_reading()
         self._task = None
         self._connection.apply(ConnectionEvent.CLOSE)
@@ -183,7 +195,7 @@ class Session(LinkAccess):
             await self._stop_reading()
             await self._link.close()
             self._link.settings = replace(self._link.settings, decode_options=reading.values)
-        self._drain(final=True)
+        self.drain(final=True)
         self._pipeline.options = reading
         self.devices.reset_decoding()
         self._diagnostics = StreamDiagnostics(self._reporter, self._protocols.count_messages, self._protocols.title)
@@ -194,7 +206,7 @@ class Session(LinkAccess):
         self._set(message="", hint="", notices=self._notices)
         if rekeyed:
             self._connection.apply(ConnectionEvent.REOPEN)
-            self._start()
+            self.start_reading()
 
     async def _run(self, *, opened: bool = False) -> None:
         while True:
@@ -237,7 +249,7 @@ class Session(LinkAccess):
 
     def _explain(self, error: LinkError) -> float | None:
         """Publish why the link failed. Returns the time until the next attempt, None to wait for a request."""
-        self._drain(final=True)
+        self.drain(final=True)
         was_live = self.info.status == "live"
         if self.info.status in ("live", "lost"):
             self._outage.begin(self._pipeline.decoder, self.devices.own)
@@ -269,7 +281,7 @@ class Session(LinkAccess):
 
     def _on_events(self, events: Sequence[Event]) -> None:
         self.restarts.on_events(events)
-        self._publish_events(events, self.devices.own.name)
+        self.listeners.publish(events, self.devices.own.name)
 
     # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -277,7 +289,7 @@ class Session(LinkAccess):
         self._archive(chunks)
         self._scheduler.request()
         if self._silence.suppressed and self._pipeline.stream is not None:
-            self._drain()  # a job waits for an answer, and there are few other bytes
+            self.drain()  # a job waits for an answer, and there are few other bytes
 
     def _archive(self, chunks: list[Chunk]) -> None:
         arrivals = [chunk.arrival_ns / 1e9 for chunk in chunks]
@@ -288,7 +300,7 @@ class Session(LinkAccess):
         self._left_out.update(self._link.flow.dropped, self._sink.now())
         self._stalled, self._ticks_since_bytes = False, 0
 
-    def _drain(self, *, final: bool = False) -> bool:
+    def drain(self, *, final: bool = False) -> bool:
         """Decode a slice of received bytes in a turn. True if more is waiting."""
         pipeline = self._pipeline
         pipeline.begin_slice()
@@ -332,7 +344,7 @@ class Session(LinkAccess):
         stream = self._pipeline.stream
         if back and self.info.serial_number and stream is not None and not stream.identity.serial_number:
             self._set(unconfirmed_since=self._sink.now())  # another one may have been plugged in
-        is_identified = self._link.kind != "file" and not self.other_users  # else their own dialogue may tell it
+        is_identified = self._link.kind != "file" and not self._link.other_users  # else their own dialogue may tell it
         if stream is not None and not stream.identity.product and is_identified:
             self._identification.request(self._protocols.about(self.info.protocol).identify_request)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
@@ -401,7 +413,7 @@ class Session(LinkAccess):
         if is_due and stream is not None and stream.buffered and quiet > STALL_S:
             is_new, self._stalled = not self._stalled, True
             if quiet > GIVE_UP_S or (is_new and self._pipeline.hides_messages()):
-                self._drain(final=True)
+                self.drain(final=True)
         if self.info.status == "live" and is_due and quiet > self._silence.limit and not self._link.backlog:
             text = f"No data from {self.info.source} for {quiet:.1f} s; the link is still open."
             self._fell_silent(text, LINK_SILENT_HINT)

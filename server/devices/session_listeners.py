@@ -75,11 +75,12 @@ class SessionListeners:
         """Run a coroutine before the link is closed for good."""
         self._closing.append(last)
 
-    async def _close_listeners(self) -> None:
+    async def close(self) -> None:
+        """Run what was to be run before the link is closed."""
         for last in self._closing:
             await last()
 
-    def _publish_events(self, events: Sequence[Event], own: str) -> None:
+    def publish(self, events: Sequence[Event], own: str) -> None:
         """Pass events to the listeners of their sender; `own` is the link's own device in the stream."""
         if any(self._events.values()):
             for event in events:

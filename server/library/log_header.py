@@ -12,6 +12,7 @@ from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.family import LogHeader
 from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError
 from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
+from imuscope.server.devices.link_member import DevicePort
 from imuscope.server.links.base import LinkError
 
 
@@ -26,7 +27,7 @@ class LogHeaderRequest:
         self._controller = controller
         self._on_result = on_result
         self._requested = False
-        self._unsubscribe = controller.session.listen(self._on_bytes)
+        self._unsubscribe = DevicePort(controller.session).listen(self._on_bytes)
 
     def close(self) -> None:
         """Stop listening."""
@@ -49,7 +50,7 @@ class LogHeaderRequest:
 
     def _unasked(self) -> str:
         """Reason why the device is not asked; "" to ask it."""
-        others = self._controller.session.other_users
+        others = self._controller.session.access.other_users
         return f"{others} uses the device, and asking would interrupt it." if others else ""
 
     def _header(self) -> LogHeader | None:
@@ -78,6 +79,6 @@ class LogHeaderRequest:
     def _on_bytes(self, event: Event) -> None:
         header = self._header() if isinstance(event, Reply) else None
         if isinstance(event, Reply) and header is not None and event.message.id in header.frames:
-            frame = self._controller.session.bytes_at(event.offset, event.size)
+            frame = self._controller.session.access.bytes_at(event.offset, event.size)
             if frame:
                 self._on_result({header.frames[event.message.id]: frame.hex()})

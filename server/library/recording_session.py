@@ -1,6 +1,6 @@
 """Writers of one recording: bytes, events and metadata of its devices.
 
-    session.chunks            every chunk, both directions                 rx/<device>, tx/<device>
+    session.listeners         every chunk, both directions                 rx/<device>, tx/<device>
                               of a device that sends messages, each one    its topic
     bus: events               of its devices and of the server             events
     bus: traffic              only notes (frames are recorded as bytes,
@@ -118,9 +118,9 @@ class RecordingSession:
 
         def write(received: Sequence[tuple[bytes, int]], way: Direction, *, late: bool = False) -> None:
             nonlocal described
-            if way == "rx" and session.link.protocol == MESSAGES:
+            if way == "rx" and session.access.link.protocol == MESSAGES:
                 if not described:  # what was received before says what these messages are
-                    received = [(session.link.preamble, received[0][1]), *received]
+                    received = [(session.access.link.preamble, received[0][1]), *received]
                     described = True
                 writer.messages(device, received, late=late)
             else:
@@ -133,7 +133,7 @@ class RecordingSession:
 
         link = self._memory.of(device) if self._memory is not None else None
         if link is None:
-            self._unsubscribe_traffic[device] = session.chunk_batches(take)
+            self._unsubscribe_traffic[device] = session.listeners.chunk_batches(take)
         else:
             follower = link.follow(write, round(self._since * 1e9))
             self._pasts.append((follower, lambda received, way: write(received, way, late=True)))
@@ -142,7 +142,7 @@ class RecordingSession:
         async def removed() -> None:
             self._unsubscribe_traffic.pop(device, lambda: None)()
 
-        session.before_close(removed)
+        session.listeners.before_close(removed)
         for one in self._controllers.on_link_of(device) if self._controllers is not None else ():
             self._settings(one)
         self._all_signals()

@@ -58,6 +58,7 @@ _NO_STORE = {
 }
 USUAL: dict[str, Answer] = {
     "GET /api/ports": [],
+    "GET /api/extensions": [],
     "GET /api/query": _NO_STORE,
     "GET /api/alarms": [],
     "GET /api/workspaces": {"workspaces": [], "defaults": {}},

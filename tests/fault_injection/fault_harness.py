@@ -33,7 +33,7 @@ class FaultHarness:
         )
         self.heard: list[bytes] = []
         self.session: Session = self.sessions.add(source)
-        self.session.chunks(lambda data, time_ns, way: self.heard.append(data) if way == "rx" else None)
+        self.session.listeners.chunks(lambda data, time_ns, way: self.heard.append(data) if way == "rx" else None)
         self.sessions.start()
 
     @property
@@ -52,7 +52,7 @@ class FaultHarness:
     @property
     def samples(self) -> int:
         """That were decoded, of the device's own message."""
-        self.session.decode()
+        self.session.access.decode()
         return sum(one.count for one in self.health.messages if one.name == "MTData2")
 
     def events(self, kind: str) -> list[EventInfo]:

@@ -34,7 +34,7 @@ async def _watch(program: str) -> str:
                 await until(lambda: made.count("angular_velocity", TOPIC) > 10, "its messages are shown")
                 notices = made.notices
                 while process.poll() is None:
-                    made.session.decode()
+                    made.session.access.decode()
                     await asyncio.sleep(0.01)
             await until(lambda: not made.link.backlog, "all is decoded")
             health = made.session.health(made.telemetry.bus.now())

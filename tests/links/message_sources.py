@@ -84,7 +84,7 @@ class Watched:
 
     def rows(self, title: str, topic: str) -> list[np.ndarray]:
         """Arrival, time and columns of a quantity so far."""
-        self.session.decode()
+        self.session.access.decode()
         found = [one for one in self.telemetry.store.all if (one.info.title, one.info.message) == (title, topic)]
         return [] if not found else found[0].ring.read()
 
@@ -97,7 +97,7 @@ class Watched:
 
     @property
     def titles(self) -> set[str]:
-        self.session.decode()
+        self.session.access.decode()
         return {one.info.title for one in self.telemetry.store.all}
 
     @property

@@ -46,7 +46,7 @@ class FamilyHarness:
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
             self.session.tick(self.clock())
-            self.session.decode()
+            self.session.access.decode()
         await asyncio.sleep(0.001)
 
     @property

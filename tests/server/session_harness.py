@@ -26,12 +26,12 @@ class SessionHarness:
     async def settle(self, seconds: float = 0.0) -> None:
         """Let the tasks run; then time passes in ticks of 0.1 s."""
         await asyncio.sleep(0.001)
-        self.session.decode()
+        self.session.access.decode()
         ticks = round(seconds / 0.1)
         for _ in range(ticks):
             self.clock.move(0.1)
             self.session.tick(self.clock())
-            self.session.decode()
+            self.session.access.decode()
         await asyncio.sleep(0.001)
 
     async def send(self, *chunks: bytes, every: float = 0.01) -> None:
@@ -40,7 +40,7 @@ class SessionHarness:
             self.link.send(chunk)
             await asyncio.sleep(0)
             await asyncio.sleep(0)
-            self.session.decode()
+            self.session.access.decode()
         await self.settle()
 
     @property

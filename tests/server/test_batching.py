@@ -46,7 +46,7 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
     link = GatheredLink(LinkSettings(now_ns=clock.now_ns))
     heard: list[tuple[bytes, int, str]] = []
     session = Session("1", link, telemetry.bus, all_protocols(), DecodeOptions("xbus"))
-    session.chunks(lambda data, time_ns, way: heard.append((data, time_ns, way)))
+    session.listeners.chunks(lambda data, time_ns, way: heard.append((data, time_ns, way)))
     session.start()
     await asyncio.sleep(0)
     await asyncio.sleep(0)
@@ -56,7 +56,7 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
         if part := list(itertools.islice(rest, count)):
             link.flow.arrivals.call(part)
             session._on_chunks(part)
-    session.decode()
+    session.access.decode()
     stats, now = session._stats, clock()
     found = {
         "rows": {one.info.name: [column.tolist() for column in one.ring.read()] for one in telemetry.store.all},
@@ -66,7 +66,7 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
         "latency": (stats.latency.counts, stats.latency.sum),
         "silence": (session._silence.limit, session._silence._chunks, session._silence._interval),
         "diagnostics": list(session._diagnostics._recent),
-        "tail": session.bytes_at(0, 1 << 20),
+        "tail": session.access.bytes_at(0, 1 << 20),
         "backlog": session._pipeline._slices._taken,
         "heard": heard,
     }

@@ -154,7 +154,7 @@ def test_the_state_machine_agrees_with_the_reported_status(steps: list[str]) -> 
                     session.retry()
                 case "reopen":
                     with contextlib.suppress(LinkError):
-                        await session.reopen()
+                        await session.access.reopen()
                 case "rekey":
                     await session.read_as(decode_options("fake", key=bytes([sent % 250])))
                 case "silence":
@@ -165,7 +165,7 @@ def test_the_state_machine_agrees_with_the_reported_status(steps: list[str]) -> 
                     clock.move(0.1)
                     session.tick(clock())
                 case "decode":
-                    session.decode()
+                    session.access.decode()
             await asyncio.sleep(0.2)
             state = session._connection.state
             assert session.info.status in SHOWN.get(state, {session.info.status}), (state, step)

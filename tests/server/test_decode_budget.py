@@ -274,7 +274,7 @@ def test_random_message_names_do_not_fill_memory(monkeypatch: pytest.MonkeyPatch
             for at in range(0, len(names), 100):
                 lines = b"".join(sentence(f"{name},1,2") for name in names[at : at + 100])
                 there.session._on_chunks([Chunk(lines, there.session._link.settings.now_ns())])
-                there.session.decode()
+                there.session.access.decode()
                 there.session.tick(there.telemetry.bus.now())
             assert len(there.telemetry.store.all) == 3
             assert len(intake.stats.messages) == MAX_MESSAGES + 1

@@ -169,9 +169,9 @@ def test_an_answer_is_decoded_at_once() -> None:
         await asyncio.sleep(1.0)
         heard: list[float] = []
         loop = asyncio.get_running_loop()
-        session.listen(lambda event: heard.append(loop.time()))
+        session.listeners.listen(lambda event: heard.append(loop.time()))
         for suppressed in (False, True):
-            session.suppress_timeout(suppressed)
+            session.access.suppress_timeout(suppressed)
             await asyncio.sleep(UNWATCHED_S)
             link.send(sample(1))  # the first slices of a stretch
             await asyncio.sleep(0.01)

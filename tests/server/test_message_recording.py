@@ -38,7 +38,7 @@ def by_topic(path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
 def live(made: Any, title: str, message: str) -> list[np.ndarray]:
     """Arrival, time and columns of a quantity in the server's memory."""
     for session in made.sessions.all:
-        session.decode()
+        session.access.decode()
     (one,) = (one for one in made.telemetry.store.all if (one.info.title, one.info.message) == (title, message))
     return one.ring.read()
 

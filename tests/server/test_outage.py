@@ -39,7 +39,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
                     link.send(data)
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
-                session.decode()
+                session.access.decode()
 
         await stream(device, 3)
         link.die(LinkError("gone", "It closed the connection.", ""))

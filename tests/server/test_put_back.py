@@ -85,8 +85,8 @@ def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotten(tmp_
             desk = await here.add(f"{there.slave}?baud=115200")
             source = desk.session.info.source
             written: list[bytes] = []
-            desk.session.on_sent(lambda data, time_ns: written.append(data))
-            await desk.session.send(GO_TO_CONFIG)
+            desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
+            await desk.session.access.send(GO_TO_CONFIG)
             await until(lambda: desk.state == "Config", "as the kill left it")
             here.desks.put_back.keep(source, "", [REQ_DID])
             here.desks.put_back.keep(source, "7", [GO_TO_MEASUREMENT])
@@ -104,12 +104,12 @@ def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambd
     def on_event(event: Event) -> None:
         if isinstance(event, Reply) and event.message.name == answer:
             off()
-            link = desk.session.link if isinstance(desk.session, Session) else None
+            link = desk.session.access.link if isinstance(desk.session, Session) else None
             assert isinstance(link, ThreadedLink)
             link.fail(LinkError("gone", "The adapter was unplugged.", "Plug it in."))
             then()
 
-    off = desk.session.listen(on_event)
+    off = desk.session.listeners.listen(on_event)
 
 
 def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: Path) 
         async with bench(measuring=True) as there, house(tmp_path, sample_s=PATIENCE_S) as here:
             desk = await here.add(f"{there.slave}?baud=115200")
             written: list[bytes] = []
-            desk.session.on_sent(lambda data, time_ns: written.append(data))
+            desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
             cut_at(desk, "GoToConfigAck", there.cycle)  # its adapter feeds it
             assert (await here.read(desk)).state == "failed"
             await until(lambda: reported(here, IS_BACK), "it is back")
@@ -182,7 +182,7 @@ def test_a_device_that_was_found_in_the_config_state_stays_there(tmp_path: Path)
     async def check() -> None:
         async with bench(measuring=True) as there, house(tmp_path) as here:
             desk = await here.add(f"{there.slave}?baud=115200")
-            await desk.session.send(GO_TO_CONFIG)
+            await desk.session.access.send(GO_TO_CONFIG)
             await until(lambda: phase(there) == "config", "another program stops it")
             assert (await here.read(desk)).state == "done"
             assert phase(there) == "config"

@@ -146,7 +146,7 @@ def test_sent_bytes_are_recorded_too(running: InProcessServer, links: FakeLinks,
     running.client.post("/api/recordings/start", json={})
     assert running.loop is not None
     session = running.services.sessions.get("1")
-    asyncio.run_coroutine_threadsafe(session.send(b"hello"), running.loop).result(PATIENCE_S)
+    asyncio.run_coroutine_threadsafe(session.access.send(b"hello"), running.loop).result(PATIENCE_S)
     ended = running.client.post("/api/recordings/stop", json={}).json()
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "tx/1") == b"hello"
 
@@ -325,7 +325,7 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
         desk = await made.add("sim:xbus?rate=400")
         heard: list[bytes] = []
         assert isinstance(desk.session, Session)
-        desk.session.chunks(lambda data, time_ns, way: heard.append(data) if way == "rx" else None)
+        desk.session.listeners.chunks(lambda data, time_ns, way: heard.append(data) if way == "rx" else None)
         await one.start()
         await until(lambda: len(list(plan.folder.iterdir())) >= 4, "it was split")
         await one.stop()

@@ -52,7 +52,7 @@ def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
             await until(
                 lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
             )
-            assert desk.session.baud == 921_600
+            assert desk.session.access.baud == 921_600
             assert desk.pending_rollback is not None
             assert desk.pending_rollback.words == (
                 "The device answers at 921 600 Bd. Unless confirmed, it is rolled back to 115 200 Bd."
@@ -63,7 +63,7 @@ def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
             assert job.state == "failed"
             assert "because the change was not confirmed in time" in job.message
             assert desk.pending_rollback.state == "rolled-back"
-            assert desk.session.baud == 115_200
+            assert desk.session.access.baud == 115_200
             assert files(tmp_path) == []
             await until(lambda: desk.session.info.status == "live", "it streams again")
             assert (await here.read(desk)).state == "done"
@@ -115,7 +115,7 @@ def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
             assert desk.pending_rollback is not None
             assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
             assert job.state == ("done" if keep else "failed")
-            assert desk.session.baud == (921_600 if keep else 115_200)
+            assert desk.session.access.baud == (921_600 if keep else 115_200)
             if keep:
                 assert job.hint == "Open it as sim:xbus?baud=921600&rate=20 when this server is started again."
             assert files(tmp_path) == []
@@ -139,7 +139,7 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
     async def check() -> None:
         async with house(tmp_path, rollback_s=1.0) as here:
             desk = await here.add(SOURCE)
-            desk.session.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
+            desk.session.listeners.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
             await over(await faster(here, desk))
 
     run(check())
@@ -190,7 +190,7 @@ def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
             assert "has its old settings" in job.message
             assert desk.pending_rollback.state == "rolled-back"
             assert files(tmp_path) == []
-            assert desk.session.baud == 115_200
+            assert desk.session.access.baud == 115_200
 
     run(check())
 
@@ -234,10 +234,10 @@ def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_eit
             await until(
                 lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
             )
-            assert desk.session.baud == rate
+            assert desk.session.access.baud == rate
             await over(task)
             assert desk.pending_rollback is not None
-            assert (desk.pending_rollback.state, desk.session.baud) == ("rolled-back", 115_200)
+            assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
             assert desk.values["PortConfig"]["words"][1] == 0x10002
 
     run(check())
@@ -262,9 +262,9 @@ def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
             desk = await here.add("sim:xbus?product=MTi-300&baud=921600&rate=20")
             jobs = here.desks.jobs
             await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
-            assert desk.session.baud == 921_600
+            assert desk.session.access.baud == 921_600
             job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
-            assert (job.state, desk.session.baud) == ("done", 115_200), job
+            assert (job.state, desk.session.access.baud) == ("done", 115_200), job
             assert job.message == "The device uses 115 200 Bd after its restart; the link was changed to it."
             assert not missed
 
@@ -361,7 +361,7 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
             source = f"serial://{there.slave}?baud=115200"
             desk = await here.add(source)
             await here.read(desk)
-            await desk.session.send(bytes.fromhex("faff3000d1"))
+            await desk.session.access.send(bytes.fromhex("faff3000d1"))
             await until(lambda: desk.state == "Config", "the device is in Config")
             await here.sessions.remove(desk.device)
             old = {"PortConfig": dict(desk.values["PortConfig"])}

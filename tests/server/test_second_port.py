@@ -43,11 +43,11 @@ def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: l
             await until(
                 lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
             )
-            assert desk.session.baud == rate
+            assert desk.session.access.baud == rate
             desk.decide(keep=False)
             await over(task)
             assert desk.pending_rollback is not None
-            assert (desk.pending_rollback.state, desk.session.baud) == ("rolled-back", 115_200)
+            assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
             assert desk.values["PortConfig"]["words"][:2] == [XBUS_115200] * 2
 
     asyncio.run(check())

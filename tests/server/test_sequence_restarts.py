@@ -47,7 +47,7 @@ class RestartHarness:
         for _ in range(3):
             await asyncio.sleep(0)
         await asyncio.sleep(0.001)
-        self.session.decode()
+        self.session.access.decode()
 
     async def send(self, *frames: bytes, every: float = 0.01) -> None:
         """Frames at their rate, each decoded on arrival; of those that arrive at once, a hundred together."""
@@ -58,7 +58,7 @@ class RestartHarness:
             await asyncio.sleep(0)
             await asyncio.sleep(0)
             if count % together == 0 or count == len(frames):
-                self.session.decode()
+                self.session.access.decode()
                 self.session.tick(self.clock())
         await self.settle()
 

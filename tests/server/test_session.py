@@ -410,13 +410,13 @@ def test_received_and_sent_bytes_reach_listeners() -> None:
         sent: list[tuple[bytes, int]] = []
         session, link = stage.session, stage.link
         offs = [
-            session.chunks(lambda *chunk: chunks.append(chunk)),
-            session.listen(events.append),
-            session.on_sent(lambda data, time: sent.append((data, time))),
+            session.listeners.chunks(lambda *chunk: chunks.append(chunk)),
+            session.listeners.listen(events.append),
+            session.listeners.on_sent(lambda data, time: sent.append((data, time))),
         ]
         await stage.send(sample(0), sample(1) + b"?", b"W")
         link.listens = True
-        await session.send(b"hello")
+        await session.access.send(b"hello")
         assert [(data, direction) for data, _, direction in chunks] == [
             *((sample(0), "rx"), (sample(1) + b"?", "rx"), (b"W", "rx"), (b"hello", "tx"))
         ]
@@ -428,7 +428,7 @@ def test_received_and_sent_bytes_reach_listeners() -> None:
         assert [type(event) for event in events] == [Batch, Batch, RejectedFrame, Reply]
         link.listens = False
         with pytest.raises(LinkError):
-            await session.send(b"lost")
+            await session.access.send(b"lost")
         assert len(sent) == 1, "what was not sent is not told"
         link.die(LinkError("gone", "gone"))
         await stage.settle()
@@ -451,9 +451,9 @@ def test_a_failing_listener_does_not_affect_others(caplog: pytest.LogCaptureFixt
         def broken(*news: object) -> None:
             raise RuntimeError("a listener that breaks")
 
-        stage.session.listen(broken)
-        stage.session.chunks(broken)
-        stage.session.listen(heard.append)
+        stage.session.listeners.listen(broken)
+        stage.session.listeners.chunks(broken)
+        stage.session.listeners.listen(heard.append)
         await stage.send(sample(0), sample(1))
         assert len(heard) == 2
         assert stage.status == "live"
@@ -471,7 +471,7 @@ def test_concurrent_senders_do_not_mix_their_bytes() -> None:
                 stage.link.sent.append(bytes([byte]))
 
         stage.link.write = slow  # type: ignore[method-assign]
-        await asyncio.gather(stage.session.send(b"aaaa"), stage.session.send(b"bbbb"))
+        await asyncio.gather(stage.session.access.send(b"aaaa"), stage.session.access.send(b"bbbb"))
         assert b"".join(stage.link.sent) == b"aaaabbbb"
 
     play(test)

@@ -52,7 +52,7 @@ def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> 
         async with house(tmp_path) as here:
             desks = await both(here)
             sent: list[bytes] = []
-            desks[0].session.on_sent(lambda data, time: sent.append(data))
+            desks[0].session.listeners.on_sent(lambda data, time: sent.append(data))
             assert {int(desk.context.device) for desk in desks} == {1, 2}
             for place, desk in enumerate(desks):
                 job = await here.read(desk)
@@ -82,7 +82,7 @@ def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
         async with house(tmp_path) as here:
             desks = await both(here)
             sent: list[int] = []
-            desks[0].session.on_sent(lambda data, time: sent.append(data[1]))
+            desks[0].session.listeners.on_sent(lambda data, time: sent.append(data[1]))
             tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
             jobs = [await over(task) for task in tasks]
             assert [job.state for job in jobs] == ["done", "done"]
@@ -286,7 +286,7 @@ def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool
                 "it asks",
             )
             assert not task.finished.is_set(), task.job.message
-            assert {one.session.baud for one in (first, desk)} == {921_600}
+            assert {one.session.access.baud for one in (first, desk)} == {921_600}
             (record,) = here.desks.rollbacks.all()
             assert (record.device, record.address) == (desk.context.device, int(desk.context.device))
             desk.decide(keep=keep)
@@ -294,7 +294,7 @@ def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool
             assert job.state == ("done" if keep else "failed"), job.message
             assert desk.pending_rollback is not None
             assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
-            assert {one.session.baud for one in (first, desk)} == {921_600 if keep else 115_200}
+            assert {one.session.access.baud for one in (first, desk)} == {921_600 if keep else 115_200}
             await until(lambda: desk.session.info.status == "live", "it is heard again")
             if keep:
                 await until(lambda: first.session.info.status == "lost", "the other speaks at another rate")

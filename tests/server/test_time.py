@@ -68,7 +68,7 @@ class TimeHarness:
                 await self._read(due)
             self.cable.send(self.device.advance(now), now)
             if self._samples % 10 == 0:
-                self.session.decode()
+                self.session.access.decode()
                 self.session.tick(self.clock())
 
     async def _read(self, due: int) -> None:
@@ -260,7 +260,7 @@ def test_a_capture_played_faster_is_not_a_clock_jump(speed: float) -> None:
             await asyncio.sleep(0)
             await asyncio.sleep(0)
             if k % 10 == 0:
-                session.decode()
+                session.access.decode()
                 session.tick(clock())
         said = [event.text for event in telemetry.log if event.kind == "clock" or event.data.get("reason") == "unit"]
         channel = next(one for one in telemetry.store.all if one.info.name == "Acceleration")

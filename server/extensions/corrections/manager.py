@@ -8,7 +8,7 @@ from dataclasses import replace
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.link_member import AnyDevice
+from imuscope.server.devices.link_member import AnyDevice, DevicePort
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.extensions.corrections.log import LogSink, ignore
 from imuscope.server.extensions.corrections.stream import CorrectionForwarder
@@ -51,7 +51,7 @@ class CorrectionManager:
         Raises:
             CorrectionError: the source is invalid; the previous stream continues.
         """
-        forwarder = CorrectionForwarder(session, source, lambda: self._exists(session), log_sink)
+        forwarder = CorrectionForwarder(DevicePort(session), source, lambda: self._exists(session), log_sink)
         await self.end(session)
         self._streams[session.info.id] = forwarder
 

@@ -21,10 +21,10 @@ def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path: Path
             for desk in (first, further):
                 assert (await here.read(desk)).state == "done"
             sent: list[bytes] = []
-            first.session.on_sent(lambda data, time: sent.append(data))
+            first.session.listeners.on_sent(lambda data, time: sent.append(data))
             heard: list[tuple[DeviceController, str]] = []
             for desk in (first, further):
-                desk.session.listen(
+                desk.session.listeners.listen(
                     lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
                 )
             corrections = CorrectionManager(here.sessions)

@@ -10,7 +10,7 @@ import { type PanelPlace, registerPanel } from "../panels/registry";
 import type { Panel } from "../ui/dom";
 import { request } from "../ui/http";
 import { serverRoot } from "../ui/server-place";
-import { extensionFailed } from "../texts/extensions";
+import { TEXT } from "../texts/extensions";
 import type { InstalledExtension } from "../wire/routes";
 
 const VERSION = 1;
@@ -69,7 +69,8 @@ async function load(app: App, { name, title, module }: InstalledExtension): Prom
     start(doorOf(name));
   } catch (error) {
     reportError(error);
-    app.problem.value = { kind: "extension", status: 0, ...extensionFailed(title, String(error)) };
+    const message = TEXT.failed(title, String(error));
+    app.problem.value = { kind: "extension", status: 0, message, hint: TEXT.failedHint };
   }
 }
 

@@ -1,6 +1,5 @@
 /** Texts about extensions of other packages. */
-
-export const extensionFailed = (title: string, why: string) => ({
-  message: `${title} cannot be shown on this page: ${why}.`,
-  hint: "Everything else works. Install another version of its package, or remove it.",
-});
+export const TEXT = {
+  failed: (title: string, why: string) => `${title} cannot be shown on this page: ${why}.`,
+  failedHint: "Everything else works. Install another version of its package, or remove it.",
+};
