@@ -308,8 +308,8 @@ class IsbDriver(DeviceDriver):
         ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
         return {"options": 0, **values, "nmeaBroadcastMsgs": [*messages, *ended]}
 
-    def _streams(self, *, gpx: bool, **periods: Any) -> Transaction[Values]:
-        return (yield from stream_discovery.streams(lambda did: read_dataset(did), self._listening, gpx=gpx, **periods))
+    def _streams(self, *, gpx: bool, **options: Any) -> Transaction[Values]:
+        return (yield from stream_discovery.streams(lambda did: read_dataset(did), self._listening, gpx=gpx, **options))
 
     def _write_streams(self, values: Values, *, gpx: bool) -> Transaction[WriteResult]:
         """Stop unwanted streams, start and change the others, check the result, and retry what differs."""
@@ -329,7 +329,7 @@ class IsbDriver(DeviceDriver):
                 periods[row["did"]] = row.get("period", 1)
                 if not (yield from self._stream(row["did"], periods[row["did"]])):
                     refused = f"{SETS[row['did']].name}: {NO}"
-            got = yield from self._streams(also=periods, asked=periods, gpx=gpx)
+            got = yield from self._streams(also=periods, periods=periods, gpx=gpx)
         if persists(values) and not refused:
             try:
                 yield from write_dataset(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
