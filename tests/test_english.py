@@ -1,14 +1,18 @@
-"""Checks on the English of docstrings (rules a to i of the style): first lines are noun phrases or imperatives."""
+"""Checks on the English of docstrings and names: first lines are noun phrases or imperatives, identifiers are nouns,
+verbs and terms of the field.
+"""
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from imuscope.protocols.plural import counted, plural
 from tests.each_row import each_row
-from tests.source_files import ROOT, facts_of, module_docstring, python_files, text_of
+from tests.identifier_names import SUSPECT, bound_names, is_wrong
+from tests.source_files import ROOT, facts_of, module_docstring, python_files, text_of, tree_of
 
 SOURCES = ("protocols", "recordings", "server")
 OPENING = re.compile(
@@ -17,6 +21,14 @@ OPENING = re.compile(
 )
 PLURAL = re.compile(r"""(['"])s\1 if |else (['"])s\2|\b(['"])\w+\3 if .*== 1 else (['"])\w*s\4""")
 SENTENCE = re.compile(r"(?<=[.?!:])\s")
+ALLOWED_NAMES = {
+    ("server/configuration/api_models.py", "taken"): "SnapshotInfo of the HTTP API",
+    ("server/configuration/snapshots.py", "taken"): "as in the HTTP API",
+    ("server/diagnostics/checks.py", "found"): "output of `imuscope doctor --json`",
+    ("server/extensions/calibration/report.py", "seen"): "DirectionCoverage of the HTTP API",
+    ("server/links/ports.py", "heard"): "name of the previous version in the HTTP API",
+}
+"""Names that cross to users, by file, and where they cross."""
 
 
 def docstrings(folder: str) -> Iterator[tuple[str, str]]:
@@ -66,6 +78,32 @@ def test_plurals_come_from_one_function(folder: str) -> None:
         if PLURAL.search(line)
     ]
     assert not wrong, "\n".join(wrong)
+
+
+@each_row("folder", SOURCES)
+def test_identifiers_are_terms_of_the_field(folder: str) -> None:
+    wrong = [
+        f"{where}:{line} {name}"
+        for path in python_files(folder)
+        if SUSPECT.search(text_of(path))
+        for line, name in bound_names(tree_of(path))
+        if is_wrong(name) and ((where := str(path.relative_to(ROOT))), name) not in ALLOWED_NAMES
+    ]
+    assert not wrong, "\n".join([*wrong, "Name the thing, or the deed: tests/identifier_names.py."])
+
+
+def test_every_allowed_name_is_needed() -> None:
+    bound = {(file, name) for file, _ in ALLOWED_NAMES for _, name in bound_names(tree_of(ROOT / file))}
+    assert ALLOWED_NAMES.keys() <= bound, f"no longer needed: {ALLOWED_NAMES.keys() - bound}"
+
+
+def test_a_word_of_sense_is_found() -> None:
+    source = "import a as told\ndef f(asked, kept_tags, is_kept):\n  [given for given in 1]\n  self._seen = look_at = 1"
+    wrong = [name for _, name in bound_names(ast.parse(source)) if is_wrong(name)]
+    assert sorted(wrong) == ["_seen", "asked", "given", "look_at", "told"]
+    assert is_wrong("MarksKept")
+    assert not is_wrong("last_seen")
+    assert not is_wrong("lookup")
 
 
 def test_plurals() -> None:

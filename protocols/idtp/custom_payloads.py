@@ -63,7 +63,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _MESSAGE_KEYS = ("type", "name", "doc", "field")
 _FIELD_KEYS = ("name", "type", "count", "axes", "unit", "scale", "bias", "decimals", "doc", "title")
 
-_TAKEN = (
+_NAMES_IN_USE = (
     "timestamp",
     "sequence",
     "device_id",
@@ -128,8 +128,8 @@ def _field(message: str, index: int, table: Mapping[str, Any]) -> Field:
     name = _name(f"{message}, field {index}", table)
     place = f"{message}, field {name}"
     _only(place, table, _FIELD_KEYS)
-    if name in _TAKEN:
-        raise SchemaError(f"{message}, field {index}: name is none of {', '.join(_TAKEN)}; given {name!r}")
+    if name in _NAMES_IN_USE:
+        raise SchemaError(f"{message}, field {index}: name is none of {', '.join(_NAMES_IN_USE)}; given {name!r}")
     kind = table.get("type")
     if not isinstance(kind, str) or kind not in TYPES:
         raise SchemaError(f"{place}: type is one of {', '.join(TYPES)}, given {kind!r}")

@@ -24,7 +24,7 @@ from typing import Any, Literal
 from imuscope.protocols.schema import Caution, Command, Field, Message, Setting
 from imuscope.protocols.xbus.messages import BY_NAME, ROWS, answers
 from imuscope.protocols.xbus.product_options import fitted
-from imuscope.protocols.xbus.products import ALL, CLASSIC, FILTER, NOBODY, ONE, RTK, SIX, Model, has, model_of
+from imuscope.protocols.xbus.products import ALL, CLASSIC, FILTER, NO_PRODUCTS, ONE, RTK, SIX, Model, has, model_of
 
 CommandState = Literal["config", "measuring", "any"]
 
@@ -154,8 +154,8 @@ _ROWS: tuple[CommandRow, ...] = (
     _set("SetGnssLeverArm", RECEIVER, "Set the antenna lever arm", RTK),
     _do("ForwardGnssData", RECEIVER, "Forward data to the GNSS receiver", RTK, state="measuring", caution="moves-frame",
         consequence="Incorrect data shift the position; the receiver does not verify them."),
-    _request_row("ReqGnssReceiverSettings", RECEIVER, "Read the GNSS receiver settings", NOBODY),
-    _set("SetGnssReceiverSettings", RECEIVER, "Configure the GNSS receiver", NOBODY, basic=False),
+    _request_row("ReqGnssReceiverSettings", RECEIVER, "Read the GNSS receiver settings", NO_PRODUCTS),
+    _set("SetGnssReceiverSettings", RECEIVER, "Configure the GNSS receiver", NO_PRODUCTS, basic=False),
     # heading
     _do("ResetOrientation", HEADING, "Reset the orientation and store it", FILTER, state="measuring",
         name=RESET_AND_STORE, caution="moves-frame",
@@ -173,7 +173,7 @@ _ROWS: tuple[CommandRow, ...] = (
         harmless_values={"command": (0, 1, 3)}),
     _do("SetInitialHeading", HEADING, "Set the initial heading", _GNSS_HEADING, caution="moves-frame",
         consequence="The filter starts with this heading; a wrong one persists until the filter has corrected it."),
-    _do("StoreFilterState", HEADING, "Store the filter state", NOBODY, basic=False, caution="wears-flash",
+    _do("StoreFilterState", HEADING, "Store the filter state", NO_PRODUCTS, basic=False, caution="wears-flash",
         consequence="Each call writes to the flash memory."),
     # identity
     _request_row("ReqDID", IDENTITY, "Read the serial number"),
@@ -182,7 +182,7 @@ _ROWS: tuple[CommandRow, ...] = (
     _request_row("ReqFWRev", IDENTITY, "Read the firmware revision"),
     _request_row("ReqLocationID", IDENTITY, "Read the location identifier"),
     _set("SetLocationID", IDENTITY, "Set the location identifier"),
-    _request_row("ReqEmts", IDENTITY, "Read the stored calibration", NOBODY, timeout_s=5.0),
+    _request_row("ReqEmts", IDENTITY, "Read the stored calibration", NO_PRODUCTS, timeout_s=5.0),
     _do("RunSelftest", IDENTITY, "Run the self-test", timeout_s=3.0),
     # commands
     _do("GoToConfig", COMMANDS, "Stop measuring", state="any", caution="stops-output",
@@ -194,13 +194,13 @@ _ROWS: tuple[CommandRow, ...] = (
         consequence="All settings, alignments and filter settings return to factory defaults; the baud rate returns to "
         "115 200 Bd at the next reset."),
     _do("WakeUpAck", COMMANDS, "Keep a starting device in the config state", state="any", basic=False),
-    _do("InitBus", COMMANDS, "Initialise the bus", NOBODY, basic=False),
-    _request_row("ReqErrorMode", COMMANDS, "Read the error mode", NOBODY),
-    _set("SetErrorMode", COMMANDS, "Set the error mode", NOBODY, basic=False),
-    _request_row("ReqOutputMode", COMMANDS, "Read the output mode", NOBODY),
-    _set("SetOutputMode", COMMANDS, "Set the output mode", NOBODY, basic=False),
-    _request_row("ReqOutputSettings", COMMANDS, "Read the output settings", NOBODY),
-    _set("SetOutputSettings", COMMANDS, "Set the output settings", NOBODY, basic=False),
+    _do("InitBus", COMMANDS, "Initialise the bus", NO_PRODUCTS, basic=False),
+    _request_row("ReqErrorMode", COMMANDS, "Read the error mode", NO_PRODUCTS),
+    _set("SetErrorMode", COMMANDS, "Set the error mode", NO_PRODUCTS, basic=False),
+    _request_row("ReqOutputMode", COMMANDS, "Read the output mode", NO_PRODUCTS),
+    _set("SetOutputMode", COMMANDS, "Set the output mode", NO_PRODUCTS, basic=False),
+    _request_row("ReqOutputSettings", COMMANDS, "Read the output settings", NO_PRODUCTS),
+    _set("SetOutputSettings", COMMANDS, "Set the output settings", NO_PRODUCTS, basic=False),
 )  # fmt: skip
 
 

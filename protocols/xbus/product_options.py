@@ -34,7 +34,7 @@ from imuscope.protocols.xbus.enums import (
     TRIGGER,
 )
 from imuscope.protocols.xbus.output_configuration import OUTPUTS, output_of
-from imuscope.protocols.xbus.products import ALL, CLASSIC, GNSS, NOBODY, ONE, RTK, SIX, Model
+from imuscope.protocols.xbus.products import ALL, CLASSIC, GNSS, NO_PRODUCTS, ONE, RTK, SIX, Model
 
 _OPTIONS: Mapping[str, frozenset[int]] = {  # table 8
     "DisableAutoStore": ONE,
@@ -153,7 +153,7 @@ def fitted(message: str, field: Field, model: Model | None) -> Field:
 
 
 def _options(field: Field, model: Model | None) -> Field:
-    bits = (bit for bit in OPTION_FLAGS if model is None or model.number in _OPTIONS.get(bit.name, NOBODY))
+    bits = (bit for bit in OPTION_FLAGS if model is None or model.number in _OPTIONS.get(bit.name, NO_PRODUCTS))
     return replace(field, bits=tuple(bits), default=0)
 
 

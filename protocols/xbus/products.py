@@ -74,7 +74,7 @@ GNSS = frozenset(n for n, model in MODELS.items() if model.kind in ("GNSS", "RTK
 FILTER = ALL - IMU
 RTK = frozenset({680})
 BARO = frozenset({7}) | SIX | {100, 200, 300, 710}
-NOBODY: frozenset[int] = frozenset()
+NO_PRODUCTS: frozenset[int] = frozenset()
 """Features of no product of this document: deprecated, or known from the devices' own software only."""
 
 _CODE = re.compile(r"MTi-(?:G-)?(\d+)G?(?![0-9A-Za-z])")

@@ -167,7 +167,7 @@ class SharedPortLink(ThreadedLink):
         if connection is None:
             raise LinkError("gone", f"The holder of {self.source} does not answer.", "It is started again.")
         try:
-            return connection, await asyncio.to_thread(self._greeted, connection)
+            return connection, await asyncio.to_thread(self._read_greeting, connection)
         except (LinkError, ConnectionError):
             connection.close()
             raise
@@ -195,7 +195,7 @@ class SharedPortLink(ThreadedLink):
             inner.line = replace(inner.line, baud=baud)
         await asyncio.to_thread(_run_holder, holder_settings(inner, self.shares))
 
-    def _greeted(self, connection: socket.socket) -> Mapping[str, Any]:
+    def _read_greeting(self, connection: socket.socket) -> Mapping[str, Any]:
         """The first state of the holder; in a thread."""
         self._messages = MessageReader()
         connection.settimeout(START_S)

@@ -19,7 +19,7 @@ from imuscope.server.extensions.analysis.signals import Floats, Signal
 
 Pairing = Literal["interpolated", "nearest"]
 GAP = 2.5  # a step longer than this many usual ones is a gap, as in the plots
-KEPT = 6  # samples of an interval: first, last, and the extremes of x and y
+SAMPLES_PER_INTERVAL = 6  # samples of an interval: first, last, and the extremes of x and y
 DIGITS = 7  # significant ones of the greatest value, as many as a 32-bit float has
 
 
@@ -64,7 +64,7 @@ def thinned(pairs: Pairs, most: int) -> Pairs:
     n = len(pairs.time)
     if n <= most:
         return pairs
-    length = -(-n // max(1, most // KEPT))
+    length = -(-n // max(1, most // SAMPLES_PER_INTERVAL))
     whole = n - n % length
     indices = [np.arange(0, n, length), np.minimum(np.arange(0, n, length) + length, n) - 1]
     for values in (pairs.x, pairs.y):

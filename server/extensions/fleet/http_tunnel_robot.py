@@ -210,8 +210,8 @@ class PageServer:
 
     def _put_soon(self, server: str, answer: Answer) -> None:
         task = asyncio.create_task(self.put(server, answer), name="answer for the fleet")
-        _KEPT.add(task)
-        task.add_done_callback(_KEPT.discard)
+        _RUNNING.add(task)
+        task.add_done_callback(_RUNNING.discard)
 
     async def put(self, server: str, answer: Answer) -> None:
         """Send a message. Waits for the line, never in the event loop."""
@@ -236,7 +236,7 @@ class PageServer:
             )
 
 
-_KEPT: set[asyncio.Task[None]] = set()
+_RUNNING: set[asyncio.Task[None]] = set()
 """Tasks that nobody else refers to."""
 
 

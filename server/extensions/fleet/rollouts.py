@@ -41,7 +41,7 @@ from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary
 log = logging.getLogger("imuscope.fleet")
 
 AT_ONCE = 24  # devices of a wave
-KEPT = 50
+MAX_ROLLOUTS = 50
 BROKEN = "An internal error of the fleet server ended it; its log has the reason."
 Note = Callable[[str, str, str], None]
 """Stores an event: robot or "", level, text."""
@@ -399,7 +399,7 @@ class Rollouts:
 
     def _forget_old(self) -> None:
         ended = [number for number in sorted(self._all) if number not in self._runs]
-        for number in ended[:-KEPT]:
+        for number in ended[:-MAX_ROLLOUTS]:
             del self._all[number]
             self._files.remove(number)
 

@@ -25,7 +25,7 @@ Times = NDArray[np.int64]
 
 WAIT = 50_000_000  # ns
 MAX_AGE = 500_000_000  # ns
-KEPT = 1024  # rows of a channel
+MAX_ROWS = 1024  # rows of a channel
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +104,8 @@ class RecentRows:
         if len(self.times) and times[0] < self.times[-1]:
             self.times, self._values = times, values
             return
-        self.times = np.concatenate((self.times, times))[-KEPT:]
-        self._values = np.concatenate((self._values, values))[-KEPT:]
+        self.times = np.concatenate((self.times, times))[-MAX_ROWS:]
+        self._values = np.concatenate((self._values, values))[-MAX_ROWS:]
 
     def pop(self, n: int) -> tuple[Times, Floats]:
         """Remove the first n rows and return them."""
