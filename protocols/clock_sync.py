@@ -359,7 +359,7 @@ class ClockSync:
 
     @property
     def knows_drift(self) -> bool:
-        """Whether the clock has been observed for long enough to tell its drift: some ten seconds since it started."""
+        """Whether the clock has been observed for long enough to know its drift: some ten seconds since it started."""
         return self._now is not None and self._now.knows_drift
 
     @property
@@ -384,7 +384,7 @@ class ClockSync:
 
     @property
     def late_ns(self) -> float:
-        """Delay of the newest frame against the mapping, ns; 0 while too few are known to tell."""
+        """Delay of the newest frame against the mapping, ns; 0 while there are too few."""
         return max(0.0, self._now.late.newest) if self._now and self._now.late.rows >= FEWEST else 0.0
 
     def jitter_ns(self, p: float = 99) -> float:

@@ -36,7 +36,7 @@ class FrameLister(Protocol):
 
 
 class OutputChanges(Protocol):
-    """Interruptions of a device's output that somebody asked for, by its answers: they explain missing samples."""
+    """Interruptions of a device's output on request, recognised by its answers: they explain missing samples."""
 
     @property
     def standing(self) -> tuple[int, str] | None:
@@ -274,7 +274,7 @@ class StreamTraits:
         datagrams: whether the decoder has that keyword: every chunk is a datagram.
         silence: whether its decoder accepts more after a silence: it has the keyword `arrivals` (False: the arrival
             times are not those of a link), and its listing has `feed_chunks`, as decoders do.
-        output_changes: recognises interruptions of the output that somebody asked for; None if samples are not counted.
+        output_changes: recognises interruptions of the output on request; None if samples are not counted.
         stamped: its device time is that of a host's clock, UTC: samples have this time, which is not mapped.
         counts: its samples or frames are numbered, so that lost ones are counted.
         counter: name of the quantity that has the numbers, where a device can be set not to send it; "" for frames that

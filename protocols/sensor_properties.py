@@ -10,7 +10,7 @@ BodyAxes = Literal["FLU", "FRD"]
 
 @dataclass(frozen=True, slots=True)
 class SensorProperties:
-    """Axes and noise of a product, from its data sheet; 0 for what that does not tell.
+    """Axes and noise of a product, from its data sheet; 0 for values that it does not contain.
 
     Args:
         axes: of its body: x forward, then y left and z up (FLU), or y right and z down (FRD).

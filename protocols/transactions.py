@@ -399,7 +399,7 @@ class DeviceDriver(ABC):
         return LinkLoad((), 0.0)
 
     def message_rate(self, settings: Mapping[str, Values], known: DeviceContext) -> float | None:
-        """Messages per second of the kind of message that these settings send most often; None if they do not tell."""
+        """Messages per second of the kind of message that these settings send most often; None if unknown."""
         return None
 
     def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:

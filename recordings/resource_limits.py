@@ -64,7 +64,7 @@ def memory_of_one() -> int:
 
 
 def memory_in_use() -> int:
-    """Memory of this process that counts against its limit, bytes; 0 where the system does not tell."""
+    """Memory of this process that counts against its limit, bytes; 0 where the system does not report it."""
     with contextlib.suppress(OSError, StopIteration):
         lines = Path("/proc/self/status").read_text().splitlines()
         return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmData:"))

@@ -89,7 +89,7 @@ class ChangedError(RecordingError):
 
 
 def expect_notes(edits: Edits, before: str | None) -> None:
-    """Raise ChangedError unless the notes are those that somebody read; None: any."""
+    """Raise ChangedError unless the notes are those that the client read; None: any."""
     if before is not None and (edits.notes or "") != before:
         raise ChangedError("The notes were changed elsewhere.", "Read them again, and add your words to them.")
 

@@ -244,7 +244,7 @@ def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
 
 
 def _unit(text: str) -> str:
-    """The unit in the brackets after a name; a frame may stand beside or instead of it ("m/s; NED")."""
+    """The unit in the brackets after a name; a frame may stand with it or instead of it ("m/s; NED")."""
     return ";".join(part.strip() for part in text.split(";") if not _FRAME.match(part.strip()))
 
 

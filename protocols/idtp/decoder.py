@@ -6,9 +6,9 @@
 
 ## Devices and trust
 
-Several devices may share a link: `Batch.device` is the device_id, in decimal. The Status column of a batch tells Lite
-frames from Safety frames. Secure frames that could not be verified are returned only on request, as batches of their
-own with `verified` False and with a clock of their own; they affect nothing else.
+Several devices may share a link: `Batch.device` is the device_id, in decimal. The Status column of a batch
+distinguishes Lite frames from Safety frames. Secure frames that could not be verified are returned only on request, as
+batches of their own with `verified` False and with a clock of their own; they affect nothing else.
 
 ## Time
 

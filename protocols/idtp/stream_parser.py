@@ -132,7 +132,7 @@ class IdtpStream:
 
     def _classified(self, whole: Whole) -> ClassifiedFrames:
         """Drop the frames that are old by their sequence number."""
-        cut = cast(ClassifiedFrames, whole)  # as the parser was told
+        cut = cast(ClassifiedFrames, whole)  # as passed to the parser
         table, arrivals, rejects = cut.table, cut.arrival_ns, cut.rejects
         judged = cut.verdict = self.sequences.classify(cut.array, table, arrivals)
         refused = self._intact(cut, rejects) if rejects else []

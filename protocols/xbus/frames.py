@@ -164,8 +164,8 @@ def follow_items(data: Bytes, start: int, stop: int, spots: Ints, headers: Ints)
     Args:
         spots: (_SPOTS,), written: offsets from `start` of the values of PacketCounter, SampleTimeFine,
             SampleTimeCoarse, UtcTime and a GNSS solution's type of fix; 0 if absent. Of repeated ones the last counts.
-            Then 1 if the message has GNSS items and, counters, clocks and status aside, no others; and the number of
-            items.
+            Then 1 if the message has GNSS items and, except for counters, clocks and status, no others; and the number
+            of items.
         headers: (_MAX_ITEMS,), written: offset from `start` of each item.
 
     Returns:

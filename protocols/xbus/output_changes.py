@@ -1,11 +1,11 @@
-"""Interruptions of the output that somebody asked for, recognised by the device's answers.
+"""Interruptions of the output on request, recognised by the device's answers.
 
     GoToConfigAck                              no samples until GoToMeasurement
     ReqStringOutputTypeAck, types ≠ 0          strings in place of samples
     ReqSyncSettingsAck with SendLatest         a sample for each request, those between are not sent
     WakeUp                                     the device has restarted
 
-Whether a device counts on meanwhile is not documented, so missing numbers after one of these are no sign of a damaged
+Whether a device goes on counting then is not documented, so missing numbers after one of these are no sign of a damaged
 line.
 
 Source: MT0101P 2020.A, 5.3.1, 5.3.4 and 5.3.5.
@@ -18,10 +18,10 @@ from imuscope.protocols.xbus.enums import SEND_LATEST
 
 GO_TO_CONFIG_ACK, STRINGS_ACK, SYNC_ACK, WAKE_UP = 0x31, 0x8F, 0x2D, 0x3E
 
-CONFIGURED = "the device was set to the config state meanwhile, in which it does not measure."
-STRINGS = "the device was switched to string output meanwhile, which replaces the samples."
+CONFIGURED = "the device was in the config state, in which it does not measure."
+STRINGS = "the device was switched to string output, which replaces the samples."
 ON_REQUEST = "the device sends a sample on request only (SendLatest); those between were not requested."
-RESTARTED = "the device restarted meanwhile."
+RESTARTED = "the device restarted."
 
 
 class XbusOutputChanges:

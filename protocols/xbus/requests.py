@@ -1,7 +1,7 @@
 """Requests to an MTi: state changes, attempts and acknowledgements.
 
     ask      request ──> acknowledgement, number plus one; Error ──> DeviceRejectedError in the document's words, and
-                   likewise WakeUp: the device has restarted (only Reset is answered by it too);
+                   or WakeUp: the device has restarted (only Reset is answered by it too);
                    no answer within the time-out ──> retry, if repeating is harmless
     is_in_config   ReqDID: a device in the config state answers, one that measures refuses
     to_config      GoToConfig every 100 ms; a WakeUp in between is answered with WakeUpAck at once: within 500 ms that
