@@ -129,7 +129,7 @@ class RouterSettings:
         """Refuse to listen to a network without TLS and credentials.
 
         Args:
-            is_open: the user said in words that anyone may join and read.
+            is_open: the user allowed explicitly that anyone may join and read.
 
         Raises:
             FleetAccessError: it is not safe.
@@ -138,7 +138,7 @@ class RouterSettings:
             missing = "a file of robots (--robots)" if self.robots is None else "TLS (tls/HOST:PORT)"
             raise FleetAccessError(
                 f"{self.listen} can be reached by others: without {missing}, any of them could pose as a robot or read "
-                "what robots send. Add it, or say --anyone-may-join-and-listen on a network that you trust"
+                "what robots send. Add it, or use --anyone-may-join-and-listen on a network that you trust"
             )
         if self.listen.startswith("tls/") and not (self.certificate and self.key):
             raise FleetAccessError("tls/ needs bus_certificate and bus_key: the PEM files of this server")

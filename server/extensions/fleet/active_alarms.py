@@ -1,4 +1,4 @@
-"""Alarms of this robot that are raised, as its fleet is told of them."""
+"""Active alarms of this robot, as reported to its fleet."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Zenoh sessions of a fleet: that of a robot, which connects and never listens, and that of the fleet server.
 
     robot            client of the router, found by its address. Opening waits until the router is there; one that is
-                     lost is tried again every few seconds, and everything is announced anew.
+                     lost is tried again every few seconds, and everything is announced again.
     fleet server     a router itself (`--listen`), or a client of one (`--router`).
 
 Nothing is found by multicast, and no session of a robot talks to another.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 MAX_SESSIONS = 100_000
 MAX_MESSAGE = 1024 * 1024  # bytes: larger ones are refused by Zenoh itself
 SLOW_LINE_US = 60_000_000
-"""A robot's line that accepts nothing for so long is opened anew; the usual 5 s are short for a bad line."""
+"""A robot's line that accepts nothing for so long is reopened; the usual 5 s are short for a bad line."""
 SETTINGS: Mapping[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,

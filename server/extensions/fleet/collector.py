@@ -7,7 +7,7 @@
     journal of NAME ────> reports in order, taken; what NAME had to drop is counted
 
 A robot that was restarted has reports of earlier runs. Those come first, run by run, from the last report that this
-server has of each; meanwhile only the status is taken from what the robot reports.
+server has of each; until then only the status of its reports is used.
 
 Nothing here trusts the bus: whatever does not decode, belongs to a run that is not announced, or has no valid name is
 counted and ignored.
@@ -41,7 +41,7 @@ from imuscope.server.printable import printable
 
 REQUEST_INTERVAL_S = 5.0
 CONFIRM_S = 300.0
-"""How often a robot is told which of its reports are stored, by asking for those after it."""
+"""Interval of acknowledging stored reports to a robot, by requesting those after them."""
 MAX_BOOTS = 4
 MAX_ENDS = 64
 MAX_UNWRITTEN = 50_000
@@ -198,7 +198,7 @@ class Collector:
             return
         robot = self._robots.get(name)
         if robot is None or not robot.boots or report.boot != robot.live_boot:
-            self.counts.unannounced += 1  # it is asked for when the token arrives
+            self.counts.unannounced += 1  # it is requested when the token arrives
             if robot is not None and report.boot in robot.boots:
                 self._take_other(robot, report)
             return
@@ -282,7 +282,7 @@ class Collector:
         return self._summaries.remove(name)
 
     def show_again(self, applies: Callable[[RobotSummary], bool]) -> None:
-        """Show robots anew of which this server knows more now."""
+        """Refresh robots for which this server has more data now."""
         for name, robot in self._robots.items():
             shown = self._summaries.get(name)
             if shown is not None and applies(shown):
@@ -330,7 +330,7 @@ class Collector:
         return robot
 
     def _is_expected(self, robot: _Robot, boot: str) -> bool:
-        """Whether an answer may be of this run: another one than asked for if that has ended."""
+        """Whether an answer may be of this run: another one than requested if that has ended."""
         return boot == robot.stored.boot or (len(robot.boots) == 1 and robot.stored.boot not in robot.boots)
 
     def _turn_to(self, robot: _Robot, boot: str) -> None:

@@ -2,7 +2,7 @@
 
 deltalake's own dataset takes a column that a file does not have for one that is never empty: `IS NOT NULL` then holds
 for every row of a file that is older than the column. It also takes milliseconds a file to say what is known of all
-its columns. So it is said here, from the log: the partition of each file, the bounds of the columns that questions are
+its columns. So it is taken from the log here: the partition of each file, the bounds of the columns that questions are
 narrowed by, and the signals that it does not have.
 """
 
@@ -27,7 +27,7 @@ BOUNDED = ("recording", "robot", "time", "minute", "started", "signal")
 
 
 def dataset_of(store: StoreLocation, table: DeltaTable, kind: StoreTable) -> ds.Dataset:
-    """The rows of a table, read from its files as they are asked for."""
+    """The rows of a table, read from its files as they are requested."""
     actions = pa.table(table.get_add_actions(flatten=True))
     names = [unquote(name) for name in actions.column("path").to_pylist()]  # the log has them as URLs
     schema = pa.schema(table.schema().to_arrow())

@@ -78,7 +78,7 @@ class DeviceFigures:
         now, counts = health.time, {message.name: message.count for message in health.messages}
         past = self._counts.setdefault(info.id, deque())
         if past and (health.lost < past[-1][2] or any(counts.get(name, 0) < one for name, one in past[-1][1].items())):
-            past.clear()  # its session began anew
+            past.clear()  # its session was reopened
         if not past or now > past[-1][0]:
             past.append((now, counts, health.lost))
         while len(past) > 1 and past[1][0] <= now - LOSS_S:

@@ -1,4 +1,4 @@
-"""Alarms of a fleet server: what it sees of robots itself, also of those that can say nothing any more.
+"""Alarms of a fleet server: conditions that it detects itself, also of robots that are disconnected.
 
     robots, once a second ──> code of each condition ──> AlarmMachine (alarms/machine.py) of robot and condition
                                                               └──> event, webhook, an alarm in the robot's summary
@@ -292,4 +292,4 @@ def _stored(path: Path) -> Iterator[tuple[tuple[str, str], dict[str, Any]]]:
     except FileNotFoundError:
         return
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
-        log.warning("%s is damaged (%s): raised alarms of the fleet begin anew.", path, type(error).__name__)
+        log.warning("%s is damaged (%s): raised alarms of the fleet are reset.", path, type(error).__name__)

@@ -57,7 +57,7 @@ class FleetServer:
     """One session, and what it receives. To be used in the event loop of the server.
 
     Args:
-        settings: of the session; called again when what `version` returns has changed, and the session is opened anew.
+        settings: of the session; called again when what `version` returns has changed, and the session is reopened.
         version: of the file of robots, say.
         profiles: of groups.
         alarms: its own.
@@ -308,7 +308,7 @@ class FleetServer:
             self.problem = str(error)
 
     async def _reopen_if_changed(self) -> None:
-        """Open the session anew when the file of robots has changed, so that a removed robot is out."""
+        """Reopen the session when the file of robots has changed, so that a removed robot is out."""
         if self._version() == self._opened:  # both None for a client of a router
             return
         try:
@@ -323,7 +323,7 @@ class FleetServer:
         self.collector.all_lost()
         await asyncio.to_thread(self.open)
         self.problem = ""
-        log.warning("The file of robots has changed: all robots connect anew.")
+        log.warning("The file of robots has changed: all robots reconnect.")
 
     def note_command(self, robot: str, level: str, text: str) -> None:
         """Store that a viewer commanded a robot, or tried to."""

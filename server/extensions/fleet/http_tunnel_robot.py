@@ -4,7 +4,7 @@
 
 The application runs in this process, so routes, limits and locks are those of the robot's own page. Its guard of tokens
 is replaced by the rules here: only what `fleet.pages` allows, only /api and /ws, and the role that the fleet server
-granted. Commands are told as events. A job that a request began belongs to the robot: neither a viewer that leaves
+granted. Commands are reported as events. A job that a request began belongs to the robot: neither a viewer that leaves
 nor a line that is lost ends it, nor its way back.
 """
 
@@ -58,7 +58,7 @@ MAX_SERVERS = 8
 MAX_CLIENT_MESSAGE = 200
 """Messages of a browser that wait to be read."""
 SILENCE_S = 15.0
-"""A fleet server that says nothing for this long has gone, and its streams with it."""
+"""A fleet server that sends nothing for this long is disconnected, and its streams with it."""
 LEAVE_S = 5.0
 HEADERS = frozenset(
     {
@@ -237,7 +237,7 @@ class PageServer:
 
 
 _RUNNING: set[asyncio.Task[None]] = set()
-"""Tasks that nobody else refers to."""
+"""Tasks without another reference, which would be collected."""
 
 
 class RobotStream:
@@ -381,7 +381,7 @@ class RobotStream:
         changes = {"stream": self._request.stream, "number": number}
         await self._pages.put(self.server, _changed(answer, changes))
 
-    # ── for the sender of the live view, which tells a slow browser from one that is stuck ──────────────────────────
+    # ── for the sender of the live view, which distinguishes slow browsers from stuck ones ──────────────────────────
 
     def get_write_buffer_size(self) -> int:
         """Bytes that are not taken yet."""

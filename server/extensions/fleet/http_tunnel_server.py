@@ -185,7 +185,7 @@ class RobotPages:
             del self._last_messages[robot]
 
     def _fail(self, robot: str, words: str) -> None:
-        hint = "Try again when the fleet shows it as live. What it was told to do, it does without the line."
+        hint = "Try again when the fleet shows it as live. Commands that it has received are carried out."
         for stream in [one for (name, _), one in self._streams.items() if name == robot]:
             stream.fail(DomainError("gone", words, hint))
 
@@ -240,7 +240,7 @@ class PageStream:
         if isinstance(answer, ResponsePart):
             self._received += len(answer.data)
         if self._received - self._acknowledged > 2 * LARGEST or len(self._answers) > 2 * LARGEST // 1024:
-            self.fail(DomainError("gone", "The robot sent more than was asked for.", "Its version may be too new."))
+            self.fail(DomainError("gone", "The robot sent more than was requested.", "Its version may be too new."))
             return
         self._answers.append(answer)
         self._is_over = isinstance(answer, EndStream)

@@ -6,11 +6,11 @@
 The fleet server asks for the reports after the last number that it has stored, first of runs that have ended, then of
 this one. What a report is, is known by its run and its number, so a report that is sent twice is stored once. Of the
 status only the newest is kept; the numbers of the others stay unused. Above the limit the oldest reports are dropped,
-in memory and on disk; those that were never asked for are counted.
+in memory and on disk; those that were never requested are counted.
 
 The robot never waits for its disk. Within a second what happened is written, and survives the end of the process; a
 power cut loses the last SYNC_AWAY_S, or SYNC_S while the fleet server receives everything anyway. A disk that fails is
-told in the log, and tried again.
+logged, and tried again.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class Journal:
             self._thread.join()
 
     def set_line(self, *, is_there: bool) -> None:
-        """Tell whether reports reach the fleet server as they are made."""
+        """Note whether reports reach the fleet server as they are made."""
         self._line_is_there = is_there
 
     def add_event(self, event: RobotEvent) -> None:
@@ -282,7 +282,7 @@ class Journal:
                 is_failing = False
             except OSError as error:
                 if not is_failing:
-                    words = "The journal for the fleet cannot be written to %s: %s. It is kept in memory meanwhile."
+                    words = "The journal for the fleet cannot be written to %s: %s. It is kept in memory until then."
                     log.warning(words, self._folder, error.strerror)
                 is_failing, sync_at = True, None
             if is_last:

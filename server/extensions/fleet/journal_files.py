@@ -83,7 +83,7 @@ class JournalFiles:
         self._run = ""
 
     def load(self) -> list[StoredRun]:
-        """Read what is there, oldest run first. What is damaged is left out and told in the log."""
+        """Read the stored reports, oldest run first. Damaged ones are left out and logged."""
         runs: dict[str, StoredRun] = {}
         for path in self._paths():
             self._next = int(path.stem) + 1

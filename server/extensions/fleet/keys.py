@@ -2,7 +2,7 @@
 
 imuscope/1/robots/NAME/alive/BOOT     liveliness token of a robot
 imuscope/1/robots/NAME/report         its reports, as they are made
-imuscope/1/robots/NAME/journal        queryable: reports after a number, made while nobody took them
+imuscope/1/robots/NAME/journal        queryable: reports after a number, made while no fleet server was connected
 imuscope/1/robots/NAME/settings       queryable: the settings of a device
 imuscope/1/robots/NAME/pages/ask/SERVER       requests of a fleet server to the pages of a robot
 imuscope/1/robots/NAME/pages/answer/SERVER    the robot's answers

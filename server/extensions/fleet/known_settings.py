@@ -1,7 +1,7 @@
 """Settings of this robot's devices, as last read or written, for its fleet: in memory and in a file.
 
 Reading settings interrupts most sensors, so a robot never does it for its fleet: what a person reads or writes in
-Configure is remembered, also over a restart of the server. A change that somebody makes by other means is seen at the
+Configure is remembered, also over a restart of the server. A change made by other means is seen at the
 next reading.
 """
 
@@ -37,7 +37,7 @@ class KnownDeviceSettings:
     Args:
         data: as they are sent.
         digest: "" if they cannot be sent.
-        rate: messages/s that they ask for; None if they do not tell.
+        rate: messages/s that they configure; None if unknown.
         read: unix s.
     """
 

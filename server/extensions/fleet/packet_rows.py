@@ -9,7 +9,7 @@ second. Each field is a channel, with a sample for each packet that has it:
     BaroPressure           2           6
 
 Samples are of one packet if arrival and time are the same. Packets that arrived at once, of a device without a clock,
-have both in common; their samples are told apart by their order alone, so which of them had an optional field is not
+have both in common; their samples are distinguished by their order alone, so which of them had an optional field is not
 known, and the first one is taken.
 
 Rows are found window by window, so that memory does not grow with the recording. A window ends before the least of the

@@ -1,7 +1,7 @@
 """Requests to robots through their fleet server, below /robots/NAME.
 
 The page itself is that of the fleet server, never a file of a robot: a robot delivers data only, so it cannot run code
-in the browser of somebody who may command others. What it answers is shown by no browser as a page (`SANDBOX`).
+in the browser of a user who may command others. No browser shows its answers as a page (`SANDBOX`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from imuscope.server.printable import printable
 router = APIRouter(include_in_schema=False)
 
 FORWARDED = frozenset({"accept", "content-type", "if-match", "if-none-match", "range"})
-"""Headers of a request that a robot is told; tokens and cookies stay here."""
+"""Headers of a request that are forwarded to a robot; tokens and cookies are not."""
 METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"]
 SANDBOX = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; sandbox"
 ACTIVE = re.compile("html|xml|svg|script|css|wasm", re.IGNORECASE)
@@ -106,7 +106,7 @@ async def request_to_robot(robot: str, path: str, server: TheFleetServer, reques
     except _ViewerGoneError:
         if changes:
             server.note_command(robot, "warning", f"Command of {log_text}: the viewer left before the answer.")
-        return Response(status_code=204)  # nobody receives it
+        return Response(status_code=204)  # the viewer disconnected
     if changes:
         server.note_command(robot, "info", f"Command of {log_text}: answered with {head.status}.")
     return StreamingResponse(_body(stream), head.status, _headers(head))
@@ -116,7 +116,7 @@ async def _head(stream: PageStream, request: Request) -> ResponseHead | Response
     """The beginning of the answer.
 
     Raises:
-        _ViewerGoneError: nobody waits any more.
+        _ViewerGoneError: the viewer disconnected.
         DomainError: of the robot.
     """
     waiting = asyncio.create_task(stream.next(), name="robot: answer")

@@ -5,7 +5,7 @@
                                                       └──────<── "reports after 17?"
 
 The connection is outgoing only. A thread of its own opens the session, because that lasts until the router is there;
-the event loop never waits for the line. A report that is not received is asked for again by its number, so nothing is
+the event loop never waits for the line. A report that is not received is requested again by its number, so nothing is
 repeated by itself. Figures that changed less than a person would see (summaries.py) are not sent.
 """
 
@@ -51,14 +51,14 @@ if TYPE_CHECKING:
 log = logging.getLogger("imuscope.fleet")
 
 PERIOD_S = 1.0
-QUIET_EVERY = 10  # reports: without news the others are left out; this one tells whether one was lost on the way
+QUIET_EVERY = 10  # reports: without news the others are left out; this one reveals whether one was lost on the way
 CLOCK_S = 60.0
-FULL_EVERY = 600  # reports: the whole status, for whoever has joined since
+FULL_EVERY = 600  # reports: the whole status, for fleet servers that have joined since
 BURST_S = 10.0  # a line with a limit may send the bytes of so many seconds at once
 RESERVED = 0.3
 """Share of it that pages leave for reports."""
 KINDS = ("link", "device", "alarm", "marker", "command", "clock")
-"""Events that are told; gaps and rejects are in the figures."""
+"""Events that are reported; gaps and rejects are in the figures."""
 
 
 class FleetSettingsError(ConfigError):
@@ -227,12 +227,12 @@ class FleetPublisher:
             self._measure_latency(session)
         status = self._changed_status()
         if status is None and not self.journal.has_events and self._ticks % QUIET_EVERY:
-            return  # the token says that the robot is there
+            return  # the token announces the robot
         data = self.journal.report(time.time(), status)
         with self._budget_lock:
             fits = self._budget.available(time.monotonic()) >= len(data)
             if publisher is None or not fits:
-                return  # it will be asked for
+                return  # it will be requested
             self._budget.acquire(time.monotonic(), len(data))
         with contextlib.suppress(Exception):  # a closed session: the journal has the report
             publisher.put(data)
@@ -306,7 +306,7 @@ class FleetPublisher:
             return
         import zenoh
 
-        self.journal.wait_loaded()  # earlier runs are asked for as soon as the token is there
+        self.journal.wait_loaded()  # earlier runs are requested as soon as the token is there
         self._session = session
         self._declared.append(self.pages.declare(session))
         self._declared.append(session.declare_queryable(keys.journal_key(self.name), self._on_query))

@@ -139,7 +139,7 @@ def _view(connection: duckdb.DuckDBPyConnection, stored: _Stored, sql: str) -> N
 
 
 def _nameable(schema: pa.Schema, table: StoreTable) -> Iterator[pa.Field]:
-    """Further columns that a question can name: SQL does not tell capitals from small letters."""
+    """Further columns that a question can name: SQL ignores case."""
     names = {column.name for column in table.columns}
     for field in schema:
         name = field.name.casefold()
@@ -157,7 +157,7 @@ def _define(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
 def _long_view(connection: duckdb.DuckDBPyConnection, fields: Sequence[pa.Field], sql: str) -> None:
     """The view `samples`, one row for each value, and `samples(signal)`, the rows of one signal.
 
-    A signal is a branch of a union. DuckDB drops those that a condition on `signal` excludes, but looks at each; where
+    A signal is a branch of a union. DuckDB drops those that a condition on `signal` excludes, but examines each; where
     the question names its signals, `samples('Acceleration.x')`, the others are left out here.
     """
     named = set(_NAMED.findall(sql))

@@ -2,7 +2,7 @@
 
     question ──> FairQueue ──> query_worker.py (subprocess) ──> bytes of the answer
 
-A question ends with its client: whoever closes the answer, or is cancelled while waiting for it, ends the process. One
+A question ends with its client: closing the answer, or cancelling the wait for it, ends the process. One
 that does not end by itself in its time is killed.
 """
 
@@ -27,7 +27,7 @@ from imuscope.server.workers import Worker
 
 EACH = 1  # questions of one user that run at once
 WAITING_EACH = 8
-GRACE_S = 20.0  # for a process to start, and to say itself that its time is over
+GRACE_S = 20.0  # for a process to start, and to report its own time-out
 WORDS_S = 60.0  # for which tables and signals are taken as they were
 FETCH_S = 3600.0
 PIECE = 1 << 18

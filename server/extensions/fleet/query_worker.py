@@ -54,7 +54,7 @@ def main() -> int:
         return output.fail("bad-query", words, "Ask for less, or allow more time.")
     except OSError as error:
         if isinstance(error, BrokenPipeError):
-            os._exit(1)  # nobody reads
+            os._exit(1)  # without a reader
         words = (error.strerror or "it cannot be written").lower()
         return output.fail("store", f"the recording cannot be stored here: {words}", "Free some space.")
     output.end()
@@ -143,7 +143,7 @@ WRITERS: dict[str, Callable[[pa.RecordBatchReader, BinaryIO], None]] = {
 
 
 class _Output(io.RawIOBase):
-    """Standard output: the line that says how it went, before the first bytes of the answer."""
+    """Standard output: the line with the outcome, before the first bytes of the answer."""
 
     def __init__(self, out: BinaryIO) -> None:
         self._out = out

@@ -173,7 +173,7 @@ async def list_tables(services: TheServices) -> QueryWords:
     },
 )
 async def query(body: QueryBody, request: Request, services: TheServices) -> Response:
-    """Ask the store a question. The answer ends with the connection: whoever closes it cancels the question."""
+    """Ask the store a question. The answer ends with the connection: closing it cancels the question."""
     service = services.parts.get(QueryService)
     question = _question(body, service)
     stack = AsyncExitStack()

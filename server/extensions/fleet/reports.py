@@ -78,7 +78,7 @@ class ReportedDevice(msgspec.Struct, frozen=True):
 
 
 class RobotStatus(msgspec.Struct, frozen=True):
-    """A robot at a glance, as it says itself.
+    """Summary of a robot, from its own report.
 
     Args:
         more: fields of a later version, as text.

@@ -56,7 +56,7 @@ class RobotLine:
         return await self._request("GET", path, b"", answer)
 
     async def post(self, path: str, body: object, answer: type[T]) -> T:
-        """Tell the robot to do something.
+        """Send a command to the robot.
 
         Raises:
             LineError: it may have been done.

@@ -1,7 +1,7 @@
 """The robots that a fleet server knows, and what changed of them since a revision.
 
 Each visible change of a robot has the next revision. Revisions of a server begin at its clock in milliseconds, so those
-of an earlier run are older than all of this one: whoever asks with one of them is sent everything.
+of an earlier run are older than all of this one: a request with one of them is answered with everything.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotSummary
 
 MAX_ROBOTS = 100_000
 MAX_GONE = 10_000
-"""Removals that are remembered; whoever asks for older ones is sent everything."""
+"""Removals that are remembered; a request for older ones is answered with everything."""
 
 
 class TooManyRobotsError(Exception):

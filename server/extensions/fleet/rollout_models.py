@@ -3,7 +3,7 @@
 A device:
     waiting ─> applying ─> watching ─> confirming ─> done
        │           └───────────┴────────────┴──────> failed     refused, or rolled back
-       │                                        └──> unknown    the line or this server ended meanwhile
+       │                                        └──> unknown    the line or this server ended before
        ├─> left          lost, or not to be controlled any more, before anything was sent
        └─> not-started   the rollout ended before
 

@@ -5,7 +5,7 @@
     read the values that were read back             equal to the profile
     confirm, or roll back                           without either the robot rolls back by itself, line or no line
 
-A write is sent once. A line that fails while the device is only looked at does no harm; whether a write whose answer
+A write is sent once. A line that fails while the device is only read does no harm; whether a write whose answer
 was lost has arrived is looked up, never guessed.
 """
 

@@ -4,8 +4,8 @@
                                        │                              └─ a device failed, or stop: the rest stays
                                        └─ <data>/fleet/rollouts/ID.json, before anything is sent, and with each state
 
-A rollout is a task of this server, whoever looks. It does not survive the server: after a restart the file says what
-was under way, and nothing is sent again. A person makes a new plan, from what the robots have by then.
+A rollout is a task of this server, independent of viewers. It does not survive the server: after a restart the file
+says what was under way, and nothing is sent again. A person makes a new plan, from what the robots have by then.
 """
 
 from __future__ import annotations

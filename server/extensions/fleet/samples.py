@@ -55,7 +55,7 @@ class SampleRows:
     """Channels of one message that share rows.
 
     Args:
-        tracks: channels of one quantity, whose unit or the like changed meanwhile, are one track.
+        tracks: channels of one quantity, whose unit or the like changed during the recording, are one track.
         is_list: whether a packet has several samples of them: entries of a list.
     """
 

@@ -42,7 +42,7 @@ class RobotDevice(BaseModel):
     status: str = Field(description="as DeviceStatus, or another one of a later version")
     rate: float = Field(description="samples/s of the fastest message, within 1 %")
     expected_rate: float | None = Field(description="samples/s that it is configured for; null if unknown")
-    loss: float | None = Field(description="share of samples lost in the last minute, 0 … 1; null if it cannot be told")
+    loss: float | None = Field(description="share of samples lost in the last minute, 0 … 1; null if unknown")
     lost: int = Field(description="samples lost since the robot's server was started")
     fix: str = Field(description="fix of its receiver of satellites, in words; empty if it has none")
     temperature: float | None = Field(description="°C")

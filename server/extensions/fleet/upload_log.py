@@ -24,7 +24,7 @@ class UploadOutcome:
     """End of an upload.
 
     Args:
-        size, modified: of the file then; a file that changed since is looked at again.
+        size, modified: of the file then; a file that changed since is checked again.
         time: unix s.
         recording, object, checksum: in the store: identifier, key, SHA-256.
         reason: why it was refused.

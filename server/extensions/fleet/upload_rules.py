@@ -1,6 +1,7 @@
 """Rules for uploads: which finished recordings go to the store, and when (server/store_settings.py).
 
-What refuses a recording is said in words. It is asked anew at each look, so a tag that is added later counts.
+The reason for refusing a recording is a text. The rules are evaluated at each check, so a tag that is added later
+counts.
 """
 
 from __future__ import annotations

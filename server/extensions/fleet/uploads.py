@@ -39,12 +39,13 @@ from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.uploads")
 
-CHECK_S = 10.0  # between two looks at the library, unless it tells of a change
+CHECK_S = 10.0  # between two checks of the library, unless it reports a change
 SETTLED_S = 5.0  # a file that changed later may still be copied into the folder
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 5.0, 900.0
 MAX_CRASHES = 3
 DOUBT_S = 3600.0  # pause of deletion after the store did not confirm a recording
-WARN_SHARE, AGAIN_SHARE = 0.8, 0.6  # of the quota: what waits is told from the one, and again after the other
+# of the quota: share at which the backlog is reported, and below which it is reported again
+WARN_SHARE, AGAIN_SHARE = 0.8, 0.6
 FOLDER = "uploading"  # temporary files of the worker process
 
 UploadState = Literal["waiting", "uploading", "stored", "refused"]
@@ -108,7 +109,7 @@ class UploadService:
             self._task = asyncio.get_running_loop().create_task(self._work(), name="uploads")
 
     async def close(self) -> None:
-        """Stop. An upload that runs is ended, and done anew after the next start."""
+        """Stop. An upload that runs is ended, and repeated after the next start."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -269,7 +270,7 @@ class UploadService:
         try:
             now = await asyncio.to_thread(self._catalogue.library.get, entry.id)
             if self._log.of(now) != outcome or await asyncio.to_thread(edits_of, now) != outcome.edits:
-                return False  # it was changed meanwhile
+                return False  # it was changed during the upload
             await asyncio.to_thread(self._catalogue.library.delete, entry.id)
         except (KeyError, RecordingError) as error:
             log.warning("%s cannot be moved to the bin: %s", name, error)
@@ -323,7 +324,7 @@ class UploadService:
         self._log.add(entry, outcome)
         try:
             await asyncio.to_thread(self._log.save)
-        except OSError as error:  # after a restart it is looked at again
+        except OSError as error:  # after a restart it is checked again
             log.warning("the list of uploads cannot be written: %s", error.strerror)
         self._bus.library_changed()
 

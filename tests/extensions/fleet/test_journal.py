@@ -241,7 +241,7 @@ def test_a_full_disk_is_told_once_and_written_to_when_there_is_room(
         assert texts(journal) == ["0", "1", "2", "3", "4"]
         assert [record.getMessage() for record in caplog.records if "No space left" in record.getMessage()] == [
             f"The journal for the fleet cannot be written to {tmp_path}: No space left on device. "
-            "It is kept in memory meanwhile."
+            "It is kept in memory until then."
         ]
         monkeypatch.setattr(journal_files, "_write", whole)
         block_until(lambda: stored(tmp_path) == {journal.boot: [1, 2, 3, 4, 5]}, "they are on disk")
