@@ -10,7 +10,7 @@
     alarm_file.py    definitions and states in the data folder
 
 A code says for each sample whether the condition holds (BEYOND), it is within its limit to clear (WITHIN), between both
-(BETWEEN), or cannot be told (UNKNOWN). Durations run in the time of the samples, so that the result does not depend on
+(BETWEEN), or is not known (UNKNOWN). Durations run in the time of the samples, so that the result does not depend on
 how they were divided into batches.
 """
 

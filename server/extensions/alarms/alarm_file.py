@@ -3,7 +3,7 @@
     <data>/alarms.json    {"imuscope": 1, "alarms": [{"id", "definition"}], "states": {id: {device: {…}}}}
 
 A device is named by its source, and its address on a shared link, because its id is new in every run. The file is
-written completely or not at all (recordings/atomic_write.py). One that cannot be read is set aside, never overwritten.
+written completely or not at all (recordings/atomic_write.py). One that cannot be read is renamed, never overwritten.
 """
 
 from __future__ import annotations

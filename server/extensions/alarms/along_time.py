@@ -4,7 +4,7 @@
     └────────────── one LiveExpression ────┘ > 0.5 g      its samples take the place of those of a channel
 
 Their state is kept from batch to batch, so that the result is that of everything at once, without looking ahead. It
-begins anew after a gap. A moving window has no value until it is full: one of 10 s says nothing after 0.1 s.
+restarts after a gap. A moving window has no value until it is full: one of 10 s has none after 0.1 s.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def notes_on(text: str) -> list[str]:
     if not used:
         return []
     what = "Causal filter" if any(name.endswith("pass") for name in used) else "Causal"
-    return [f"{what}: {', '.join(used)} takes past samples only, and begins anew after a gap."]
+    return [f"{what}: {', '.join(used)} takes past samples only, and restarts after a gap."]
 
 
 def calls_in(node: Node) -> Iterator[Call]:

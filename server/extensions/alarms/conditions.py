@@ -161,7 +161,7 @@ class ExpressionJudge:
     def obstacle(self) -> str:
         """Obstacle to a verdict while no sample can be judged."""
         if any(part.window for part in self._along.parts.values()):
-            return "A moving window is not full yet; it begins anew after a gap. Wait until it is."
+            return "A moving window is not full yet; it restarts after a gap. Wait until it is."
         return "The samples hold no values that can be compared. Check what the device sends for the signals."
 
     def judge(self, rows: Rows) -> Judged:
@@ -432,7 +432,7 @@ def _codes(beyond: Sequence[Floats], still: Sequence[Floats]) -> Codes:
 
 
 def _any(parts: Sequence[Floats]) -> Floats:
-    """1 where a part is true, NaN where none is and one cannot be told."""
+    """1 where a part is true, NaN where none is and one is not known."""
     if len(parts) == 1:
         return parts[0]
     total = parts[0] + sum(parts[1:])

@@ -129,7 +129,7 @@ class HealthJudge:
         received = {message.name: message.count for message in health.messages}
         if not self._counts or health.time > self._counts[-1][0]:
             if self._counts and _are_fewer(received, self._counts[-1][2]):
-                self._counts.clear()  # counted anew: another session
+                self._counts.clear()  # counted from 0 again: another session
                 self._known_since = None
             self._counts.append((health.time, health.lost, received))
         self._known_since = now if self._known_since is None else self._known_since

@@ -151,7 +151,7 @@ class RecordingTrigger:
         try:
             state = await self._recorder.start(devices, title, before_s=action.before_s + late, with_head=False)
         except (DomainError, RecordingError) as error:
-            if self._recorder.current is not None:  # somebody else was faster
+            if self._recorder.current is not None:  # another client was faster
                 await self._act(instance, action, crossed)
                 return
             instance.note("error", f"started no recording: {error.message}", hint=error.hint)

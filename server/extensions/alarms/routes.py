@@ -141,7 +141,7 @@ async def get_alarm(alarm: str, alarms: TheAlarms) -> AlarmInfo:
 
 @router.put("/{alarm}", responses=responses(404, 422, 507))
 async def change_alarm(alarm: str, body: AlarmDefinition, alarms: TheAlarms) -> AlarmInfo:
-    """Replace the definition of an alarm; its states begin anew."""
+    """Replace the definition of an alarm; its states are reset."""
     return _info(alarms, await alarms.change(alarm, body))
 
 

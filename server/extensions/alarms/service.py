@@ -188,7 +188,7 @@ class AlarmService:
                 instance.problem = "Internal error while it was evaluated; the log has details."
 
     def _update_rates(self) -> None:
-        """Begin anew what waits for the rate of a channel, or depends on one that has changed."""
+        """Restart alarms that wait for the rate of a channel, or depend on one that has changed."""
         for instance in self._instances.values():
             if instance.is_waiting:
                 self._is_stale = True
@@ -320,7 +320,7 @@ class AlarmService:
         return stored
 
     async def change(self, alarm: str, definition: AlarmDefinition) -> StoredAlarm:
-        """Replace the definition of an alarm; its states begin anew.
+        """Replace the definition of an alarm; its states are reset.
 
         Raises:
             DomainError: it is unknown or invalid, or it cannot be stored.
@@ -398,7 +398,7 @@ class AlarmService:
             try:
                 compiled(definition, infos, rates, info)
             except RateUnknownError:
-                continue  # it fits as far as can be told; the alarm waits for the rate
+                continue  # it fits as far as is known; the alarm waits for the rate
             except DomainError as error:
                 problem = problem or error
             else:

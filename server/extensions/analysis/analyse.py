@@ -134,7 +134,7 @@ def print_table(reports: Sequence[SignalReport], out: TextIO) -> None:
 
 
 def _sentences(figures: Mapping[str, Any]) -> list[str]:
-    """Obstacles, notes, and what was not looked at."""
+    """Obstacles, notes, and checks that could not be made."""
     prevented = [f"{one['message']} {one['hint']}" for one in figures.get("obstacles", ())]
     return [*prevented, *figures.get("notes", ()), *filter(None, [figures.get("unchecked", "")])]
 

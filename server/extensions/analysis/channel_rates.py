@@ -10,11 +10,11 @@ from imuscope.server.extensions.analysis.live_expression import usual_rate
 from imuscope.server.streaming.channel_store import ChannelStore
 
 RATE_SAMPLES = 512  # that the usual rate is taken of
-RATE_CHANGE = 1.2  # what was computed with a rate that differs by this factor begins anew
+RATE_CHANGE = 1.2  # results of a rate that differs by this factor are discarded
 
 
 class ChannelRates(Mapping[int, float]):
-    """Usual rates of channels in Hz, measured when they are first asked for; 0 as long as one is not known."""
+    """Usual rates of channels in Hz, measured when they are first requested; 0 as long as one is not known."""
 
     def __init__(self, store: ChannelStore) -> None:
         self._store = store

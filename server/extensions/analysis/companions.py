@@ -4,7 +4,7 @@
     attitude                    quaternion, Euler angles or matrix, as quaternions
     clipping                    flags of the device's own status: "ClipAccX", "SATURATION_GYR"
 
-A gyroscope that turns steadily looks like one at rest with a bias; gravity and the attitude tell the two apart.
+A gyroscope that turns steadily looks like one at rest with a bias; gravity and the attitude distinguish the two.
 """
 
 from __future__ import annotations

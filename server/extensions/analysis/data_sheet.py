@@ -1,4 +1,4 @@
-"""Noise of a sensor as its data sheet tells, and whether a measured Allan deviation meets it.
+"""Noise of a sensor according to its data sheet, and whether a measured Allan deviation meets it.
 
 Data sheets give typical figures. A noise density d is that of a one-sided spectrum, whose random walk is d/√2, but some
 makers mean the random walk itself; therefore a random walk counts as met up to √2 times its figure, and the sentence
@@ -54,7 +54,7 @@ def data_sheet_of(info: ChannelInfo, at: int, product: Product) -> DataSheetNois
 
 
 def sheet_curve(sheet: DataSheetNoise, tau: Floats) -> Floats:
-    """Allan deviation of a sensor that is just what its data sheet says."""
+    """Allan deviation of a sensor that exactly meets its data sheet."""
     deviation: Floats = (sheet.random_walk**2 / tau + sheet.bias_instability**2) ** 0.5
     return deviation
 

@@ -160,7 +160,7 @@ class DerivedChannels:
             self._begin_users(device, before.channel)
 
     def _begin_users(self, device: str, channel: int) -> None:
-        """Begin anew the signals that use one whose channel is another one now, or that is gone."""
+        """Restart the signals that use a channel which was replaced or removed."""
         for key, running in list(self._running.items()):
             if channel not in running.live.channels:
                 continue
@@ -177,7 +177,7 @@ class DerivedChannels:
         from_here = touched <= {running.channel for running in self._running.values()}
         for key, running in list(self._running.items()):
             if self._running.get(key) is not running:
-                continue  # begun anew meanwhile
+                continue  # restarted in the meantime
             if (running.is_behind and not from_here) or not touched.isdisjoint(running.live.channels):
                 self._follow(key[0], running)
         if from_here:
@@ -234,7 +234,7 @@ class DerivedChannels:
         return {number: columns for number, columns in by_channel.items() if len(columns[0])}
 
     def _sweep(self) -> None:
-        """Start the signals whose channels have come, and begin anew where a rate has changed."""
+        """Start the signals whose channels have come, and restart those whose rate has changed."""
         for device in self._bus.devices.latest.values():
             for definition in self.definitions.of(device):
                 running = self._running.get((device.id, definition.name))

@@ -221,7 +221,7 @@ def serve(limit: Callable[[], None], answer: Answerer) -> None:
         answer: takes what reads the job; an exception ends the child without an answer.
     """
     die_with_parent()
-    os.dup2(STANDARD_ERROR, STANDARD_OUTPUT)  # which is read by nobody
+    os.dup2(STANDARD_ERROR, STANDARD_OUTPUT)  # which has no reader
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # children leave nothing behind
     gc.collect()
     gc.freeze()  # a collection would copy the memory of all objects in every child
@@ -300,7 +300,7 @@ def _read(line: socket.socket, size: int) -> bytearray:
     while left:
         count = line.recv_into(left)
         if not count:
-            os._exit(0)  # nobody wants it any more
+            os._exit(0)  # the client disconnected
         left = left[count:]
     return buffer
 

@@ -62,7 +62,7 @@ _FILTERS = ("lowpass", "highpass", "bandpass")
 
 
 class RateUnknownError(ExpressionError):
-    """A channel has sent too few samples to tell its rate."""
+    """A channel has sent too few samples to determine its rate."""
 
 
 class LiveExpression:
@@ -162,7 +162,7 @@ class LiveExpression:
 
 
 def usual_rate(times: Floats) -> float:
-    """Rate of samples without gaps, Hz; 0 if they are too few to tell."""
+    """Rate of samples without gaps, Hz; 0 if there are too few."""
     steps = np.diff(times)
     steps = steps[steps > 0]
     if len(steps) < PROBE // 4:
@@ -286,7 +286,7 @@ def _check_rate(node: Call, arguments: Sequence[Stream | Quantity]) -> None:
         return
     signal, limit = arguments
     if not isinstance(signal, Stream) or isinstance(limit, Stream) or not limit.unit.fits(HERTZ):
-        return  # said by the function itself
+        return  # the function itself reports it
     columns, rate = len(signal.probe.parts), limit.in_unit(HERTZ).number
     if rate * columns > MAX_RESAMPLED_HZ:
         place = node.arguments[1]

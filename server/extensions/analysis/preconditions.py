@@ -3,8 +3,8 @@
     CHECKS, group by group ─> Obstacle: what prevents a verdict, and what to do
 
 The curve is drawn in any case. Noise parameters, verdicts on a data sheet and texts for other programs are withheld
-while there is an obstacle: they would be figures of the motion, the vibration or the fault. What could not be looked at
-because the device does not send it is stated too (`unchecked`).
+while there is an obstacle: they would be figures of the motion, the vibration or the fault. Checks that could not be
+made because the device does not send it is stated too (`unchecked`).
 
 A new check is a function of `Measured` that returns an Obstacle or None, in CHECKS.
 """
@@ -115,7 +115,7 @@ def obstacles(measured: Measured) -> list[Obstacle]:
 
 
 def unchecked(signal: Signal) -> str:
-    """A sentence on what could not be looked at; "" if everything could."""
+    """A sentence on checks that could not be made; "" if all were."""
     beside = None if signal.companions is None else signal.companions()
     missing = [
         name

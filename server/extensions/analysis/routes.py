@@ -197,7 +197,7 @@ async def pairs(body: PairsRequest, request: Request, services: TheServices) -> 
 async def analyse(name: str, body: AnalysisRequest, request: Request, services: TheServices) -> Response:
     """Analyse signals of a recording, or of a live device as far as memory holds them.
 
-    It ends with the connection: whoever closes it cancels the analysis.
+    It ends with the connection: closing it cancels the analysis.
     """
     analysis = analysis_named(name)
     if body.format not in ("json", "arrow", *analysis.formats):

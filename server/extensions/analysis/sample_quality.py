@@ -19,7 +19,7 @@ import numpy as np
 from imuscope.protocols.plural import counted
 from imuscope.server.extensions.analysis.signals import Floats
 
-MOST = 100_000  # samples looked at for the resolution
+MOST = 100_000  # samples that determine the resolution
 STUCK_S = 0.5
 MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much
 QUIET = 0.01  # of the noise of the loud windows: noise by chance is never so low
@@ -34,7 +34,7 @@ Fault = tuple[str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Steps from each sample of a stretch to the next, looked at once for all checks.
+    """Steps from each sample of a stretch to the next, computed once for all checks.
 
     Attributes:
         values: (n,) the samples.

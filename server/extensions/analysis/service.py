@@ -3,7 +3,7 @@
     request ──> FairQueue ──> worker.py (a fork per job) ──> bytes of the response
 
 The process that forks takes 0.7 s of a processor to start, and 90 MB. It starts with the first analysis; on a machine
-with room for it, while somebody looks at a page, as soon as the machine is idle, and stays until nobody looks.
+with room for it, while a page is open, as soon as the machine is idle, and stays until no page is open.
 
 An analysis ends with its client: when the caller is cancelled, its process is killed. Samples are copied when its turn
 has come, so that requests that wait take no memory.
@@ -39,7 +39,7 @@ class AnalysisService:
     """The analyses of all users.
 
     Args:
-        is_viewed: whether somebody looks at a page.
+        is_viewed: whether a page is open.
         load: mean number of processes that run or wait, as of `os.getloadavg`.
     """
 

@@ -30,7 +30,7 @@ MAX_VALUES = 50_000_000  # of one signal: 800 MB; an hour at 2 kHz has 7.2 milli
 
 @dataclass(frozen=True, slots=True)
 class DataSheetNoise:
-    """Noise of a sensor from its data sheet, in the unit of its signal; 0 for what that does not tell.
+    """Noise of a sensor from its data sheet, in the unit of its signal; 0 for values that it does not contain.
 
     Attributes:
         product: name of the product.
@@ -282,7 +282,7 @@ def live_samples(
         number = column.info.id
         at = by_channel[number].index(column.at)
         rows = query_columns(column.info, copies[number], t0, t1, 0, columns=[at], base=base).rows
-        assert isinstance(rows, ExactRows)  # no buckets were asked for
+        assert isinstance(rows, ExactRows)  # no buckets were requested
         time = rows.arrival if base == "arrival" else np.where(np.isnan(rows.time), rows.arrival, rows.time)
         _check_size(column, len(time))
         return np.maximum.accumulate(time), rows.columns[0].astype(np.float64)

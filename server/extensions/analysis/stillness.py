@@ -169,7 +169,7 @@ def mean_and_uncertainty(means: StepMeans) -> tuple[Floats, Floats]:
 def moving_intervals(
     samples: Samples, spread: float, change: float, means: StepMeans | None = None
 ) -> list[tuple[float, float]]:
-    """Intervals of motion, unix s; they may overlap. Where samples are missing, nothing is said.
+    """Intervals of motion, unix s; they may overlap. Stretches without samples are in none of them.
 
     White noise of any level is no motion: for a sensor so noisy that its means scatter by a quarter of a limit, the
     limits grow with its noise.

@@ -23,7 +23,7 @@ from imuscope.server.extensions.analysis.signals import Floats
 
 BLOCKS = 60
 MIN_BLOCKS = 12
-LEAST_CHANGE = 0.2  # °C: less is not told from the noise of the temperature sensor
+LEAST_CHANGE = 0.2  # °C: less cannot be distinguished from the noise of the temperature sensor
 SIGNIFICANT = 5.0  # standard deviations of the coefficient: its uncertainty depends on the estimated share of the walk
 WALKS = (
     0.0,

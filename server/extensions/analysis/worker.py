@@ -43,7 +43,7 @@ def main() -> int:
     memory = memory_in_use() + (limits.memory_mb + OWN_MB << 20)
 
     def limit() -> None:
-        lower_priority(5)  # live devices come first; the start, which somebody waits for, is over
+        lower_priority(5)  # live devices come first; the start, for which a client waits, is over
         bounded(memory, cpu_s)
 
     serve(limit, lambda receive: _answer(receive, limits))

@@ -3,7 +3,7 @@
 At rest an accelerometer shows gravity, upwards. Each rest near an axis gives one equation,
 |scale · (measured − bias)| = g, so the sides need not be level or square: six rests determine bias and scale of the
 three axes, more of them also how well the model fits. Misalignment of the axes is in the result only if the sides are
-said to be square and the table level:
+declared to be square and the table level:
 
     square    measured = bias + K · g · axis, linear; the residual shows how well the sensor was placed
 
@@ -215,7 +215,7 @@ def _finish(
         figure("residual_before", "Residual before", before, "m/s²"),
         figure("residual_before_share", "", 100 * before / gravity, "%"),
     ]
-    if not is_free:  # six rests fit exactly, which says nothing
+    if not is_free:  # six rests fit exactly, which proves nothing
         report.figures += [
             figure("residual_after", "Residual after", after, "m/s²"),
             figure("residual_after_share", "", 100 * after / gravity, "%"),

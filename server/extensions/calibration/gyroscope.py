@@ -1,7 +1,7 @@
 """Bias of a gyroscope: its mean while the sensor rests.
 
-The longest rest counts. Its first and last half second are left out, because a hand lets go there. What the mean cannot
-tell apart from a bias is in the notes: the turn of the Earth, and the temperature at which it was taken.
+The longest rest counts. Its first and last half second are left out, because a hand lets go there. The notes name what
+the mean cannot distinguish from a bias: the turn of the Earth, and the temperature at which it was taken.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def gyroscope_bias(turn: Samples, force: Samples = NO_SAMPLES, temperature: Samp
     """The bias from samples of a gyroscope, °/s.
 
     Args:
-        force: of the accelerometer, m/s², which sees turns that a gyroscope cannot tell from a bias.
+        force: of the accelerometer, m/s², which reveals turns that a gyroscope cannot distinguish from a bias.
         temperature: °C, in the first of three columns.
     """
     means = step_means(turn)
@@ -72,7 +72,7 @@ def gyroscope_bias(turn: Samples, force: Samples = NO_SAMPLES, temperature: Samp
     report.notes = ["The bias contains the turn of the Earth, up to 0.004 °/s."]
     report.notes += _temperature_notes(temperature, run.begin, run.end, report.figures)
     if not len(force):
-        report.notes.append("Without an accelerometer a slow, steady turn cannot be told from a bias.")
+        report.notes.append("Without an accelerometer a slow, steady turn cannot be distinguished from a bias.")
     return report
 
 

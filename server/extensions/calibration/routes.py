@@ -123,7 +123,7 @@ class CalibrationRequest(CalibrationOptionsBody):
 async def get_calibration(device: str, services: TheServices) -> CalibrationState:
     """Calibrations that a live device allows, and the one under way with its progress or result.
 
-    All clients see the same one; it is evaluated when somebody asks, at most three times a second.
+    All clients see the same one; it is evaluated on request, at most three times a second.
     """
     inputs = services.parts.get(CalibrationSessions).inputs(device)
     session = services.parts.get(CalibrationSessions).get(device)
@@ -182,7 +182,7 @@ async def calibrate_stretch(
 ) -> Response | CalibrationReport:
     """Calibrate with a stretch of a recording, or of a live device as far as memory holds it.
 
-    It ends with the connection: whoever closes it cancels the calibration.
+    It ends with the connection: closing it cancels the calibration.
     """
     triads, name, source = await _stretch(kind, body, services)
     info = services.telemetry.bus.devices.latest.get(body.source)

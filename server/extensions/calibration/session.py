@@ -4,7 +4,7 @@
                                         └─> report (at most REPORTS_HZ a second, however many look)
     finish, or progress 1 ─> the report stays until it is discarded or replaced
 
-Nothing runs while nobody looks: the rings of the channel store hold the samples meanwhile, as long as their memory
+Nothing runs without viewers: the rings of the channel store hold the samples, as long as their memory
 reaches back. Above MAX_SAMPLES every second sample is dropped, and from then on every second one is left out.
 """
 

@@ -1,4 +1,4 @@
-"""Content of evidence: everything that the file says and shows, as plain data.
+"""Content of evidence: everything that the file shows, as plain data.
 
 {"title", "t0", "t1", "made", "plots": [{"title", "unit", "series": [{"label", …, "t", "v", "figures"}]}],
  "cursors", "devices", "losses", "events", "notes", "left_out", "versions"}
@@ -160,7 +160,7 @@ def _range(store: ColumnStore, request: EvidenceRequest) -> tuple[float, float]:
 def _curves(
     plots: list[EvidencePlot], infos: list[ChannelInfo], with_position: bool, left_out: list[str]
 ) -> Iterator[_Curve]:
-    """The curves that can be read; others are added to `left_out`, with "" for one that tells the position."""
+    """The curves that can be read; others are added to `left_out`, with "" for one that reveals the position."""
     for number, plot in enumerate(plots):
         for series in plot.series:
             try:
@@ -253,7 +253,7 @@ def _devices(store: ColumnStore, with_position: bool, file: str) -> tuple[list[d
             if rows:
                 fields.append({"title": one.title, "group": one.group, "rows": rows})
         device = {**device}
-        if not with_position:  # a capture that does not tell its device is called after its file, which may be a place
+        if not with_position:  # a capture that does not name its device is called after its file, which may be a place
             for key in ("name", "source"):
                 if file and file in str(device.get(key, "")):
                     device[key] = f"device {device['id']}" if key == "name" else ""

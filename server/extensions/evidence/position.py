@@ -1,8 +1,8 @@
-"""Position: what tells where something was recorded, and how it is left out of a file that goes to others.
+"""Detection of data that reveal the position of a recording, and its removal from files for others.
 
 Left out are whole signals and settings whose names, units or frames say that they hold a position or come from a GNSS
 receiver, and in every text the numbers that lie where the recording was made. Velocities, accelerations and
-orientations in a local frame stay: they tell how something moved, not where.
+orientations in a local frame stay: they show how something moved, not where.
 
 A quantity in an earth-centred frame is a position in disguise: compared with the same one in a local frame, it gives
 latitude and longitude.
@@ -58,7 +58,7 @@ def names_position(text: str) -> bool:
 
 
 def reveals_position(info: ChannelInfo, column: ColumnInfo) -> bool:
-    """Whether a column tells where its device was."""
+    """Whether a column reveals the position of its device."""
     if column.unit in LENGTHS or info.unit in LENGTHS or "ECEF" in info.frame:
         return True
     names = words_of(" ".join((info.name, info.title, info.group, info.message, column.name, column.label)))

@@ -51,7 +51,7 @@ class EvidenceRequest:
     plots: Annotated[list[EvidencePlot], Field(max_length=MAX_PLOTS)] | None = None  # null: all quantities
     cursor_a: float | None = None
     cursor_b: float | None = None
-    with_position: bool = True  # false: leave out what tells where it was recorded
+    with_position: bool = True  # false: leave out everything that reveals where it was recorded
 
 
 _REQUEST = TypeAdapter(EvidenceRequest)

@@ -1,7 +1,7 @@
 """Diagnostics of a device as diagnostic_msgs/DiagnosticArray: its link, rates, losses, and how well its clock is known.
 
     level    0 OK, 1 WARN: losses, rejects, a time that is uncertain, no figures yet, decoding behind what has arrived
-             2 ERROR: no data, 3 STALE: not heard of for long
+             2 ERROR: no data, 3 STALE: no message for long
 
 The uncertainty of stamps is among the values: ± of the mapping from the device's time to the host's, ms.
 """
@@ -23,7 +23,7 @@ LEVELS = {"live": OK, "connecting": WARN, "idle": WARN, "lost": ERROR, "denied":
 
 @dataclass(frozen=True, slots=True)
 class DiagnosticCounts:
-    """Counts of problems at the last message, so that new ones can be told from old ones."""
+    """Counts of problems at the last message, so that new ones can be distinguished from old ones."""
 
     lost: int = 0
     rejects: int = 0

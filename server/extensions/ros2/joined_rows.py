@@ -96,7 +96,7 @@ class RecentRows:
         return int(self.times[-1]) if len(self.times) else None
 
     def add(self, frame: SampleFrame) -> None:
-        """Append received samples; earlier ones than those here begin anew, as after a restart of a clock."""
+        """Append received samples; earlier ones than those here discard them, as after a restart of a clock."""
         if frame.n == 0:
             return
         times = stamps(frame.columns[0], frame.columns[1])

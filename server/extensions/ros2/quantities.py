@@ -56,7 +56,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class GnssPlaces:
-    """A position on the earth, and what the device says about it; None for what it does not say.
+    """A position on the earth, and its quality by the device; None for missing values.
 
     Args:
         place: latitude and longitude, °.

@@ -161,7 +161,7 @@ class Ros2:
         }
 
     def _on_device(self, info: wire.DeviceInfo) -> None:
-        """Tell the worker about the sensors of a device, once and when it is identified."""
+        """Send the sensors of a device to the worker, once and when it is identified."""
         properties = self._properties(info.protocol, info.product)
         if self._process is not None and self._known.get(info.id) != properties:
             self._known[info.id] = properties

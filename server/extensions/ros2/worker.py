@@ -5,7 +5,7 @@
              {"op": "switch", "topic": …, "enabled": …}    announce or withdraw a topic
     output:  {"op": "state", "routers": […], "peers": …, "topics": […]}     once a second, and when topics change
              {"op": "router", "state": "reached" | "lost" | "absent" | "foreign"}
-             {"op": "reopen"}: start this process anew
+             {"op": "reopen"}: restart this process
              {"op": "failed", "why": …}
 
 What a device sends becomes messages in messages.py, its figures in diagnostics.py. A channel is
@@ -168,7 +168,7 @@ class Ros2Bridge:
                         publisher.publish(builder.build(samples))
 
     def tick(self) -> None:
-        """Once a second: diagnostics, state, and a look at the router."""
+        """Once a second: diagnostics, state, and a check of the router."""
         self._next_tick = time.monotonic() + TICK_S
         if self._graph is None:
             self._watch_router(())
@@ -373,7 +373,7 @@ def main() -> None:
                 client.changed = False
                 bridge.configure()
             bridge.on_samples(message)
-            if time.monotonic() >= bridge.next_tick:  # `due` is not looked at while samples keep coming
+            if time.monotonic() >= bridge.next_tick:  # `due` is not checked while samples keep coming
                 bridge.tick()
     bridge.close()
 

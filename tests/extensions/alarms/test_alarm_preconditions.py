@@ -205,7 +205,7 @@ def test_a_window_that_is_not_full_says_nothing() -> None:
     alarm = Alarm(expression("mean(EulerAngles.yaw, 2 s) < 10 °"))
     alarm.turn(5.0)
     assert alarm.state.status == "missing"
-    assert alarm.state.problem == "A moving window is not full yet; it begins anew after a gap. Wait until it is."
+    assert alarm.state.problem == "A moving window is not full yet; it restarts after a gap. Wait until it is."
     alarm.turn(5.0, 2.0)
     assert (alarm.state.status, alarm.state.problem) == ("raised", "")
 

@@ -68,7 +68,7 @@ def run(signal: Signal, options: Settings) -> Result:
     problems = obstacles(measured)
     ramp = "" if problems else _ramp_note(model, signal.unit)
     if not problems and not ramp and measured.slow.is_suspected:
-        ramp = f"The bias may follow {measured.slow.words}; then K and B contain it. Record longer to tell."
+        ramp = f"The bias may follow {measured.slow.words}; then K and B contain it. Record longer to find out."
     sheet = signal.data_sheet
     compared: Result = {} if sheet is None else {"data_sheet": sheet_curve(sheet, curve.tau).tolist()}
     if sheet is not None and problems:
