@@ -60,7 +60,7 @@ KINDS: Mapping[str, Kind] = {
     "not-found": Kind(404, "Not found."),
     "busy": Kind(409, "Already in use, by another program or for the same purpose."),
     "full": Kind(409, "The maximum number is reached; one has to end first."),
-    "changed": Kind(412, "Somebody else changed it since it was read."),
+    "changed": Kind(412, "It was changed by another client since it was read."),
     "not-now": Kind(409, "Not possible in the present state."),
     "not-read": Kind(409, "The device has to be read first."),
     "no-defaults": Kind(409, "The factory settings of the device are not documented."),

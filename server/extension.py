@@ -85,7 +85,7 @@ class FileOutput:
         title: in the list of outputs: what it is.
         writes: "module:function" that is called with an ExportRequest, the path, whether positions may be shown, and a
             function that takes the progress, 0..1; returns the files.
-        hides_position: whether it can leave out what tells where a recording was made.
+        hides_position: whether it can leave out everything that reveals where a recording was made.
     """
 
     suffix: str
@@ -197,7 +197,7 @@ def _installed() -> tuple[tuple[Extension, ...], list[str]]:
 
 
 def attempt(extension: Extension, use: Callable[[], T]) -> T | None:
-    """Use an extension. One of another package that fails is left out and told among the problems: it stops nothing.
+    """Use an extension. One of another package that fails is left out and listed among the problems: it stops nothing.
 
     Raises:
         Exception: one of imuscope's own fails; a defect that must not be overlooked.

@@ -97,7 +97,7 @@ class Parts:
                 part.serves(app)
 
     def viewed(self) -> None:
-        """Tell the parts that a browser has opened a page."""
+        """Notify the parts that a browser has opened a page."""
         for part in self._all:
             part.viewed()
 

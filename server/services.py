@@ -55,7 +55,7 @@ class Services:
 
     Args:
         reading: default decode options of sources and recordings.
-        has_devices: False for a server of other robots, which has none of its own unless it is told.
+        has_devices: False for a server of other robots, which has none of its own unless they are configured.
         brought: objects that a command made for its extension, which takes them over.
         parts: what extensions bring; complete before the server is started.
     """

@@ -5,7 +5,7 @@
 
 The server does not read what a workspace holds: the page checks every part of it (web/src/workspace/parts.ts). The
 server checks the envelope, the size and the name. A stored workspace has a revision, and a write names the revision
-that it replaces, so that of two people who edit one workspace neither loses work without being told.
+that it replaces, so that of two people who edit one workspace neither loses work without a notice.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class WorkspaceStore:
             replaces: revision of the one that is replaced; None: there must be none of that name; ANY: any of them.
 
         Raises:
-            DomainError: the name or the workspace is not valid, somebody else changed it, there are too many, or
+            DomainError: the name or the workspace is not valid, another client changed it, there are too many, or
                 writing failed.
         """
         name = clean_name(name)
@@ -118,7 +118,7 @@ class WorkspaceStore:
         """Delete a workspace; families that opened with it open with the page's own layout.
 
         Raises:
-            DomainError: there is none of that name, or somebody else changed it since `revision`.
+            DomainError: there is none of that name, or another client changed it since `revision`.
         """
         name = clean_name(name)
         path = self._path(name)

@@ -13,7 +13,7 @@ from imuscope.server.login_throttle import client_group
 from imuscope.server.services import Services
 
 T = TypeVar("T")
-CLIENT_GONE = 499  # status of a response that nobody reads
+CLIENT_GONE = 499  # status of a response that no client reads
 
 
 async def services_of(connection: HTTPConnection) -> Services:

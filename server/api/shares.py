@@ -26,8 +26,8 @@ class AddShareRequest(BaseModel):
     address: str = Field(
         min_length=1,
         max_length=1000,
-        description="`/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` nobody "
-        "may write through it",
+        description="`/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` no "
+        "client may write through it",
     )
 
 

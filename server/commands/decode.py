@@ -69,7 +69,7 @@ class DecodedPart:
         begin_s, end_s: seconds from the beginning of the file.
         device: "" for all, or for the only one.
         channels: names; () for all.
-        with_position: false: an output that can leaves out what tells where it was recorded.
+        with_position: false: an output that can leaves out everything that reveals where it was recorded.
     """
 
     begin_s: float = 0.0

@@ -28,6 +28,8 @@ def add_decode(add_parser: AddParser, outputs: str) -> argparse.ArgumentParser:
         "--channel", action="append", metavar="NAME", help="channel to decode; may be repeated (default: all)"
     )
     command.add_argument(
-        "--without-position", action="store_true", help="evidence (.html) leaves out what tells where it was recorded"
+        "--without-position",
+        action="store_true",
+        help="evidence (.html) leaves out everything that reveals where it was recorded",
     )
     return command

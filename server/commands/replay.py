@@ -283,7 +283,8 @@ class PtySink:
         poll.register(self._slave, select.POLLIN)
         end, quiet, before = clock() + STUCK_S, 0, -1
         while quiet < QUIET_POLLS and clock() < end:
-            poll.poll(0)  # waits for bytes that the kernel is moving between its buffers; FIONREAD says 0 meanwhile
+            # waits for bytes that the kernel is moving between its buffers; FIONREAD returns 0 during that time
+            poll.poll(0)
             unread = self._backlog()
             if unread != before:
                 end, before = clock() + STUCK_S, unread

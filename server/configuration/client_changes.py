@@ -4,7 +4,7 @@
                                            done (holder) ──> differences, by whom: event, traffic log, snapshot
 
 What a client writes is taken from its frames, once the device has acknowledged it. Nothing is read back: that could
-interrupt the measurement that the client waits for, and nobody has asked for it.
+interrupt the measurement that the client waits for, and no user has requested it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MAX_LATEST = 5
 MOST_WORDS = 6  # changes that a sentence lists
 MOST_PENDING = 50
 WRITTEN = "written"  # in place of a value of a setting that was not known before
-POLL_S, MOST_DECODING_S = 0.05, 3.0  # a device that nobody looks at is decoded once in a while
+POLL_S, MOST_DECODING_S = 0.05, 3.0  # a device without viewers is decoded once in a while
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,7 +109,7 @@ class DeviceController:
         session: its link and decoder; for a device that shares a link, its part of the session.
         driver_of: the driver of a protocol, None if it has none.
         decode: decodes the first frame of some bytes of a protocol to plain values.
-        beside: the controllers of the other devices on its link.
+        siblings: the controllers of the other devices on its link.
         timings: how long a device is waited for.
         put_back: store of the frames that put devices back.
     """
@@ -120,13 +120,13 @@ class DeviceController:
         bus: TelemetryBus,
         driver_of: Callable[[str], DeviceDriver | None],
         decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
-        beside: Callable[[str], Sequence[DeviceController]] = lambda device: (),
+        siblings: Callable[[str], Sequence[DeviceController]] = lambda device: (),
         *,
         timings: ConfigurationTimings,
         put_back: PutBackStore,
     ) -> None:
         self.session = session
-        self.beside = beside
+        self.siblings = siblings
         self.bus = bus
         self._driver_of = driver_of
         self.log = TrafficLog(
@@ -198,7 +198,7 @@ class DeviceController:
         """Known state of the device, for a preview."""
         health = self.bus.health_of(self.device)
         measured = health.bytes_per_s if health is not None else None
-        others = [(one.session.info.name, sent) for one in self.beside(self.device) if (sent := one.sends)]
+        others = [(one.session.info.name, sent) for one in self.siblings(self.device) if (sent := one.sends)]
         line = SerialLine(self.session.access.baud, self.session.access.capacity, measured, others)
         return DevicePresentState(self.driver, self.context, line, self.values)
 
@@ -372,7 +372,7 @@ class DeviceController:
             self._explain_rest(on)
 
     def _explain_rest(self, on: bool) -> None:
-        """Explain the silence of the config state, whoever has set the device to it."""
+        """Explain the silence of the config state, whichever program has set the device to it."""
         if on:
             command = self.driver.ends_rest
             self.explain_quiet(REST.format(state=AT_REST.lower()), REST_HINT.format(command=command), command)
@@ -380,7 +380,7 @@ class DeviceController:
             explain_silence(self.session, None)
 
     def explain_quiet(self, text: str, hint: str, resume: str = "") -> None:
-        """Say why the device sends nothing from now on, and what makes it send again: `resume` is a command."""
+        """Report why the device sends nothing from now on, and what makes it send again: `resume` is a command."""
         explain_silence(self.session, QuietReason(text, hint, resume, self.bus.now()))
 
     def step(self, task: QueuedJob, text: str) -> None:

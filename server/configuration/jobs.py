@@ -287,7 +287,7 @@ class Jobs:
     ) -> None:
         """Report the outcome of a write."""
         actual = {one.setting: one.actual for one in written if one.actual is not None}
-        controller.values = {  # another object: whoever has the earlier values compares
+        controller.values = {  # another object, because holders of the earlier values compare
             **controller.values,
             **{name: {**controller.values.get(name, {}), **values} for name, values in actual.items()},
         }

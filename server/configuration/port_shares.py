@@ -265,7 +265,8 @@ class PortShares:
         """End the configuration of the device that a client has begun and not finished.
 
         Raises:
-            DomainError: "confirm" with the name of the program until it is confirmed; "not-now": nobody configures it.
+            DomainError: "confirm" with the name of the program until it is confirmed; "not-now": no client configures
+                it.
         """
         link = session.access.link
         client = link.state.get("configuring") if isinstance(link, SharedPortLink) else None
@@ -322,7 +323,7 @@ async def _opened(session: Session, link: SharedPortLink) -> None:
 
 
 def speaker_name(link: Link) -> str:
-    """The speaker that has the voice: "imuscope" or a client; "" for nobody."""
+    """The speaker that has the voice: "imuscope" or a client; "" for none."""
     speaker = link.state.get("speaker") if isinstance(link, SharedPortLink) else None
     if speaker is None or not isinstance(link, SharedPortLink):
         return ""

@@ -98,7 +98,7 @@ class TrafficLog:
 
         Args:
             line: the decoded frame, {} if it is none.
-            time: when it was sent, unix s: what is told later may follow its answer.
+            time: when it was sent, unix s: an entry that is reported later may follow its answer.
         """
         self.flush()
         self._log_repeats()

@@ -14,7 +14,7 @@ own memory, and a slow sensor beside it keeps its minutes. Bytes older than `his
 are dropped, too; those of a silent link stay.
 
 A follower continues exactly where the memory ends: `follow` returns what is stored and passes on every later chunk,
-none twice and none lost, whatever the reading thread does meanwhile.
+none twice and none lost, whatever the reading thread does at the same time.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     devices.json    {"next": 3, "ids": {"/dev/ttyUSB0": ["1"], "sim:xbus": ["2"]},
                      "names": {"xbus-0080800006": "left wheel"}}
 
-A sensor is known by its protocol and serial number, and by its source as long as it has told none. The id of a device
+A sensor is known by its protocol and serial number, and by its source until it has sent one. The id of a device
 is that of its source: it stays the same when the server is started again, whatever the order of its sources, and an id
 is never given to another source. So what a link, a tab or a script holds means the same device, or nothing.
 

@@ -422,7 +422,7 @@ class Ingest:
         self._events.gap(gap, after if before is None else min(before, after), after, cause)
 
     def _requested(self, begin: int, end: int) -> LossCause | None:
-        """Cause of a loss between two positions, if somebody asked for it."""
+        """Cause of a loss between two positions, if a user requested it."""
         if self._changes is None:
             return None
         reasons = [reason for offset, reason in self._interruptions if begin < offset < end]

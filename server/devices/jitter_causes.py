@@ -42,7 +42,7 @@ def cause_of(clock: ClockSync, resets: Sequence[float], *, kind: str, port: str,
         return JitterCause(
             "resets",
             f"The device's clock restarted {often} in the last minute; the mapping of its times restarts there.",
-            "If nobody restarted it, check its supply and its cable.",
+            "If it was not restarted on purpose, check its supply and its cable.",
         )
     stalls = [late for arrival, late in clock.stalls if arrival / 1e9 > now - LATELY_S]
     if stalls:

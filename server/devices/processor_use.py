@@ -1,7 +1,7 @@
 """Processor time of the thread that decodes: why decoding is behind.
 
 Linux counts for each thread how long it ran and how long it waited for a processor although it had work
-(/proc/thread-self/schedstat). Where it is not counted, no reason is told.
+(/proc/thread-self/schedstat). Where it is not counted, no reason is reported.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ log = logging.getLogger("imuscope.session")
 
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
-STALL_S = 0.25  # without bytes, after which what is incomplete is looked at; a frame at 9600 Bd takes 0.1 s
+STALL_S = 0.25  # without bytes, after which incomplete frames are examined; a frame at 9600 Bd takes 0.1 s
 GIVE_UP_S = 10.0  # without bytes, after which it is given up: no link needs so long for the rest of a frame
 STALL_TICKS = 3  # ticks without new bytes, also required, in case this process itself was delayed
 
@@ -62,7 +62,7 @@ class Session:
         sink: receives samples, events and states.
         sequences: store of the last numbers of Secure devices; None: in this process only.
         scheduler: of decoding, shared with other sessions; None: its own.
-        names: names that people gave to devices; None: there are none.
+        names: names given to devices by users; None: there are none.
 
     Attributes:
         listeners: of decoded events, received chunks and sent bytes.
@@ -344,7 +344,8 @@ class Session:
         stream = self._pipeline.stream
         if back and self.info.serial_number and stream is not None and not stream.identity.serial_number:
             self._set(unconfirmed_since=self._sink.now())  # another one may have been plugged in
-        is_identified = self._link.kind != "file" and not self._link.other_users  # else their own dialogue may tell it
+        # else the other program's dialogue may identify it
+        is_identified = self._link.kind != "file" and not self._link.other_users
         if stream is not None and not stream.identity.product and is_identified:
             self._identification.request(self._protocols.about(self.info.protocol).identify_request)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."

@@ -7,7 +7,7 @@
 It outlives the server: what a client reads and writes does not depend on imuscope, its upgrade or its end. It imports
 neither numpy nor numba nor anything of the web, and runs one epoll loop in one thread.
 
-    process.py        the loop: the port, and who is told what
+    process.py        the loop: the port, and the recipients of messages
     event_loop.py     descriptors and what is done when they are ready
     port.py           the port
     shares.py         addresses of shares

@@ -20,7 +20,7 @@ from imuscope.server.holder.shares import ShareError
 from imuscope.server.holder.socket_paths import failure_of, log_of
 
 READY = b"ready"
-MOST_LOG = 1 << 16  # bytes, beyond which the log is begun anew
+MOST_LOG = 1 << 16  # bytes, beyond which a new log is begun
 
 
 def main() -> int:
@@ -39,7 +39,7 @@ def main() -> int:
         os.write(writer, READY)
         os.close(writer)
         log = _opened_log(log_of(settings.socket))
-        for fd in (1, 2):  # whoever waits for the end of what this process prints need not wait any more
+        for fd in (1, 2):  # readers of this process's output see its end
             os.dup2(log, fd)
 
     return run(settings, ready)

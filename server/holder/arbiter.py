@@ -1,13 +1,13 @@
 """One voice at a time towards the device.
 
-Whoever sends to the device has the voice until it has sent nothing for QUIET_S; the server also keeps it while it
+A client that sends to the device has the voice until it has sent nothing for QUIET_S; the server also keeps it while it
 carries out a transaction (`lock`), and a client while it configures the device (`configures`). The others wait: what
 they send is not read from them, so their own buffers hold it.
 
     client:   configures ── its frames ── configured ──> the voice is free
                          ── silence, however long ──> it still configures: a person reads its dialog, or it sleeps
                          ── it leaves, or a person takes over (`forget`) ──> the voice is free
-    talking without a pause for MOST_TURN_S while somebody waits ──> `take_turn`, between two frames: others are next
+    talking without a pause for MOST_TURN_S while another one waits ──> `take_turn`, between two frames: others are next
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Arbiter:
         self._barred: tuple[int, float] = (-1, 0.0)
 
     def speaker(self, now: float) -> int | None:
-        """The speaker that has the voice; None: nobody."""
+        """The speaker that has the voice; None: none."""
         if self._has_voice(now):
             return self._speaker
         return SERVER if self._locked else None
@@ -43,7 +43,7 @@ class Arbiter:
         return self._speaker is not None and now < self._last + self._quiet_s
 
     def configuring(self, now: float) -> int | None:
-        """The client that is configuring the device; None: nobody."""
+        """The client that is configuring the device; None: none."""
         return self._configuring if self._has_voice(now) and self._speaker == self._configuring else None
 
     def may_speak(self, who: int, now: float) -> bool:

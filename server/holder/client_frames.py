@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from imuscope.server.holder.queues import FrameSize
 
-MOST_PARTIAL = 4096  # bytes without the end of a frame, after which the search begins anew
+MOST_PARTIAL = 4096  # bytes without the end of a frame, after which the search restarts
 
 Effect = Literal["", "begin", "change", "end"]
 """Effect of a frame: it begins a configuration that ends with an "end", changes settings at once, ends one; or none."""

@@ -42,7 +42,7 @@ class Client:
         may_write: whether its bytes go to the device.
         sent, received: bytes to it and from it.
         terminal: "/dev/pts/7", its end of a pseudo-terminal; "" for others.
-        baud, last_baud: rate of its terminal, now and when it was looked at before; None for others.
+        baud, last_baud: rate of its terminal, now and at the last check; None for others.
         wanted_baud, wanted_since: rate that the port is to follow it to, and since when; None for none.
         refused: bytes of it that did not go to the device: it may only read, or the device was not free in time.
         paused_since: since when it waits for the voice, monotonic s; 0: it does not.
@@ -142,7 +142,7 @@ class Client:
 
 
 class UdpClient(Client):
-    """The receiver of the datagrams. Nobody may be there: then what is sent is lost, as with any datagram."""
+    """The receiver of the datagrams. Without a receiver the data is lost, as with any datagram."""
 
     def put(self, data: bytes, frame_size: FrameSize | None) -> bool:
         for at in range(0, len(data), MOST_DATAGRAM):
@@ -151,7 +151,7 @@ class UdpClient(Client):
                 os.write(self.fd, piece)
                 self.sent += len(piece)
             except ConnectionRefusedError:
-                pass  # nobody listens there now
+                pass  # no process listens there now
             except OSError:
                 self.queue.dropped_bytes += len(piece)
         return False
@@ -165,7 +165,7 @@ class UdpClient(Client):
         except ConnectionRefusedError:
             raise BlockingIOError from None
         self.received += len(data)
-        if len(data) > most:  # nobody can hold a sender of datagrams back
+        if len(data) > most:  # a sender of datagrams cannot be held back
             self.refused += len(data)
             raise BlockingIOError
         return data

@@ -28,12 +28,13 @@ EMPTY_READS = 3  # consecutive empty reads after which the port counts as gone
 def may_be_terminal(place: str, root: Path = Path("/")) -> bool:
     """Whether a path may be a serial port: only then it is opened, because to open another device can have effects.
 
-    The system tells the kind of a device; where it does not (`/sys` is missing), the opened port has to be a terminal.
+    The system reports the kind of a device; where it does not (`/sys` is missing), the opened port has to be a
+    terminal.
     """
     try:
         about = os.stat(place)
     except OSError:
-        return True  # which is said when it is opened
+        return True  # which is reported when it is opened
     if not stat.S_ISCHR(about.st_mode):
         return False
     major, minor = os.major(about.st_rdev), os.minor(about.st_rdev)
@@ -236,7 +237,7 @@ def _terminal_of(place: str) -> object:
     """Identity of the name of a pseudo-terminal; None for other ports.
 
     The kernel gives the number of one that was closed to the next: that may be a person's shell. So a name leads to the
-    same port again only if it is a link that was made anew.
+    same port again only if it is a link that was recreated.
     """
     real = os.path.realpath(place)
     if not real.startswith("/dev/pts/"):

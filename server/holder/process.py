@@ -3,7 +3,7 @@
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
                         └── server: every SERVER_S           its samples carry the stamp
 
-A port that is gone is opened again, as a link is. Meanwhile its terminals and TCP ports are closed: a client sees what
+A port that is gone is opened again, as a link is. Until then its terminals and TCP ports are closed: a client sees what
 an unplugged adapter would show. Started by a server, the holder ends when neither a server nor a client has been there
 for GRACE_S; with `stay`, only by a signal.
 """
@@ -62,7 +62,7 @@ class Holder:
     # ── the loop ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def run(self, ready: Callable[[], None], failed: Callable[[Exception], None]) -> None:
-        """Hold the port until a signal, or until nobody needs it.
+        """Hold the port until a signal, or until no process needs it.
 
         Args:
             ready: called when a server can connect and all shares are offered.
@@ -75,14 +75,14 @@ class Holder:
         self.server.listen()
         try:
             for share in self.sharing.shares:
-                self.sharing.offer(share)  # also if the port is not there: what is wrong is told at once
+                self.sharing.offer(share)  # also if the port is not there: the problem is reported at once
             self._open_port()
             if not self.port.is_open:
                 self.sharing.withdraw_all()
             ready()
             try:
                 self._serve()
-            except Exception as error:  # top of the process: it ends, and says why
+            except Exception as error:  # top of the process: it ends, and reports why
                 failed(error)
         finally:
             self._close()

@@ -302,7 +302,9 @@ def _is_own_link(path: str) -> bool:
 
 
 def _holder_of(path: str) -> int | None:
-    """Process of another holder that offers a terminal under this path; None: nobody, or a holder that was killed."""
+    """Process of another holder that offers a terminal under this path; None: there is none, or a holder that was
+    killed.
+    """
     try:
         index = os.readlink(path).removeprefix(PTS)
     except OSError:

@@ -34,7 +34,7 @@ class ShareAddress:
         text: as given, without options: also its name.
         path: of a pseudo-terminal; "" for the others.
         host, port: of TCP and UDP.
-        read_only: nobody may write through it.
+        read_only: no client may write through it.
         permissions: file mode of the terminal; None: as the system sets it.
         owner, group: of the terminal, names or numbers; "": unchanged.
     """

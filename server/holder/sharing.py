@@ -3,8 +3,8 @@
     port ──distribute──> clients
     clients ──read──> voice free? (arbiter) ── within the line's capacity? (sendable) ──> port, server
 
-A client that may not send yet is not read; what it wants to say stays in its own buffers, as with a port that is busy.
-After MOST_WAIT_S it is taken from there and refused, since an answer that late would be taken for another.
+A client that may not send yet is not read; the data it wants to send stay in its own buffers, as with a port that is
+busy. After MOST_WAIT_S it is taken from there and refused, since an answer that late would be taken for another.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ class Sharing:
             self._drop(client)
 
     def _follow_rate(self, client: Client, now: float) -> None:
-        """Take the port to the rate that a client set after it has talked to the device; before, it says nothing.
+        """Set the port to the rate that a client set after it has sent to the device; before, the rate has no meaning.
 
         What it sent before goes out at the former rate: the port follows when that has left.
         """
@@ -318,7 +318,7 @@ class Sharing:
         return self._arbiter.may_speak(client.number, now) and self._port.backlog < MOST_WAITING
 
     def _is_awaited(self, client: Client) -> bool:
-        """Whether somebody waits for the voice of a client."""
+        """Whether another client waits for the voice of a client."""
         return self.server_waits or any(
             one.paused_since for one in self.clients.values() if one.number != client.number
         )

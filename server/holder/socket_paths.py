@@ -21,7 +21,7 @@ def runtime_folder() -> Path:
     """The folder for sockets; it is created if necessary.
 
     Raises:
-        OSError: it cannot be created, belongs to somebody else, or its path is too long.
+        OSError: it cannot be created, belongs to another user, or its path is too long.
     """
     runtime, uid = os.environ.get("XDG_RUNTIME_DIR"), os.getuid()
     if runtime:

@@ -60,7 +60,7 @@ class DataFolderLock:
 
     @property
     def is_alone(self) -> bool:
-        """Whether no other server uses the folder, as far as the kernel can tell."""
+        """Whether no other server uses the folder, as far as the kernel knows."""
         return not self._is_shared
 
     def end(self) -> None:

@@ -246,7 +246,7 @@ def _sweep(cache: Path, most: int) -> list[Path]:
     stores, deleted = [], []
     for folder in cache.iterdir():
         if not folder.name.startswith("."):
-            with contextlib.suppress(OSError):  # deleted meanwhile
+            with contextlib.suppress(OSError):  # deleted in the meantime
                 size = sum(file.stat().st_size for file in folder.iterdir())
                 stores.append((not is_stale(folder), folder.stat().st_mtime, folder, size))
     total = sum(size for *_, size in stores)

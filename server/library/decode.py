@@ -196,7 +196,7 @@ class _Device:
                 self._sink.health_history.clock(device, self._sink.time, drift, clock.uncertainty_ns / 1e6)
 
     def _report_remarks(self) -> None:
-        """Report what the decoder has to say about the stream."""
+        """Report the decoder's remarks on the stream."""
         for words in self._decoder.remarks if isinstance(self._decoder, Remarks) else ():
             self.devices.own.events.report("device", "warning", words)
 

@@ -77,7 +77,7 @@ class _Tables:
 def decode_tables(
     source: TableSource, writer: ColumnStoreWriter, progress: Callable[[float], None], showing: ProgressPublisher
 ) -> ColumnStore:
-    """Write the tables of a file into a store, with partial results meanwhile.
+    """Write the tables of a file into a store, publishing partial results.
 
     Raises:
         RecordingError: the tables contain no numbers.

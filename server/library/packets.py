@@ -79,7 +79,7 @@ class PacketView:
     device: str
     protocol: str
     at: int  # place of the frame in `packets`
-    time: float | None  # of the sample, on the host's clock; null if a frame was asked for
+    time: float | None  # of the sample, on the host's clock; null if a frame was requested
     packets: list[PacketInfo]
 
 

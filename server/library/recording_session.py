@@ -11,7 +11,7 @@
     log header                Configuration of an Xsens device             metadata, and among the bytes
 
 A recording may begin before it was started: with the bytes that are in memory (server/devices/byte_memory.py), and the
-events of that time. What arrives meanwhile follows them, in order; each byte is written once.
+events of that time. Data that arrives in the meantime follows them, in order; each byte is written once.
 
 A device that shares a link with others (id "1.102") is recorded with the link's first ("1"), which has all received
 bytes; its settings are stored separately, with its address, as another device may be the first when the recording is
@@ -119,7 +119,7 @@ class RecordingSession:
         def write(received: Sequence[tuple[bytes, int]], way: Direction, *, late: bool = False) -> None:
             nonlocal described
             if way == "rx" and session.access.link.protocol == MESSAGES:
-                if not described:  # what was received before says what these messages are
+                if not described:  # earlier messages define the layout of these
                     received = [(session.access.link.preamble, received[0][1]), *received]
                     described = True
                 writer.messages(device, received, late=late)

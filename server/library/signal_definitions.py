@@ -2,7 +2,7 @@
 
     signals.json    {"xbus-0080A1B2": [{"name": "Total acceleration", "expression": "norm(Acceleration)"}]}
 
-A device is known by its protocol and serial number, and by its source as long as it has told none: it may have another
+A device is known by its protocol and serial number, and by its source until it has sent one: it may have another
 id in the next run. The file is replaced atomically; what is unreadable in it counts as absent.
 """
 

@@ -4,7 +4,7 @@
                   │ a person stops it              │ a person stops it
                   └──> over                        └──> over
 
-Nobody is at a robot to press the button again. There is room when a part of the disk is free (`room_for`), so that a
+A robot has no operator to press the button again. There is room when a part of the disk is free (`room_for`), so that a
 disk around its limit does not fill a folder with short files; and each attempt waits longer than the one before, until
 a recording lasts.
 """

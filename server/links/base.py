@@ -202,7 +202,7 @@ class Link(ABC):
     def other_users(self) -> str:
         """Names of the programs that use the device beside this server; "" for none.
 
-        While there are any, nothing is sent that nobody has asked for: it may interrupt what they receive.
+        While there are any, only requested data is sent: other data may interrupt what they receive.
         """
         return ""
 

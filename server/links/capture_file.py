@@ -163,7 +163,7 @@ class FileLink(Link):
             yield piece
 
     def _wait_for(self, inbox: ChunkQueue) -> Callable[[float], bool]:
-        """Function that sleeps until a piece is due and meanwhile wakes the loop for queued chunks."""
+        """Function that sleeps until a piece is due and in the meantime wakes the loop for queued chunks."""
 
         def wait(seconds: float) -> bool:
             flush_s = inbox.flush()

@@ -108,7 +108,7 @@ class FoxgloveLink(MessageLink):
         progress_line(progress, self.where.place, f"connected to {server}" if server else "connected")
 
     async def _opened(self, opened: Future[str]) -> str:
-        """Wait until the server has said what it is; returns its name."""
+        """Wait for the greeting of the server; returns its name."""
         try:
             async with asyncio.timeout(2 * self.settings.connect_timeout_s):
                 return await asyncio.shield(asyncio.wrap_future(opened))
@@ -286,7 +286,7 @@ class FoxgloveLink(MessageLink):
                         self._advertised.pop(number, None)
                         self._channels.pop(number, None)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            return  # not of the protocol; a server that says nothing sensible has no topics
+            return  # not of the protocol; a server that sends nothing valid has no topics
 
     def _advertise(self, about: Mapping[str, Any]) -> bool:
         """Take note of a channel; True to subscribe to it."""
@@ -329,7 +329,7 @@ class FoxgloveLink(MessageLink):
         while thread.is_alive():
             if not is_cancelled and self._loop is not None and self._task is not None:
                 is_cancelled = True  # once: it must be able to close its connection
-                with contextlib.suppress(RuntimeError):  # its loop has ended meanwhile
+                with contextlib.suppress(RuntimeError):  # its loop has ended
                     self._loop.call_soon_threadsafe(self._task.cancel)
             await asyncio.to_thread(thread.join, 0.2)
         self._loop = self._task = None

@@ -189,7 +189,7 @@ class SharedPortLink(ThreadedLink):
         """
         inner = self._inner
         if isinstance(inner, SerialLink):
-            await inner.open(progress)  # errors of the port are told as without a holder
+            await inner.open(progress)  # errors of the port are reported as without a holder
             baud = inner.baud
             await inner.close()
             inner.line = replace(inner.line, baud=baud)
@@ -248,7 +248,7 @@ class SharedPortLink(ThreadedLink):
             raise LinkError("gone", f"The holder of {self.source} sent nonsense: {error}.", "Retry.") from None
 
     def _watch(self) -> None:
-        """Fail if the holder has said nothing for a while: it reports its state once a second."""
+        """Fail if the holder has sent nothing for a while: it reports its state once a second."""
         if time.monotonic() - self._last_message_s > SILENT_S:
             self.fail(self._does_not_answer())
         else:

@@ -3,7 +3,7 @@
     library's thread ─> MessageLink.deliver: now_ns(), a record (protocols/messages/records.py) ─> ChunkQueue ─> session
 
 Each message is one chunk, so a recording and the decoder have its arrival. Definitions of channels come before the
-first message of each, again every two seconds, for a decoder that starts meanwhile, and as `preamble` for a recording.
+first message of each, again every two seconds, for a decoder that starts later, and as `preamble` for a recording.
 
 Such a source has no bytes, counters or status of a device, and nothing can be sent to it.
 """
@@ -197,7 +197,7 @@ def listed(topics: Sequence[SeenTopic]) -> str:
 
 
 def missing_topic(topics: Sequence[str], available: Sequence[SeenTopic], place: str) -> str:
-    """A sentence about topics that nobody publishes, and what there is."""
+    """A sentence about topics without a publisher, and the existing ones."""
     names = " or ".join(topics)
     if not available:
         return f"No publisher of {names} at {place} yet; no topics are seen there."
@@ -205,7 +205,7 @@ def missing_topic(topics: Sequence[str], available: Sequence[SeenTopic], place: 
 
 
 def other_type(topic: SeenTopic, expected: str) -> str:
-    """A sentence about a topic of another type than asked for."""
+    """A sentence about a topic of another type than requested."""
     return f"{topic.name} is {topic.type}, not {expected}: leave type out of the source, or set it to {topic.type}."
 
 

@@ -34,7 +34,7 @@ from imuscope.server.links.text import progress_line
 
 TOGETHER_NS = 1_000_000_000  # links of one file opened within this time start together
 LONGEST_S = 1e7
-DESCRIBE_NS = 2_000_000_000  # between two definitions of the channels of messages, for a decoder that starts meanwhile
+DESCRIBE_NS = 2_000_000_000  # between two definitions of the channels of messages, for a decoder that starts later
 OPTIONS = ("speed", "loop", "device", "from", "to")
 
 _began: dict[tuple[str, float, bool, float, float], int] = {}  # file and options → start time

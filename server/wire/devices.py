@@ -45,7 +45,7 @@ class DeviceInfo:
     parent: str = ""  # first device on the same link, if there are several; link, retry and removal belong to it
     is_open: bool = False  # state of its link: a silent device on an open link may still answer
     absent: list[str] = field(default_factory=list)  # flags of its status words that this product does not have
-    key: str = ""  # names the sensor on any port and in later runs: "xbus-0080800006"; its source if it told no number
+    key: str = ""  # names the sensor on any port and in later runs: "xbus-0080800006"; its source if it sent no number
     own_name: str = ""  # given by people, stored with the key; "" if none
     resume: str = ""  # command that makes a device send again that is quiet for a known reason: "GoToMeasurement"
     unconfirmed_since: float | None = None  # unix seconds at which its link came back: another sensor may be there
@@ -129,7 +129,7 @@ class UnknownPayload:
 
 
 def key_of(device: DeviceInfo) -> str:
-    """The key of a device: "xbus-0080800006"; its source (and its name on the link) while it has told no number."""
+    """The key of a device: "xbus-0080800006"; its source (and its name on the link) while it has sent no number."""
     if device.serial_number:
         return f"{device.protocol}-{device.serial_number}"
     _, point, member = device.id.partition(".")

@@ -38,7 +38,7 @@ export interface AddDeviceRequest {
 
 /** A share to offer. */
 export interface AddShareRequest {
-  /** `/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` nobody may write through it */
+  /** `/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` no client may write through it */
   readonly address: string;
 }
 
@@ -961,7 +961,7 @@ export interface RobotDevice {
   readonly rate: number;
   /** samples/s that it is configured for; null if unknown */
   readonly expected_rate: number | null;
-  /** share of samples lost in the last minute, 0 … 1; null if it cannot be told */
+  /** share of samples lost in the last minute, 0 … 1; null if unknown */
   readonly loss: number | null;
   /** samples lost since the robot's server was started */
   readonly lost: number;
@@ -1888,7 +1888,7 @@ export interface Routes {
     readonly path: { readonly alarm: string };
     readonly answer: AlarmInfo;
   };
-  /** Replace the definition of an alarm; its states begin anew. */
+  /** Replace the definition of an alarm; its states are reset. */
   "PUT /api/alarms/{alarm}": {
     readonly path: { readonly alarm: string };
     readonly body: AlarmDefinition;
@@ -1946,7 +1946,7 @@ export interface Routes {
   };
   /** The store of this server, its limits, and the questions of this client that wait or run. */
   "GET /api/query": { readonly answer: QueryState; };
-  /** Ask the store a question. The answer ends with the connection: whoever closes it cancels the question. */
+  /** Ask the store a question. The answer ends with the connection: closing it cancels the question. */
   "POST /api/query": {
     readonly body: QueryBody;
     readonly answer: QueryAnswer | Blob;

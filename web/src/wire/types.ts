@@ -148,7 +148,7 @@ export interface DeviceInfo {
   readonly is_open: boolean;
   /** flags of its status words that this product does not have */
   readonly absent: readonly string[];
-  /** names the sensor on any port and in later runs: "xbus-0080800006"; its source if it told no number */
+  /** names the sensor on any port and in later runs: "xbus-0080800006"; its source if it sent no number */
   readonly key: string;
   /** given by people, stored with the key; "" if none */
   readonly own_name: string;
