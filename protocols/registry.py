@@ -65,7 +65,7 @@ PROTOCOLS, PROBLEMS = load_families(protocol_plugins())
 def family_of(protocol: str) -> ProtocolInfo | None:
     """The family of that name, or the stream of messages (protocols/messages/); None if unknown.
 
-    Messages are no family of devices: they are neither detected nor offered as a choice.
+    Messages are not a family of devices: they are neither detected nor offered as a choice.
     """
     return MESSAGES if protocol == MESSAGES.name else PROTOCOLS.get(protocol)
 

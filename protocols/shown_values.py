@@ -1,4 +1,4 @@
-"""Values in the unit of their row, as a person types and reads them, and the values on the wire.
+"""Values in the unit of their row, as a user types and reads them, and the values on the wire.
 
     shown 1.5 ms  ──(− bias) ÷ scale──▶  wire 15  ──× scale + bias──▶  shown 1.5 ms
 

@@ -155,7 +155,7 @@ class CsvSource(TableSource):
                     wrong += bad
                     yield rows
         except pa.ArrowInvalid as error:
-            self.damage.append(FileDamage(-1, f"From some line on it is no table: {str(error).splitlines()[0][:200]}"))
+            self.damage.append(FileDamage(-1, f"Not a table from some line on: {str(error).splitlines()[0][:200]}"))
         if odd:
             lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(names), 'field')}"
             self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))

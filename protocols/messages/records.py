@@ -77,7 +77,7 @@ def message_record(channel: int, data: bytes, *, sequence: int = 0, publish_ns: 
 
 
 def records_of(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """The whole records in some bytes: opcode, record; up to the first that is none."""
+    """The whole records in some bytes: opcode, record; up to the first incomplete one."""
     at = 0
     while len(data) - at >= HEAD.size:
         opcode, length = HEAD.unpack_from(data, at)

@@ -5,8 +5,8 @@
     ReqSyncSettingsAck with SendLatest         a sample for each request, those between are not sent
     WakeUp                                     the device has restarted
 
-Whether a device goes on counting then is not documented, so missing numbers after one of these are no sign of a damaged
-line.
+Whether a device goes on counting then is not documented, so missing numbers after one of these do not indicate a
+damaged line.
 
 Source: MT0101P 2020.A, 5.3.1, 5.3.4 and 5.3.5.
 """
