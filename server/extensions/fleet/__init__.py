@@ -22,7 +22,7 @@ The store needs `imuscope[fleet]`.
     bus.py, access.py      sessions of Zenoh, and the access rules of the router
     publisher.py           a robot's side (`--fleet`); device_figures.py and active_alarms.py are in its reports
     device_settings.py     settings of a device and their digest; known_settings.py has those of this robot
-    operators.py           persons who may command robots of some groups
+    operators.py           users who may command robots of some groups
     group_profiles.py      how far robots are from the profiles of their groups
     fleet_alarms.py        alarms that a fleet server raises itself
     rollouts.py            a profile, applied to its group in waves: rollout_plan.py, rollout_steps.py for one device

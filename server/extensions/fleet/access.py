@@ -77,7 +77,7 @@ def access_rules(robots: RobotCredentials) -> dict[str, Any]:
     common = [
         rule("ask the fleet server", "ingress", ["query"], f"{keys.FLEET}/**"),
         rule("answers of the fleet server", "egress", ["reply", "declare_queryable"], f"{keys.FLEET}/**"),
-        rule("who wants reports", "egress", ["declare_subscriber"], keys.ALL_REPORTS, keys.ALL_ANSWERS),
+        rule("subscribers of reports", "egress", ["declare_subscriber"], keys.ALL_REPORTS, keys.ALL_ANSWERS),
     ]
     rules, subjects, policies = list(common), [], []
     shown = "usernames" if robots.have_passwords else "cert_common_names"

@@ -113,7 +113,7 @@ class FleetDatabase:
         """Write all changes, or none.
 
         Raises:
-            FleetDatabaseError: the disk is full, say.
+            FleetDatabaseError: such as a full disk.
         """
         with self._lock:
             try:

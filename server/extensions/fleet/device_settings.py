@@ -1,6 +1,6 @@
 """Settings of a device as a fleet compares them: a document, and a digest that names its content.
 
-    values that a person can write ──> DeviceSettings ──> digest: in every status
+    values that a user can write ──> DeviceSettings ──> digest: in every status
                                             └──> encoded: what a robot answers with when it is asked for the settings
 
 What reports itself (temperatures, counters, serial numbers) is left out, so that devices with the same settings have

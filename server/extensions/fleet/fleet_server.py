@@ -58,7 +58,7 @@ class FleetServer:
 
     Args:
         settings: of the session; called again when what `version` returns has changed, and the session is reopened.
-        version: of the file of robots, say.
+        version: such as that of the file of robots.
         profiles: of groups.
         alarms: its own.
         rollouts: those of earlier runs.

@@ -4,7 +4,7 @@
                              │
     profile of the group ────┴──> difference, kept for the pair of digests ──> "as-profile", "drifted" with a number
 
-A profile is for a product: a group with two products has two. It is taken from a robot by a person, and kept in
+A profile is for a product: a group with two products has two. It is taken from a robot by a user, and kept in
 <data>/fleet/profiles.json with who did so and when. Settings of robots are in memory only, because robots have them.
 """
 
@@ -52,7 +52,7 @@ class GroupProfile(msgspec.Struct, frozen=True):
 
     Args:
         robot, device: that it was taken from; the device by its displayed name.
-        by: the person.
+        by: the user.
         time: unix s of the fleet server.
     """
 

@@ -146,7 +146,7 @@ class JournalFiles:
             before: number of the report before, of this run.
 
         Raises:
-            OSError: the disk is full, say; they have to be given again.
+            OSError: such as a full disk; they have to be passed again.
         """
         pieces, last = bytearray(), before
         for number, data in reports:

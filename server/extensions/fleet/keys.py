@@ -64,7 +64,7 @@ def settings_key(robot: str) -> str:
 
 
 def robot_of(key: str) -> str:
-    """The robot that a key belongs to; empty if it is no valid key of a robot."""
+    """The robot that a key belongs to; empty if it is not a valid key of a robot."""
     name = key.removeprefix(f"{ROBOTS}/").partition("/")[0] if key.startswith(f"{ROBOTS}/") else ""
     return name if is_robot_name(name) else ""
 
@@ -87,6 +87,6 @@ def answers(server: str, robot: str = "*") -> str:
 
 
 def server_of(key: str) -> str:
-    """The fleet server that a key of pages belongs to; empty if it is none."""
+    """The fleet server that a key of pages belongs to; empty if it is not one."""
     server = key.rpartition("/")[2]
     return server if is_boot(server) else ""

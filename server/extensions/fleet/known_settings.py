@@ -1,6 +1,6 @@
 """Settings of this robot's devices, as last read or written, for its fleet: in memory and in a file.
 
-Reading settings interrupts most sensors, so a robot never does it for its fleet: what a person reads or writes in
+Reading settings interrupts most sensors, so a robot never does it for its fleet: what a user reads or writes in
 Configure is remembered, also over a restart of the server. A change made by other means is seen at the
 next reading.
 """

@@ -21,7 +21,7 @@ from imuscope.server.version import VERSION
 
 Row = dict[str, Any]
 _BY_ID = re.compile(r"/dev/serial/by-id/([^?]+)")
-_EARLIEST, _LATEST = 0.0, 9e9  # unix s; what is outside is no time of a recording
+_EARLIEST, _LATEST = 0.0, 9e9  # unix s; times outside cannot be those of a recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class RecordingKey:
 
 
 def moment(seconds: Any) -> datetime | None:
-    """A time in unix s; None if it is none."""
+    """A time in unix s; None if it is not a time."""
     if not isinstance(seconds, int | float) or not _EARLIEST <= seconds <= _LATEST:
         return None
     return datetime.fromtimestamp(round(seconds * 1e6) / 1e6, UTC)
@@ -219,7 +219,7 @@ def flattened(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def number_of(value: Any) -> float | None:
-    """A finite number; None for what is none."""
+    """A finite number; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:

@@ -1,4 +1,4 @@
-"""Names of persons who do something for a fleet."""
+"""Names of users who do something for a fleet."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ MAX_BY = 60  # characters
 
 
 def operator_name(by: str) -> str:
-    """The name of a person in one line.
+    """The name of a user in one line.
 
     Raises:
         DomainError: it is missing or too long.

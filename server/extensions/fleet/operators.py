@@ -1,4 +1,4 @@
-"""Operators of a fleet: persons whose token sees all robots and commands those of some groups.
+"""Operators of a fleet: users whose token sees all robots and commands those of some groups.
 
 A line of their file has a name, a token and groups. The file is read again when it changes, so that a token is revoked
 by removing its line; one that cannot be read any more gives no rights to anybody.

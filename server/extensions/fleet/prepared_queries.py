@@ -11,7 +11,9 @@ from dataclasses import dataclass
 AT_REST_DEGREES = 0.5
 """Standard deviation of the rate of turn, °/s, up to which a minute counts as rest: more is motion, or a defect."""
 NEAR_ZERO_DEGREES = 3.0
-"""Mean rate of turn, °/s, up to which a minute of rest is one: a steady turn is none. No usable gyroscope is worse."""
+"""Mean rate of turn, °/s, up to which a minute of rest is one: a steady turn is not rest. No usable gyroscope is
+worse.
+"""
 GRAVITY = 9.80665
 
 

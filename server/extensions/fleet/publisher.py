@@ -6,7 +6,7 @@
 
 The connection is outgoing only. A thread of its own opens the session, because that lasts until the router is there;
 the event loop never waits for the line. A report that is not received is requested again by its number, so nothing is
-repeated by itself. Figures that changed less than a person would see (summaries.py) are not sent.
+repeated by itself. Figures that changed less than a user would see (summaries.py) are not sent.
 """
 
 from __future__ import annotations

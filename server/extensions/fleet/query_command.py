@@ -52,7 +52,7 @@ def answer(request: QueryRequest, out: TextIO, binary: BinaryIO) -> None:
         QueryCommandError: the question is not valid, or the store cannot be read.
     """
     if not 0 <= request.timeout_s <= 1e6:
-        raise QueryCommandError(f"--timeout {request.timeout_s:g} is not a time in seconds; 0 is no limit")
+        raise QueryCommandError(f"--timeout {request.timeout_s:g} is not a time in seconds; 0 means no limit")
     if not 64 <= request.memory_mb <= 1 << 24:
         raise QueryCommandError(f"--memory {request.memory_mb} is outside 64 … {1 << 24} MB")
     try:

@@ -1,4 +1,4 @@
-"""Requests of this fleet server to one robot, in the name of a person: JSON there and back, through the robot's pages.
+"""Requests of this fleet server to one robot, in the name of a user: JSON there and back, through the robot's pages.
 
 What becomes of a request that was sent and not answered is unknown (LineError). A request that was refused, or never
 sent, has done nothing (DomainError). Answers are checked against a type, since nothing here trusts a robot.
@@ -40,7 +40,7 @@ class RobotLine:
     """Requests to a robot.
 
     Args:
-        who: the person, and why; the robot logs it with each command.
+        who: the user, and why; the robot logs it with each command.
     """
 
     def __init__(self, pages: RobotPages, robot: str, who: str) -> None:

@@ -61,7 +61,7 @@ class Robots:
         return None if entry is None else entry.summary
 
     def update(self, summary: RobotSummary) -> bool:
-        """Take over a summary; returns whether a person sees a change.
+        """Take over a summary; returns whether a user sees a change.
 
         Raises:
             TooManyRobotsError: it is a new robot, and there are as many as this server shows.

@@ -1,4 +1,6 @@
-"""Plan of a rollout: which devices of a group differ from its profile, what would be written, and who is left out."""
+"""Plan of a rollout: which devices of a group differ from its profile, the changes to write, and devices that are left
+out.
+"""
 
 from __future__ import annotations
 

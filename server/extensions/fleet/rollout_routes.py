@@ -20,7 +20,7 @@ Waves = Annotated[str, Query(max_length=200, description=WAVES)]
 
 
 class RolloutRequest(BaseModel):
-    """The plan that a person has seen, and how it is to be carried out."""
+    """The plan that a user has seen, and how it is to be carried out."""
 
     device: str = Field(max_length=100, description="id of a device of the robot, whose profile it is")
     plan: str = Field(max_length=40, description="id of the plan")
@@ -32,7 +32,7 @@ class RolloutRequest(BaseModel):
 
 
 class RolloutStopRequest(BaseModel):
-    """A person who stops a rollout."""
+    """A user who stops a rollout."""
 
     by: str = Field(max_length=200, description="name of the person")
 

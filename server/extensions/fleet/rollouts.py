@@ -1,11 +1,11 @@
 """Rollouts of a fleet server: the profile of a group, applied to its devices in waves, with a stop at a failure.
 
-    plan ─> shown to a person ─> start, with the id of that plan ─> wave 1 ─> wave 2 ─> …
+    plan ─> shown to a user ─> start, with the id of that plan ─> wave 1 ─> wave 2 ─> …
                                        │                              └─ a device failed, or stop: the rest stays
                                        └─ <data>/fleet/rollouts/ID.json, before anything is sent, and with each state
 
 A rollout is a task of this server, independent of viewers. It does not survive the server: after a restart the file
-says what was under way, and nothing is sent again. A person makes a new plan, from what the robots have by then.
+says what was under way, and nothing is sent again. A user makes a new plan, from what the robots have by then.
 """
 
 from __future__ import annotations

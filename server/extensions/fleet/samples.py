@@ -1,11 +1,12 @@
 """Samples of an opened recording as rows of the table `samples`.
 
 A row is a packet (packet_rows.py), with a column for each signal of its message; those that it does not have are empty.
-What a packet has several of, satellites say, cannot share its row: each of those has one of its own, with its number.
+What a packet has several of, such as satellites, cannot share its row: each of those has one of its own, with its
+number.
 
 A column is found by the name, unit and type of its signal, which are in its metadata. Its own name is made from the
-signal's; if another signal has it already (another unit in other firmware, say), a number is added. So the columns of a
-store never change their meaning, and old files stay readable.
+signal's; if another signal has it already (such as another unit in other firmware), a number is added. So the columns
+of a store never change their meaning, and old files stay readable.
 """
 
 from __future__ import annotations

@@ -260,7 +260,7 @@ def check_store(config: Config) -> None:
     """Check that the store of a configuration can be used, if there is one.
 
     Raises:
-        ValueError: it cannot; the text is for a person.
+        ValueError: it cannot; the text is for a user.
     """
     if not config.store.url:
         return

@@ -31,7 +31,8 @@ def next_to_go(
     now: float,
     played: Collection[str] = (),
 ) -> LibraryEntry | None:
-    """The oldest recording that the rules let go; None if there is none. It reads sidecars: call it in a thread.
+    """The oldest recording that the rules allow to delete; None if there is none. It reads sidecars: call it in a
+    thread.
 
     Args:
         played: sources of devices; a recording that is one of them stays.

@@ -35,7 +35,7 @@ STEP = 0.01
 
 def main() -> int:
     """Upload the recording that standard input requests. Returns 0, or 1 after a reported error."""
-    lower_priority(15)  # live devices and everything that a person waits for come first
+    lower_priority(15)  # live devices and everything that a user waits for come first
     die_with_parent()
     bounded()
     request = json.loads(sys.stdin.read())
