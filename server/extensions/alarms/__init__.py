@@ -1,6 +1,6 @@
 """Alarms: conditions on live devices, evaluated by the server on every sample, with or without a page that looks.
 
-    definitions.py   what a person sets: condition, limits, durations, for which devices
+    definitions.py   what a user sets: condition, limits, durations, for which devices
     conditions.py    a condition compiled for one device: its samples ─> time, code, value
     figures.py       conditions on figures of a link: rate, loss, silence, clock, connection
     machine.py       codes ─> ok, pending, raised, cleared, missing; pure

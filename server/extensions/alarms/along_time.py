@@ -21,7 +21,7 @@ from imuscope.server.extensions.analysis.live_expression import LiveExpression, 
 from imuscope.server.wire import ChannelInfo
 
 ALONG_TIME = frozenset({*DELAYED, "unwrap", "derivative", "integral", "resample", "shift"})
-_MARK = "\0"  # begins a name that no person can type
+_MARK = "\0"  # begins a name that no user can type
 
 
 class AlongTime:
@@ -62,7 +62,7 @@ class AlongTime:
 
 
 def notes_on(text: str) -> list[str]:
-    """Sentences for a person about the parts of an expression that depend on earlier samples."""
+    """Sentences for a user about the parts of an expression that depend on earlier samples."""
     used = sorted({call.name for call in calls_in(parse(text)) if call.name in ALONG_TIME})
     if not used:
         return []

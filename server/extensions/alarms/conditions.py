@@ -36,7 +36,7 @@ from imuscope.server.wire import ChannelInfo, DeviceInfo
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 MAX_WAITING = 20_000  # samples of one channel that wait for those of another
 MAX_SHIFTED = 200_000  # samples of a part along time, which a shift puts far ahead of the others
-_LEFT = "\0left"  # no name that a person can type
+_LEFT = "\0left"  # not a name that a user can type
 _LIVE = Context(zero_phase=False)
 
 Rows = Mapping[int, Sequence[NDArray[Any]]]
@@ -56,7 +56,7 @@ class SampleCondition(Protocol):
         signals: what it needs as the plots name it: "Acceleration.x", "EulerAngles.yaw".
         direction: 1 if greater values are worse, -1 if smaller ones are.
         unit: of its values.
-        limit: the limit, in that unit; NaN if it is no number.
+        limit: the limit, in that unit; NaN if it is not a number.
         subject: the left side, or what is compared.
     """
 

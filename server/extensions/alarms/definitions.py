@@ -90,7 +90,7 @@ class RecordingAction(_Strict):
 
 
 class AlarmDefinition(_Strict):
-    """An alarm as set by a person."""
+    """An alarm as set by a user."""
 
     name: str = Field(min_length=1, max_length=MAX_NAME)
     condition: AlarmCondition

@@ -190,7 +190,7 @@ class AlarmInstance:
         return self._report(self.machine.lose())
 
     def acknowledge(self, by: str, now: float) -> None:
-        """Note who has seen the alarm.
+        """Acknowledge the alarm.
 
         Raises:
             DomainError: it is not raised.

@@ -56,7 +56,7 @@ class AlarmTransition:
 
 @dataclass(frozen=True, slots=True)
 class Acknowledgement:
-    """Name of the person who has seen a raised alarm, and the time (unix s)."""
+    """Name of the user who has seen a raised alarm, and the time (unix s)."""
 
     by: str
     time: float
@@ -197,7 +197,7 @@ class AlarmMachine:
         return [AlarmTransition("missing", time, began=self.began if self.is_active else math.nan)]
 
     def acknowledge(self, by: str, time: float) -> AlarmTransition | None:
-        """Note who has seen it; a latched alarm that is within its limit again is cleared by it."""
+        """Acknowledge it; a latched alarm that is within its limit again is cleared by it."""
         self.acknowledgement = Acknowledgement(by, time)
         if self.is_on:
             return None

@@ -5,7 +5,7 @@
     AlarmInstance.holds ─────────┘
 
 There is one recording at a time. An alarm that is raised while another recording runs adds a marker to it, and never
-ends it; one that is raised while a recording of an alarm runs prolongs it. A recording that a person stops is over.
+ends it; one that is raised while a recording of an alarm runs prolongs it. A recording that a user stops is over.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ class RecordingTrigger:
         running, now = self._running, self._recorder.now()
         if running is None:
             return
-        if self._recorder.current is not running.session:  # a person or an error has ended it
+        if self._recorder.current is not running.session:  # a user or an error has ended it
             self._running = None
             return
         if holds := any(one.holds for one in running.alarms):

@@ -1,6 +1,6 @@
 """Addresses that a webhook may reach: any network, but this machine and its link only where a setting names the host.
 
-An alarm is added by a person who may control the server, through a fleet also one of another group. Services of this
+An alarm is added by a user who may control the server, through a fleet also one of another group. Services of this
 machine often trust every client on it, and link-local addresses hold the secrets of machines in a cloud. A
 name is judged by the address that the connection then goes to, so that it cannot mean another one a moment later.
 

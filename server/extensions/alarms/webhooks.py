@@ -1,4 +1,4 @@
-"""Webhooks of alarms: each change of an alarm is posted as JSON to an address that a person gave.
+"""Webhooks of alarms: each change of an alarm is posted as JSON to an address that a user gave.
 
     AlarmInstance ─ message ─> WebhookQueue of the alarm ─ one after the other ─> POST, again after a pause if it fails
 

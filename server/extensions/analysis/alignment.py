@@ -65,7 +65,7 @@ class TimeAlignment:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences for a person."""
+        """Sentences for a user."""
         if not self.others:
             return []
         distances = ", ".join(f"{other - self.offset:+.4g} s" for other in self.others)

@@ -42,7 +42,7 @@ class SignalDifference:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences for a person: what was left out."""
+        """Sentences for a user: what was left out."""
         if not self.left_out:
             return []
         return [f"{counted(self.left_out, 'sample')} of A in a gap of B: nothing is compared across a gap."]

@@ -40,7 +40,9 @@ def unknown_product(device: str) -> tuple[str, SensorProperties]:
 
 
 def data_sheet_of(info: ChannelInfo, at: int, product: Product) -> DataSheetNoise | None:
-    """Data-sheet noise of a column, in its unit; None for what is no accelerometer or gyroscope, or without a sheet."""
+    """Data-sheet noise of a column, in its unit; None without a sheet, or for other sensors than accelerometers and
+    gyroscopes.
+    """
     unit = Unit.parse(info.columns[at].unit)
     for title, si, density, bias in SENSORS:
         if info.kind == "vector" and title.match(info.title or info.name) and unit.fits(Unit.parse(si)):
@@ -71,7 +73,7 @@ def withheld(sheet: DataSheetNoise, unit: str, why: str) -> list[Mapping[str, st
 def verdicts(
     sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel, *, drifts: bool
 ) -> list[Mapping[str, str]]:
-    """One verdict for each figure of the sheet: its name, whether it is met, and a sentence for a person.
+    """One verdict for each figure of the sheet: its name, whether it is met, and a sentence for a user.
 
     Args:
         drifts: a drift in one direction raises the curve.

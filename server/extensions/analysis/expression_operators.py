@@ -13,7 +13,7 @@ from imuscope.server.extensions.analysis.quantities import Quantity, on_one_axis
 from imuscope.server.extensions.analysis.signals import Floats
 from imuscope.server.extensions.analysis.units import NO_UNIT, Unit
 
-MAX_POWER = 100  # of a unit; beyond, it is no unit but a text of digits
+MAX_POWER = 100  # of a unit; beyond, it is a text of digits, not a unit
 _SUMS: Mapping[str, Callable[[Any, Any], Any]] = {"+": np.add, "-": np.subtract}
 _COMPARISONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": np.less,

@@ -99,7 +99,7 @@ def _sensors(signals: Sequence[FiguresOfSignal]) -> Mapping[str, _SensorNoise]:
     if not sensors:
         names = ", ".join(one.name for one in signals)
         hint = "Request the accelerometers and the gyroscopes."
-        raise DomainError("bad-value", f"{names:.200} is no acceleration and no rate of turn.", hint)
+        raise DomainError("bad-value", f"{names:.200} is neither an acceleration nor a rate of turn.", hint)
     return sensors
 
 

@@ -270,7 +270,7 @@ def _slow(measured: Measured) -> Obstacle | None:
     if not measured.slow.is_sure:
         return None
     hint = "Let the sensor warm up for 20 minutes where nothing moves it and the temperature is even, and record again."
-    return Obstacle("drift", f"Slow change: the signal shows {measured.slow.words}, which is no noise.", hint)
+    return Obstacle("drift", f"Slow change: the signal shows {measured.slow.words}, which is not noise.", hint)
 
 
 def _fit(measured: Measured) -> Obstacle | None:

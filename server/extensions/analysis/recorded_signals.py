@@ -69,7 +69,7 @@ class _ComputedSignals:
             raise DomainError("name", "the device sends a channel of that name.", "Give the signal another name.")
         signal = expression_over(self._infos, definition.expression, WHOLE, device)
         value = signal.quantity(self._read)
-        assert value.time is not None  # it is no number
+        assert value.time is not None  # it is not a number
         described = channel_of(device, definition, value)
         described.doc = " ".join([described.doc, *(f"{note}" for note in signal.notes)])
         number = self._sink.advertise(described)

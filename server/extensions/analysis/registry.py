@@ -27,7 +27,7 @@ OWN = "unit_of_the_signal"  # a symbol while units are multiplied
 Figure = Any
 """A number, a text, a list of figures, or an object of figures by name; NaN where there is no number."""
 Result = Mapping[str, Figure]
-"""Figures by name. `notes` are sentences for a person: what was left out, and what to beware of."""
+"""Figures by name. `notes` are sentences for a user: what was left out, and what to beware of."""
 Settings = Mapping[str, float]
 """All options of one request by name; of a choice, its index."""
 
@@ -57,7 +57,7 @@ class AnalysisOption:
         """The value as a number; of a choice, its index.
 
         Raises:
-            DomainError: "bad-value": it is no number, out of range, or none of the choices.
+            DomainError: "bad-value": it is not a number, out of range, or none of the choices.
         """
         if self.choices:
             if value in self.choices:

@@ -46,7 +46,7 @@ class Sampling:
         return max(int(run.stop - run.start) for run in self.runs)
 
     def notes(self) -> list[str]:
-        """Sentences for a person who has to trust a result that assumes even spacing."""
+        """Sentences for a user who has to trust a result that assumes even spacing."""
         remarks = []
         if self.gaps:
             remarks.append(

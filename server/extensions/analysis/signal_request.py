@@ -101,7 +101,7 @@ class ExpressionSignal:
             ExpressionError: a function or a unit does not fit.
         """
         value = self.quantity(read)
-        assert value.time is not None  # it is no number
+        assert value.time is not None  # it is not a number
         sampled = []
         for name, part in zip(value.names, value.parts, strict=True):
             title = f"({self.text}).{name}" if name else self.text
@@ -165,7 +165,7 @@ def expression_over(
     """An expression over channels; `device` and `others`: as for `requested_signals`.
 
     Raises:
-        ExpressionError: a mistake in it, or a name that is none of these; says where.
+        ExpressionError: a mistake in it, or an unknown name, with its position.
     """
     node = parse(text)
     named: dict[str, list[SignalColumn]] = {}
@@ -182,7 +182,7 @@ def expression_over(
 
 
 def _may_be_expression(word: str, infos: Sequence[ChannelInfo]) -> bool:
-    """Whether a word that is no signal can be an expression: `2/RateOfTurn.z` names device 2, where there is one."""
+    """Whether a word that is not a signal can be an expression: `2/RateOfTurn.z` names device 2, where there is one."""
     if addressed := addressed_device(infos, word):
         word = word.removeprefix(f"{addressed}/")
     return bool(SIGNS.intersection(word)) or any(one in word for one in WORDS)

@@ -171,7 +171,7 @@ def moving_intervals(
 ) -> list[tuple[float, float]]:
     """Intervals of motion, unix s; they may overlap. Stretches without samples are in none of them.
 
-    White noise of any level is no motion: for a sensor so noisy that its means scatter by a quarter of a limit, the
+    White noise of any level is not motion: for a sensor so noisy that its means scatter by a quarter of a limit, the
     limits grow with its noise.
 
     Args:

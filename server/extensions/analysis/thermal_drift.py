@@ -8,7 +8,7 @@ A bias that wanders by itself resembles any slow curve, so ordinary least square
 where there is none. The errors are therefore white noise plus a random walk whose share maximises the likelihood, and
 a coefficient counts only from SIGNIFICANT standard deviations. What is removed is b times the smoothed temperature: its
 own noise and steps do not get into the signal. This is the usual correction before an Allan deviation (IEEE Std 952,
-annex C: trends are estimated and removed, since they are no noise).
+annex C: trends are estimated and removed, since they are not noise).
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ STANDARD_GRAVITY = 9.80665
 HOLD_S = 2.0  # besides the second that the hand needs to let go
 MARGIN_S = 0.3
 NEAR = np.cos(np.radians(30.0))
-MAX_SCALE = 0.2  # more is no scale error, but another unit or a broken axis
+MAX_SCALE = 0.2  # more is not a scale error, but another unit or a broken axis
 MAX_PLACEMENT_DEG = 3.0
 
 

@@ -156,7 +156,7 @@ def evaluated(
 ) -> CalibrationReport:
     """The report of a calibration; some of the samples may be missing.
 
-    What fits a sensor that is stuck or clipped is no calibration of it: then it is refused.
+    A fit of a stuck or clipped sensor is not a calibration: it is refused.
     """
     report = method.evaluate({name: samples.get(name, NO_SAMPLES) for name in triads}, triads, options)
     report.sensor = triads[method.sensor].name

@@ -1,6 +1,6 @@
 """Evidence: a range of a recording with all that belongs to it, as one HTML file that opens without a network.
 
-    request.py   what a person chose ──┐
+    request.py   what a user chose ──┐
     series.py    samples, thinned ─────┼──> content.py ──> position.py: left out? ──> document.py ──> FILE.html
     settings, events, notes, versions ─┘                                               + server/page/evidence/viewer.js
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from imuscope.server.extensions.analysis.signals import Floats
 
 TICKS = 2**32 - 1
-LEAST_TICK_S = 1e-7  # a unix time as a 64-bit float is no finer
+LEAST_TICK_S = 1e-7  # the resolution of a unix time as a 64-bit float
 GAP_FACTOR = 2.5  # as on the page (web/src/data/line-breaks.ts)
 BURST_S = 0.05  # and for samples that arrive in bursts
 VISIBLE = 1e-4  # of the values' range: a rounding error below this cannot be seen

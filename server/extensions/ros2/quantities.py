@@ -63,7 +63,7 @@ class GnssPlaces:
         height: above the ellipsoid, m.
         horizontal, vertical: accuracies, m, one standard deviation.
         fix: type of the solution.
-        invalid: values of `fix` that are no position.
+        invalid: values of `fix` that are not a position.
     """
 
     place: Place

@@ -5,7 +5,7 @@
     ros2_worker (subprocess) ───┘
 
 The session runs in a subprocess (server/extensions/ros2/worker.py), which is started after the server and restarted
-after a crash with growing delays. A router that is absent is no error: Zenoh tries again, and the events say so.
+after a crash with growing delays. An absent router is not an error: Zenoh tries again, and the events say so.
 """
 
 from __future__ import annotations

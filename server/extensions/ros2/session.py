@@ -4,7 +4,7 @@
     router elsewhere        client: everything goes through the router, because nodes accept connections of their own
                             host only (in ROS, each host has a router for that)
 
-A router is found by its address, never by multicast. One that is stopped and started again is no error: Zenoh tries
+A router is found by its address, never by multicast. One that is restarted is not an error: Zenoh tries
 again every few seconds, and announces everything again when it is connected. A peer need not reach it at first either.
 
 Source: rmw_zenoh, DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5.

@@ -296,7 +296,7 @@ class Ros2Bridge:
                 self._client.send(op="reopen")  # a client does not always find a router again
 
     def _is_listening(self) -> bool:
-        """Whether something that is no router of ours accepts connections at its address."""
+        """Whether another program than our router accepts connections at its address."""
         try:
             socket.create_connection(router_host(self._settings.router), PROBE_S).close()
         except (OSError, ValueError):

@@ -161,7 +161,7 @@ def test_covariances_are_the_variance_of_samples_on_each_axis() -> None:
 
 def test_what_has_no_such_noise_is_refused() -> None:
     other = replace(resting(1.0, unit="°C"), name="Temperature")
-    with pytest.raises(DomainError, match="Temperature is no acceleration and no rate of turn"):
+    with pytest.raises(DomainError, match="Temperature is neither an acceleration nor a rate of turn"):
         analysis_named("allan").text("kalibr", of_signals(other))
     with pytest.raises(DomainError, match="Format xml not found") as raised:
         analysis_named("allan").text("xml", [])

@@ -87,7 +87,9 @@ WRONG = [
     of("alias", lambda one: vibrating(one, 0.05, 162.7), "(it may be the image of one at 62.7 or 137.3 Hz)"),
     of("alias near 0 Hz", lambda one: vibrating(one, 0.02, 100.01), "a swing with a period of 100 s"),
     of("warm-up", lambda one: warming(one, 23.0), "Warming up: the temperature goes from 31"),
-    of("warm-up unseen", lambda one: warming(one, 8.0), "a drift that slows down, which is no noise", sends=("force",)),
+    of(
+        "warm-up unseen", lambda one: warming(one, 8.0), "a drift that slows down, which is not noise", sends=("force",)
+    ),
     of("clipped", lambda one: clipped(one, 1.5), "samples are at the highest value"),
     of("clipped by its status", lambda one: flagged(one, 0.01), "Clipped: the device reports ClipGyrX in 600 samples."),
     of("gaps", lambda one: torn(one, 0.3), "s of 600 s are missing in 6"),

@@ -27,7 +27,7 @@ def run(signal: Signal, options: Settings) -> Result:
     """Begins and ends, their number, and the number of samples at which the condition is true.
 
     Raises:
-        DomainError: "bad-expression": the signal is no condition.
+        DomainError: "bad-expression": the signal is not a condition.
     """
     is_true = signal.values == 1.0
     if not np.all(is_true | (signal.values == 0.0)):
