@@ -73,14 +73,14 @@ class RefusedError(DomainError):
 
 
 class PartialRights(Protocol):
-    """Tokens of persons who see everything and command a part of it (server/extensions/fleet/operators.py)."""
+    """Tokens of users who see everything and command a part of it (server/extensions/fleet/operators.py)."""
 
     def holder(self, token: str) -> str:
-        """The name of the person with this token; empty if there is none."""
+        """The name of the user with this token; empty if there is none."""
         ...
 
     def may_command(self, token: str, path: str) -> bool:
-        """Whether that person may command what the path of a request names."""
+        """Whether that user may command what the path of a request names."""
         ...
 
 

@@ -151,7 +151,7 @@ class Extension:
         """Check a configuration before a server is made.
 
         Raises:
-            ValueError: it cannot be used; the text is for a person.
+            ValueError: it cannot be used; the text is for a user.
         """
         if self.checks:
             _named(self.checks)(config)

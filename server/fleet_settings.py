@@ -46,7 +46,7 @@ class FleetServerSettings:
         listen: address for robots; "" for none.
         router: address of a Zenoh router to use instead.
         robots: file of the robots that may connect, with their passwords (server/extensions/fleet/access.py).
-        operators: file of persons who may command some groups (server/extensions/fleet/operators.py).
+        operators: file of users who may command some groups (server/extensions/fleet/operators.py).
         anyone: anyone on the network may join and listen.
         certificate, key, ca: PEM files: certificate of this server, and the authority of the other side's.
         user, password: at the router; the password may be @FILE.

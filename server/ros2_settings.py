@@ -19,7 +19,7 @@ def usual_domain() -> int:
     """The domain where no setting names one: that of the environment, as for every node of ROS, else 0.
 
     Raises:
-        ValueError: the variable is no domain; the text is for a person.
+        ValueError: the variable is not a domain; the text is for a user.
     """
     text = os.environ.get(VARIABLE, "").strip()
     if not text:

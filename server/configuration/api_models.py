@@ -174,7 +174,7 @@ class PreviewResult:
     problems: list[FieldProblem]
     load: LoadInfo | None = None
     line: str = ""  # how this change could cut the line; "" if it cannot
-    risks: list[str] = field(default_factory=list)  # further consequences of single values, for a person
+    risks: list[str] = field(default_factory=list)  # further consequences of single values, for a user
 
 
 @dataclass(slots=True)

@@ -211,11 +211,11 @@ def _written_by(controller: DeviceController, command: str, values: Mapping[str,
     return None
 
 
-UNKNOWN_BYTES = "These bytes are no message that is known here; they may change anything in the device."
+UNKNOWN_BYTES = "These bytes are not a known message; they may change anything in the device."
 
 
 def risks_of_bytes(controller: DeviceController, data: bytes) -> list[Risk]:
-    """Risks of bytes typed by a person, which name their messages; none of one message that only asks."""
+    """Risks of bytes typed by a user, which name their messages; none of one message that only asks."""
     rows = {row.name: row for row in controller.driver.commands(controller.context)}
     names = _messages_of(controller, data)
     if not names or any(name not in rows for name in names):
@@ -227,7 +227,7 @@ def risks_of_bytes(controller: DeviceController, data: bytes) -> list[Risk]:
 
 
 def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
-    """Commands that bytes consist of; none if a part of them is no whole message."""
+    """Commands that bytes consist of; none if a part of them is not a whole message."""
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     family = PROTOCOLS[controller.session.info.protocol]

@@ -336,7 +336,7 @@ def client_name(link: Link, client: Mapping[str, Any]) -> str:
 
 
 def _check_path(address: ShareAddress) -> None:
-    """A page may create terminals in the runtime folder only; elsewhere, the person who starts the server may."""
+    """A page may create terminals in the runtime folder only; elsewhere, the user who starts the server may."""
     try:
         folder = runtime_folder()
     except OSError as error:

@@ -97,7 +97,7 @@ class TrafficLog:
         """Log a frame that another client of a shared port sent to the device.
 
         Args:
-            line: the decoded frame, {} if it is none.
+            line: the decoded frame, {} if it is not one.
             time: when it was sent, unix s: an entry that is reported later may follow its answer.
         """
         self.flush()

@@ -207,7 +207,7 @@ def _checked(name: str, text: str) -> str:
     try:
         checked = option.checked(text)
         if option.kind == "secret" and not checked:
-            option.read(text)  # an empty one is no secret
+            option.read(text)  # an empty one is not secret
     except ValueError as error:
         raise DecodeOptionError(str(error)) from None
     return checked

@@ -176,7 +176,7 @@ class DecodePipeline:
             self.stream.drain(stalled=final)
 
     def hides_messages(self) -> bool:
-        """Whether whole messages wait behind the beginning of a message that is incomplete, and so is none.
+        """Whether whole messages wait behind the beginning of an incomplete message, which may be a false start.
 
         A frame of which the rest comes late is a good frame: what waits for it is not proof of anything.
         """

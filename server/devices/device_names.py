@@ -1,4 +1,4 @@
-"""Lasting names of devices: their keys, their ids in later runs, and the names that people give them.
+"""Lasting names of devices: their keys, their ids in later runs, and the names given by users.
 
     devices.json    {"next": 3, "ids": {"/dev/ttyUSB0": ["1"], "sim:xbus": ["2"]},
                      "names": {"xbus-0080800006": "left wheel"}}
@@ -63,7 +63,7 @@ class DeviceNames:
         return new
 
     def name_of(self, key: str) -> str:
-        """The name that people gave a device; "" if none."""
+        """The name that users gave a device; "" if none."""
         return self._names.get(key, "")
 
     def on_change(self, listener: Callable[[], None]) -> None:

@@ -31,7 +31,7 @@ class DeviceState:
     Args:
         info: initial state.
         title: displayed name of a protocol.
-        names: names that people gave to devices.
+        names: names that users gave to devices.
     """
 
     def __init__(

@@ -5,8 +5,8 @@ carries out a transaction (`lock`), and a client while it configures the device 
 they send is not read from them, so their own buffers hold it.
 
     client:   configures ── its frames ── configured ──> the voice is free
-                         ── silence, however long ──> it still configures: a person reads its dialog, or it sleeps
-                         ── it leaves, or a person takes over (`forget`) ──> the voice is free
+                         ── silence, however long ──> it still configures: a user reads its dialog, or it sleeps
+                         ── it leaves, or a user takes over (`forget`) ──> the voice is free
     talking without a pause for MOST_TURN_S while another one waits ──> `take_turn`, between two frames: others are next
 """
 

@@ -236,7 +236,7 @@ class Port:
 def _terminal_of(place: str) -> object:
     """Identity of the name of a pseudo-terminal; None for other ports.
 
-    The kernel gives the number of one that was closed to the next: that may be a person's shell. So a name leads to the
+    The kernel gives the number of one that was closed to the next: that may be a user's shell. So a name leads to the
     same port again only if it is a link that was recreated.
     """
     real = os.path.realpath(place)
@@ -245,7 +245,7 @@ def _terminal_of(place: str) -> object:
     try:
         about = os.stat(place, follow_symlinks=False)
     except FileNotFoundError:
-        return real  # it is gone, and was no link
+        return real  # it is gone, and was not a link
     return (real, about.st_ino, about.st_ctime_ns) if stat.S_ISLNK(about.st_mode) else real
 
 

@@ -25,7 +25,7 @@ def carry_out(holder: Holder, request: Mapping[str, Any]) -> None:
 
     Raises:
         PortError, ShareError: it cannot be carried out.
-        KeyError: it is none of these.
+        KeyError: it is not one of these.
     """
     match request["do"]:
         case "lock":

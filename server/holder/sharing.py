@@ -338,7 +338,7 @@ class Sharing:
         """Read a client again that was held back, if it may send now; refuse what it has waited too long for."""
         if client.paused_since and not self._may_speak(client, now):
             if now - client.paused_since > MOST_WAIT_S:
-                with contextlib.suppress(OSError):  # who is gone is found when the device sends
+                with contextlib.suppress(OSError):  # clients that left are found when the device sends
                     client.refused += len(client.read())
             return
         if client.paused_since:

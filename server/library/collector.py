@@ -101,7 +101,7 @@ class RecordingSink:
                 self._angles(piece)
 
     def keep_computed(self, number: int, columns: Sequence[NDArray[Any]]) -> None:
-        """Append rows of a computed signal: arrival, time, then its columns. They are no samples of the device."""
+        """Append rows of a computed signal: arrival, time, then its columns. They are not samples of the device."""
         for begin in range(0, len(columns[0]), BLOCK_ROWS):
             self._writer.append(number, [column[begin : begin + BLOCK_ROWS] for column in columns])
 

@@ -66,7 +66,7 @@ class SignalDefinitions:
         """
         if not is_name(definition.name):
             hint = f"Give 1 to {MAX_NAME} characters, without “/”, “.” and quotation marks."
-            raise DomainError("name", f"{definition.name:.80} is no name of a signal.", hint)
+            raise DomainError("name", f"{definition.name:.80} is not a valid signal name.", hint)
         own = list(self.of(device))
         names = [one.name for one in own]
         if definition.name in names:

@@ -1,7 +1,7 @@
 """Recording of all devices from the start of the server (`record = true`), resumed after a full disk has room again.
 
     begin ──> recording ── the disk is full ──> waiting ── room ──> recording
-                  │ a person stops it              │ a person stops it
+                  │ a user stops it              │ a user stops it
                   └──> over                        └──> over
 
 A robot has no operator to press the button again. There is room when a part of the disk is free (`room_for`), so that a
@@ -27,7 +27,7 @@ from imuscope.server.errors import DomainError
 log = logging.getLogger("imuscope.recorder")
 
 FIRST_S, LONGEST_S = 5.0, 300.0
-LASTS_S = 600.0  # a recording that is longer was no failed attempt
+LASTS_S = 600.0  # a recording that is longer was not a failed attempt
 SHARE, MOST_BYTES = 20, 500 * 10**6
 """One part in so many of the disk has to be free, and no more than so much."""
 
@@ -85,7 +85,7 @@ class StandingRecording:
         return "Recording is resumed by itself when there is room."
 
     def drop(self) -> bool:
-        """Record no more by itself: a person has stopped it, or the server ends. Returns whether it was waiting."""
+        """Record no more by itself: a user has stopped it, or the server ends. Returns whether it was waiting."""
         was_waiting, self._is_wanted = self.is_waiting, False
         if self._waiting is not None:
             self._waiting.cancel()
@@ -94,7 +94,7 @@ class StandingRecording:
     async def _wait(self) -> None:
         while self._is_wanted:
             await asyncio.sleep(self._backoff.next())
-            if self._is_running():  # a person was faster; if that one ends by the full disk, too, `ended` is called
+            if self._is_running():  # a user was faster; if that one ends by the full disk, too, `ended` is called
                 return
             if await asyncio.to_thread(self._has_room) and await self._attempt() is None:
                 self._report("warning", "The disk has room again: recording has been resumed.", "")
@@ -113,7 +113,7 @@ class StandingRecording:
             await self._start(self._words)
         except RecordingError as error:
             return error
-        except DomainError:  # a person was faster
+        except DomainError:  # a user was faster
             return None
         self._started = time.monotonic()
         return None

@@ -46,7 +46,7 @@ class DeviceInfo:
     is_open: bool = False  # state of its link: a silent device on an open link may still answer
     absent: list[str] = field(default_factory=list)  # flags of its status words that this product does not have
     key: str = ""  # names the sensor on any port and in later runs: "xbus-0080800006"; its source if it sent no number
-    own_name: str = ""  # given by people, stored with the key; "" if none
+    own_name: str = ""  # given by users, stored with the key; "" if none
     resume: str = ""  # command that makes a device send again that is quiet for a known reason: "GoToMeasurement"
     unconfirmed_since: float | None = None  # unix seconds at which its link came back: another sensor may be there
 

@@ -283,7 +283,7 @@ def test_raw_bytes_are_named_before_they_are_sent(http: Client) -> None:
     assert "ReqDID: " in both
     assert "RestoreFactoryDef: " in both
     for odd in (ask + "00", ask[:-2] + "02", "00"):
-        assert "no message that is known here" in post(http, "raw", {"hex": odd}).json()["message"]
+        assert "not a known message" in post(http, "raw", {"hex": odd}).json()["message"]
 
 
 def test_a_command_is_answered_and_raw_bytes_are_seen(http: Client) -> None:
