@@ -1,6 +1,6 @@
 """Boundaries and arrival times of the chunks of a stream; the last byte of a chunk has the least delay.
 
-An adapter passes on 62 bytes when it has them, wherever a frame ends. The bytes after them wait for the next packet:
+An adapter passes on 62 bytes when it has them, regardless of frames. The bytes after them wait for the next packet:
 
     on the line    ──frame──┐┌──────frame──────┐      ┌──frame──
     passed on         62 bytes │ 62 bytes │ the rest waits …
@@ -47,7 +47,7 @@ class ChunkBoundaries:
         self._arrivals.extend(arrival_ns)
 
     def forget(self, position: int) -> None:
-        """Drop what is not needed for frames that begin at or after `position`."""
+        """Drop bytes that are not needed for frames that begin at or after `position`."""
         if len(self._ends) > 1:
             done = bisect_right(self._ends, position)
             del self._ends[:done], self._arrivals[:done]

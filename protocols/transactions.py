@@ -55,8 +55,8 @@ class WaitFor:
     """Wait for an event for which `match` returns a value; None after `timeout_s`.
 
     Args:
-        is_answer: the device answers at once what was just sent, so only its silence takes the time: a runner on a slow
-            machine may give it longer.
+        is_answer: the device answers at once to the bytes just sent, so only its silence takes the time: a runner on a
+            slow machine may give it longer.
     """
 
     match: Callable[[Event], Any | None]

@@ -215,7 +215,7 @@ class Library:
                         continue
                     with contextlib.suppress(OSError):
                         is_file = _is_file(entry)
-                        if is_file or suffix in ALWAYS_LISTED:  # what cannot be one is listed with the reason
+                        if is_file or suffix in ALWAYS_LISTED:  # other files are listed with the reason
                             stat = entry.stat() if is_file else entry.stat(follow_symlinks=False)
                             files[Path(entry.path)] = (stat.st_size if is_file else 0, stat.st_mtime_ns)
         except OSError:
@@ -360,7 +360,7 @@ class Library:
             return next(one for one in self._live() if one.path.name == entry.path.name)
 
     def _remove_stale(self) -> None:
-        """Remove what has been in the bin for more than 7 days, and abandoned uploads."""
+        """Remove recordings that have been in the bin for more than 7 days, and abandoned uploads."""
         if self._now() - self._last_removal < _SWEEP_S:
             return
         self._last_removal = self._now()
@@ -451,7 +451,7 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
     """Each group with its id, as the module's docstring defines it."""
 
     def id_of(name: str) -> str:
-        while name in by_name:  # of two that differ only in what is not UTF-8
+        while name in by_name:  # of two that differ only in bytes that are not UTF-8
             name = f"{name}-"
         return name
 

@@ -434,7 +434,7 @@ def _torn(at: int, head: bytes, rest: Bytes) -> FileDamage:
     length = struct.unpack_from("<Q", head, 1)[0] if len(head) == _RECORD else 0
     is_record = head[0] <= DATA_END and len(rest) < _RECORD + length and length <= _LONGEST_RECORD
     torn = not rest.any() or (head[0] > 0 and (is_record or len(rest) < _RECORD))
-    words = f"The file is whole up to byte {at:,}; what follows is torn off or damaged.".replace(",", " ")
+    words = f"The file is whole up to byte {at:,}; the rest is missing or damaged.".replace(",", " ")
     return FileDamage(at, words, torn)
 
 

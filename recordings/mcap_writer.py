@@ -82,7 +82,7 @@ _SIGNALS_SCHEMA = {
 
 
 READABLE = "Is it there, and may this server read it?"
-_FREE = "Free some space, or delete recordings; what was recorded until now is kept."
+_FREE = "Free some space, or delete recordings; the recording so far is kept."
 FULL = (errno.ENOSPC, errno.EDQUOT)
 _HINTS = {
     errno.ENOSPC: _FREE,
@@ -92,7 +92,7 @@ _HINTS = {
     errno.EROFS: "Choose another folder with --data.",
     errno.ENOENT: "Was the folder removed? Choose another with --data.",
     errno.EEXIST: "Choose another name.",
-    errno.EIO: "The disk or its cable is failing: copy what is on it elsewhere, then look at the system's log (dmesg).",
+    errno.EIO: "The disk or its cable is failing: copy its data elsewhere, then look at the system's log (dmesg).",
 }
 _WORDS = {
     errno.ENOSPC: "The disk is full",

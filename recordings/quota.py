@@ -1,7 +1,7 @@
 """Storage quota: deletes the oldest unpinned recordings.
 
     counted    imuscope's recordings with their companion files, pinned or not; everything in the bin
-    deleted    first what is in the bin, longest there first; then imuscope's recordings, oldest first
+    deleted    first recordings in the bin, longest there first; then imuscope's recordings, oldest first
     neither    files put there by others: captures, logs, tables, other programs' MCAP files
 
 Recordings in the bin go before kept ones, although they could be restored for 7 days.

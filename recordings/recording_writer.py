@@ -385,7 +385,7 @@ class RecordingWriter:
             path.parent.mkdir(parents=True, exist_ok=True)
             restored = _put_back(writer)
             where = "was put back" if restored == path else f"was put back as {restored.name}"
-            self._fail(RecordingError(cause, f"What had been recorded {where}; start a new recording to go on."))
+            self._fail(RecordingError(cause, f"The recorded part {where}; start a new recording to go on."))
         except OSError:
             self._fail(RecordingError(cause, "It could not be put back. Is the folder still there?"))
 

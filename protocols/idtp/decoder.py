@@ -1,4 +1,4 @@
-"""Bytes of IDTP devices in, events out: one Batch for each device and layout, what was lost, and what was refused.
+"""Bytes of IDTP devices in, events out: one Batch for each device and layout, losses, and rejected frames.
 
     chunks ──> IdtpStream ──> frames ──> group by (device, verified, version, type, length) ──> Batch
                    │              └─> sequence numbers ──> SampleGap      timestamps ──> time, ClockStep
@@ -68,7 +68,7 @@ from imuscope.protocols.stream_parser import StreamDecoder
 
 WRAP = 2**32
 KNOWN_MINOR = 1
-WARNING = Message(-1, "Warning", kind="indication", doc="What a person should know about a device.")
+WARNING = Message(-1, "Warning", kind="indication", doc="Remark on a device, for users.")
 
 LAYOUT = (1 << SOURCE_SHIFT) - 1  # the part of a KEY that determines the layout
 _LAYOUTS = 4096  # remembered; a device has a handful

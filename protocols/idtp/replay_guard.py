@@ -20,7 +20,7 @@ one. Therefore
     evidence    a jump of more than 16 is settled when 8 frames have been accepted from there on. Until then, frames
                 whose numbers lie in what it skipped, each continuing the one before (1 to 16 further), are evidence
                 that it was false. The first is dropped as stale; as soon as they are more than the frames accepted
-                since the jump, the sequence goes back to them, and what was counted as lost is taken back. No frame
+                since the jump, the sequence goes back to them, and the count of losses is corrected. No frame
                 that was accepted before the jump is accepted again.
     silence     after 3 s without an accepted frame of its mode, an older number is a restart. Measured by arrival time,
                 so it never applies to a capture without arrival times.

@@ -1,8 +1,8 @@
 """Numbers of one JSON or protobuf message, by their path.
 
 A number within messages and short arrays has a path: angular_velocity.x, noise.0. Text, bytes and long arrays have not.
-The time of measurement is header.stamp, stamp or timestamp, if present. Messages come from outside: what cannot be read
-is a ValueError.
+The time of measurement is header.stamp, stamp or timestamp, if present. Messages come from outside: parts that cannot
+be read is a ValueError.
 """
 
 from __future__ import annotations

@@ -306,7 +306,7 @@ def icc_command(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 def forward_gnss_data(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Whole RTCM 3 messages (D3, 10 bits of length, content, 3 bytes of checksum); a partial one is refused. Other data
-    goes to the receiver unchanged: RTCM is the document's example of what may be forwarded.
+    goes to the receiver unchanged: RTCM is the document's example of forwarded data.
     """
     if payload and payload[0] != RTCM:
         return b""
