@@ -4,7 +4,7 @@
 
 The libraries send parts of some MB as fast as the network takes them, which would delay live data on the same line by
 seconds. Here bytes pass in small pieces at an even rate, and TCP slows the libraries down. Each direction has the rate:
-what was stored is read back. A request without the secret of this proxy is refused, so no other process can use it.
+stored data are read back. A request without the secret of this proxy is refused, so no other process can use it.
 """
 
 from __future__ import annotations

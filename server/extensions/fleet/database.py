@@ -1,7 +1,7 @@
 """The state of a fleet server that outlasts it: the last state of each robot, and events. One SQLite file.
 
 The number of the last report of a robot and the events of that report are written in one transaction. So after a crash
-the robot is asked for exactly what is missing, and nothing is there twice.
+exactly the missing reports are requested from the robot, and none is stored twice.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Parquet files of a Delta table as an Arrow dataset that knows which files a condition excludes.
 
 deltalake's own dataset takes a column that a file does not have for one that is never empty: `IS NOT NULL` then holds
-for every row of a file that is older than the column. It also takes milliseconds a file to say what is known of all
+for every row of a file that is older than the column. It also takes milliseconds a file to list the statistics of all
 its columns. So it is taken from the log here: the partition of each file, the bounds of the columns that questions are
 narrowed by, and the signals that it does not have.
 """

@@ -95,7 +95,7 @@ def append_once(
 
 
 def create_table(store: StoreLocation, table: StoreTable) -> None:
-    """Make a table without rows, unless it is there: other engines cannot read what does not exist.
+    """Make a table without rows, unless it is there: other engines cannot read a table that does not exist.
 
     Raises:
         StoreError: the store cannot be written.

@@ -42,7 +42,8 @@ def fetch(store: StoreLocation, recording: str, path: Path) -> int:
             file.write(piece)
     if digest.hexdigest() != checksum:
         raise StoreError(
-            f"{store.url}/{key} is not what was uploaded: its checksum differs", "Upload the original file again."
+            f"{store.url}/{key} has another checksum than the uploaded file",
+            "Upload the original file again.",
         )
     return size
 
@@ -64,7 +65,7 @@ def verify(store: StoreLocation, recording: str) -> str:
             raise NotInStoreError(f"{store.url}/{key} is missing", "Upload the original file again.") from None
         raise
     if digest.hexdigest() != checksum:
-        words = f"{store.url}/{key} is not what was uploaded: its checksum differs"
+        words = f"{store.url}/{key} has another checksum than the uploaded file"
         raise NotInStoreError(words, "Upload the original file again.")
     return checksum
 

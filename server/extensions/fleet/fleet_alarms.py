@@ -278,7 +278,7 @@ class FleetAlarms:
             self._is_failing = False
 
     async def close(self) -> None:
-        """End the webhooks, and store what has changed."""
+        """End the webhooks, and store the changes."""
         await self.webhooks.close()
         if self.is_changed:
             await asyncio.to_thread(self.save, self.saved_text())

@@ -33,7 +33,7 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
     command.add_argument(
         "--operators",
         metavar="FILE",
-        help="persons who may command robots of some groups: NAME:TOKEN:GROUP,GROUP in each line",
+        help="users who may command robots of some groups: NAME:TOKEN:GROUP,GROUP in each line",
     )
     command.add_argument("--bus-certificate", metavar="FILE", help="certificate for tls/ (PEM); requires --bus-key")
     command.add_argument("--bus-key", metavar="FILE", help="private key of --bus-certificate (PEM)")

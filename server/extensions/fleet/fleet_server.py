@@ -1,10 +1,10 @@
 """The fleet server's end of the bus: receives, asks, stores.
 
     Zenoh's threads ─> a queue of limited length ─> Collector (event loop, ten times a second) ─> Robots ─> page
-                                                        ├─> journals are asked for what is missing
+                                                        ├─> missing reports are requested from journals
                                                         └─> FleetDatabase, once a second, in a thread
 
-What does not fit into the queue is not lost: its number is missed, and the robot is asked for it.
+A report that does not fit into the queue is not lost: its number is missed, and it is requested from the robot.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class FleetServer:
         self._writing: asyncio.Task[None] | None = None
 
     def open(self) -> None:
-        """Open the session. What is received waits until `start`.
+        """Open the session. Received messages wait until `start`.
 
         Raises:
             FleetBusError: it cannot be opened.
@@ -131,7 +131,7 @@ class FleetServer:
             self._leave()
 
     async def close(self) -> None:
-        """Close the session and write what is left."""
+        """Close the session and write the remaining data."""
         self._closed = True
         await self.rollouts.close()
         self.pages.close()
@@ -175,7 +175,7 @@ class FleetServer:
                 session.close()  # type: ignore[no-untyped-call]
 
     def _put(self, kind: int, key: str, data: bytes) -> None:
-        """Queue what was received, from any thread. Tokens always fit: they are few, and not repeated."""
+        """Queue a received message, from any thread. Tokens always fit: they are few, and not repeated."""
         too_many = len(self._queue) >= MAX_QUEUE or self._queued + len(data) > MAX_QUEUE_BYTES
         if len(data) > MAX_JOURNAL or (too_many and kind != TOKEN):
             self.overflows += 1

@@ -1,4 +1,4 @@
-"""Limit of what is on its way to a viewer: as much as arrives within about half a second.
+"""Limit of the bytes on their way to a viewer: as much as arrives within about half a second.
 
 The receiver acknowledges the bytes it has delivered. If that took long, the window shrinks, otherwise it grows. So what
 waits for a slow line or a slow browser waits at its origin, where live samples can be dropped, and not on the way.

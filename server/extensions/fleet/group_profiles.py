@@ -119,7 +119,7 @@ class GroupProfiles:
         self._profiles[profile.group, target.protocol, target.product] = profile, settings
 
     def judged(self, robot: RobotSummary) -> RobotSummary:
-        """A summary with how far the robot is from the profiles of its group. What is not known is requested later."""
+        """A summary with how far the robot is from the profiles of its group. Unknown settings are requested later."""
         for device in robot.devices:
             if robot.state == "live" and device.settings and device.settings not in self._known:
                 self._unknown_digests[robot.name, device.id] = device.settings

@@ -12,9 +12,9 @@
     KeepAlive       sent while a stream is open  <─>
 
 Each stream has a number that its fleet server gave it, and the messages of a stream are numbered from 0 in each
-direction, so that a lost one is noticed: the stream then ends. A robot sends what is not taken yet up to a window
-(flow_control.py). docs/fleet.md is the specification. `decode_request` and `decode_answer` raise
-TunnelMessageError and nothing else, for any bytes.
+direction, so that a lost one is noticed: the stream then ends. Bytes that a robot sends before they are acknowledged
+are limited by a window (flow_control.py). docs/fleet.md is the specification. `decode_request` and `decode_answer`
+raise TunnelMessageError and nothing else, for any bytes.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@
                                   Stream  <── ResponseHead, ResponsePart, EndStream ── Inbox <── bus
 
 Nothing here trusts a robot: a stream belongs to the robot that it was opened for, its messages are numbered, and what
-it sends beyond what was taken ends it. A stream ends with its viewer, with the line of the robot, and when the robot is
-silent for SILENCE_S.
+it sends beyond the acknowledged bytes ends it. A stream ends with its viewer, with the line of the robot, and when the
+robot is silent for SILENCE_S.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class RobotPages:
         return DomainError("gone", f"The line of robot {name} is lost.", hint)
 
     def put(self, robot: str, message: TunnelRequest) -> None:
-        """Send a message. Never waits: what does not fit is lost, and its number missed."""
+        """Send a message. Never waits: a message that does not fit is lost, and its number missed."""
         import zenoh
 
         session = self._session

@@ -1,6 +1,6 @@
 """Messages from threads of the bus to the event loop, limited for each sender and in all.
 
-What does not fit is dropped and counted; the receiver notices by the numbers of the stream.
+Messages that do not fit are dropped and counted; the receiver notices by the numbers of the stream.
 """
 
 from __future__ import annotations

@@ -126,7 +126,7 @@ class Journal:
             self._loaded.wait()
 
     def close(self) -> None:
-        """Write what is left, and end. It waits for the disk."""
+        """Write the remaining reports, and end. It waits for the disk."""
         self._closed.set()
         self._wake.set()
         if self._thread is not None:
@@ -306,7 +306,7 @@ class Journal:
             self._limit_bytes()
 
     def _write(self, files: JournalFiles) -> bool:
-        """Append what is new, and remove files that are not needed; returns whether something was appended."""
+        """Append new reports, and remove files that are not needed; returns whether something was appended."""
         with self._lock:
             reports = tuple(self._unwritten)
             boot, number = self._stored_until

@@ -170,7 +170,7 @@ class JournalFiles:
             self._remove(self._files[0])
 
     def sync(self) -> None:
-        """Make what was written survive a power cut.
+        """Make the written data survive a power cut.
 
         Raises:
             OSError: the disk failed.
@@ -220,7 +220,7 @@ def _pieces(data: bytes) -> Iterator[bytes]:
     """Whole pieces up to the end.
 
     Raises:
-        ReportError: what follows is not whole.
+        ReportError: the rest is not whole.
     """
     at = 0
     while at < len(data):

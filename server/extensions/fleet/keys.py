@@ -1,4 +1,4 @@
-"""Keys of the bus of a fleet, version 1. docs/fleet.md specifies them and what is published under each.
+"""Keys of the bus of a fleet, version 1. docs/fleet.md specifies them and the messages published under each.
 
 imuscope/1/robots/NAME/alive/BOOT     liveliness token of a robot
 imuscope/1/robots/NAME/report         its reports, as they are made

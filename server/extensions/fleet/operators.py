@@ -24,7 +24,7 @@ OF_ROBOT = re.compile(r"/(?:robots|api/fleet/robots)/([^/]+)(?:/|\Z)")
 OF_ROLLOUT = re.compile(r"/api/fleet/rollouts/(\d{1,12})/")
 
 GroupOf = Callable[[str], str | None]
-"""The group of what has this name; None if there is nothing."""
+"""The group of the robot with this name; None if there is none."""
 
 
 @dataclass(frozen=True, slots=True)

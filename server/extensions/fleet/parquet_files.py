@@ -1,6 +1,6 @@
 """Parquet files of a Delta table in a folder, as DuckDB's own reader takes them.
 
-It is several times as quick as an Arrow dataset: it decodes on all cores, and operators that sort or join tell it which
+It is several times as quick as an Arrow dataset: it decodes on all cores, and sorts and joins pass on to it which
 rows it still wants. It opens every file for its statistics, so `samples`, with a file for each robot and day, is read
 as a dataset instead, which knows from the log what to leave closed (delta_dataset.py); so are tables in a cloud.
 """

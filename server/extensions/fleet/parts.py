@@ -24,7 +24,8 @@ def parts(services: Services) -> Iterator[ServicePart]:
     services.recorder.waiting = uploads.waiting_paths
 
     def start_uploads() -> None:
-        if services.folder_lock.is_alone and services.has_devices:  # otherwise the other server uploads what is there
+        # otherwise the other server uploads the existing recordings
+        if services.folder_lock.is_alone and services.has_devices:
             uploads.start()
 
     yield ServicePart("an upload", uploads, uploads.close, start_uploads, metrics=uploads.add_metrics)

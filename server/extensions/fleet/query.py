@@ -278,7 +278,7 @@ def _placed(connection: duckdb.DuckDBPyConnection, sql: str, error: Exception) -
     """An error that says where it is: that of a relation does not, that of a statement does."""
     if isinstance(error, duckdb.BinderException | duckdb.CatalogException):
         try:
-            connection.execute(sql)  # what cannot be planned is not carried out
+            connection.execute(sql)  # a statement that cannot be planned is not executed
         except duckdb.Error as placed:
             return placed
     return error

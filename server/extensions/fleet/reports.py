@@ -5,7 +5,7 @@
 
 docs/fleet.md is the specification. Version 1 can grow: a kind, a level or a state is any short word, and fields that
 this version does not know are kept as text where a page shows them (unknown_fields.py). A field that is missing has its
-default. What is of another shape, or exceeds a limit, makes the whole report invalid: `decode_report` raises
+default. A value of another shape, or beyond a limit, makes the whole report invalid: `decode_report` raises
 ReportError and nothing else, for any bytes.
 """
 

@@ -132,15 +132,15 @@ class Rollout(RolloutHead):
     changes: list[RolloutChanges]
 
     def interrupt(self, now: float) -> None:
-        """This server ended. Nothing goes on by itself: what was under way is unknown, and what waited never begins."""
+        """This server ended. Nothing goes on by itself: devices under way are unknown, and waiting ones never begin."""
         for one in self.devices:
             if one.state in BUSY:
                 one.words = f"The fleet server ended while this device was {one.state}. {UNKNOWN}"
                 one.state, one.time = "unknown", now
-        self.end("interrupted", "The fleet server ended. A new plan shows what is left to do.", now)
+        self.end("interrupted", "The fleet server ended. A new plan shows the remaining work.", now)
 
     def end(self, state: RolloutState, words: str, now: float) -> None:
-        """End it: what waits is not started."""
+        """End it: waiting devices are not started."""
         for one in self.devices:
             if one.state == "waiting":
                 one.state, one.time = "not-started", now

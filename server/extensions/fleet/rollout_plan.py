@@ -71,7 +71,7 @@ class _Change:
     """Change of all devices with the same settings.
 
     Args:
-        place: of what is shown.
+        place: of the shown change.
     """
 
     place: int

@@ -5,7 +5,8 @@
                                        └─ <data>/fleet/rollouts/ID.json, before anything is sent, and with each state
 
 A rollout is a task of this server, independent of viewers. It does not survive the server: after a restart the file
-says what was under way, and nothing is sent again. A user makes a new plan, from what the robots have by then.
+lists the interrupted devices, and nothing is sent again. A user makes a new plan, from the settings of the robots at
+that time.
 """
 
 from __future__ import annotations

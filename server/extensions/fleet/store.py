@@ -1,4 +1,4 @@
-"""Location of a store, and what may go wrong there, in words.
+"""Location of a store, and its errors as text.
 
     /data/store, file:///data/store     a folder
     s3://bucket/prefix                  anything that speaks S3: AWS_ENDPOINT_URL, AWS_ACCESS_KEY_ID, AWS_REGION, …
@@ -213,7 +213,7 @@ def store_error(error: BaseException, store: StoreLocation) -> StoreError:
     return StoreError(f"{store.url}: {first[:300] or type(error).__name__}")
 
 
-AGAIN = "What has arrived stays; start the same command again."
+AGAIN = "Uploaded parts are kept; start the same command again."
 _CAUSES = (
     (r"No space left|os error 28\b", "the disk is full", f"Free some space. {AGAIN}"),
     (r"os error 122\b|Disk quota", "the quota of the disk is used up", f"Free some space. {AGAIN}"),

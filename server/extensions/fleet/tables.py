@@ -77,7 +77,7 @@ RECORDINGS = StoreTable(
         ("markers", WHOLE, "number of markers and notes"),
         ("tags", TEXT, "tags, separated by commas"),
         ("notes", TEXT, "notes"),
-        ("damaged", TEXT, "what is wrong with the file; empty if nothing is"),
+        ("damaged", TEXT, "the problem of the file; empty if there is none"),
         ("name", TEXT, "name of the uploaded file"),
         ("format", TEXT, "its format: mcap, csv, bin, or that of a vendor's log"),
         ("object", TEXT, "the recording in the store: robots/ROBOT/DATE/RECORDING.mcap"),

@@ -4,7 +4,7 @@
     2  rows of devices, settings, events, losses, …    a commit each; a table without rows is made, too
     3  the row of `recordings`                         with it the recording counts
 
-An upload that is cut off at any moment is finished by the next one of the same file: what is there already is found by
+An upload that is cut off at any moment is finished by the next one of the same file: existing parts are recognised by
 the identifier of the recording, which follows from its content. An object is there whole or not at all.
 """
 
@@ -209,7 +209,7 @@ def _put(store: StoreLocation, path: Path, key: str, expected: str | None) -> tu
             digest.update(piece)
     if digest.hexdigest() != checksum:
         hint = "Check the memory and the network, and start the same command again."
-        raise StoreError(f"{store.url}/{key} is not what was sent", hint)
+        raise StoreError(f"{store.url}/{key} differs from the sent file", hint)
     return size, checksum
 
 

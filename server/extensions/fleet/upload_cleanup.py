@@ -1,4 +1,4 @@
-"""Rules for deleting what was uploaded: which recording of the library may go to the bin next.
+"""Rules for deleting uploaded recordings: which one of the library may go to the bin next.
 
 Only a recording made by imuscope (MCAP) that the store has with all its words: one that was edited after its upload, is
 pinned, has one of `keep_tags`, or is played as a device, stays. uploads.py has the store confirm it before it goes.

@@ -98,7 +98,7 @@ def _use_folder(folder: Path) -> None:
 
 
 def _fail(what: str, message: str, hint: str) -> int:
-    hint = hint.replace(AGAIN, "What has arrived stays; the rest is tried again.")
+    hint = hint.replace(AGAIN, "Uploaded parts are kept; the rest is tried again.")
     _send(failed=what, words=f"{message.rstrip('.')}. {hint}".strip())
     return 1
 

@@ -3,8 +3,8 @@
     library ─> finished? ─> upload_rules.py ─> upload_worker.py, one at a time ─> upload_log.py: stored, or refused
                                                         └─ the store fails: again, after a growing pause
 
-An upload may be killed at any moment, with the server or without: what waits is found again in the library, and an
-upload of what is there already adds nothing (upload.py).
+An upload may be killed at any moment, with the server or without: pending recordings are found again in the library,
+and an upload of a stored recording adds nothing (upload.py).
 
 With `keep_days` or `keep_gb`, recordings that the store has move to the bin, one at a time (upload_cleanup.py): right
 before, the store's object is read and compared by its checksum.
