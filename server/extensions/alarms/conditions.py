@@ -57,7 +57,7 @@ class SampleCondition(Protocol):
         direction: 1 if greater values are worse, -1 if smaller ones are.
         unit: of its values.
         limit: the limit, in that unit; NaN if it is not a number.
-        subject: the left side, or what is compared.
+        subject: the left side, or the compared value.
     """
 
     channels: frozenset[int]

@@ -55,7 +55,7 @@ class AlarmState:
     raised_value: float | None  # the one that raised it
     worst: float | None  # since it was raised
     limit: float | None
-    subject: str  # what is compared with it: "norm(Acceleration)"
+    subject: str  # the value compared with it: "norm(Acceleration)"
     unit: str
     count: int  # how often it was raised
     acknowledged_by: str
@@ -275,7 +275,7 @@ class AlarmInstance:
         return bool(transitions)
 
     def _sum_up(self, now: float) -> None:
-        """Report what was not reported one by one, as one interval."""
+        """Report transitions that were not reported one by one, as one interval."""
         suppressed, self._suppressed = self._suppressed, []
         raised = [one for one in suppressed if one.kind == "raised"]
         if not suppressed:

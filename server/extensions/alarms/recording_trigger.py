@@ -80,7 +80,7 @@ class RecordingTrigger:
         self._task = asyncio.get_running_loop().create_task(self._run(), name="recordings of alarms")
 
     async def close(self) -> None:
-        """Start nothing more; what is being started is started completely, so that the recorder can end it."""
+        """Start nothing more; a start under way is completed, so that the recorder can end it."""
         self._closing.set()
         if self._task is not None:
             await self._task

@@ -155,7 +155,7 @@ class AlarmService:
     # ── evaluation ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def turn(self) -> None:
-        """Evaluate all alarms on what is new."""
+        """Evaluate all alarms on the new samples."""
         self._turns += 1
         if self._turns % RATES_EVERY == 0:
             self._update_rates()

@@ -86,7 +86,7 @@ def checked_url(url: str, allowed: Collection[str] | None = None) -> urllib.pars
 
 
 def shown_url(url: str) -> str:
-    """An address without what may be secret in it: user, password, path and query."""
+    """An address without its possibly secret parts: user, password, path and query."""
     if not url:
         return ""
     try:

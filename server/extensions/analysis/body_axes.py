@@ -3,7 +3,7 @@
     body    FLU  x forward, y left, z up        FRD  x forward, y right, z down      half a turn about x apart
     world   ENU, NED, NWU                       of attitudes: q_A = q_(A from B) ⊗ q_B ⊗ q_(body of B from body of A)
 
-Numbers of different axes are never subtracted: what cannot be converted is refused.
+Numbers of different axes are never subtracted: signals that cannot be converted are refused.
 """
 
 from __future__ import annotations

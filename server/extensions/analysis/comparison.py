@@ -42,7 +42,7 @@ class SignalDifference:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences for a user: what was left out."""
+        """Sentences for a user: omitted parts."""
         if not self.left_out:
             return []
         return [f"{counted(self.left_out, 'sample')} of A in a gap of B: nothing is compared across a gap."]
@@ -106,7 +106,7 @@ def difference(a: Signal, b: Signal, offset: float) -> SignalDifference:
 def attitude_difference(
     a: tuple[Floats, Floats], b: tuple[Floats, Floats], offset: float
 ) -> tuple[SignalDifference, Figures]:
-    """Angle between two attitudes at the times of A, and what is left of it without a constant rotation of the sensor.
+    """Angle between two attitudes at the times of A, and its remainder without a constant rotation of the sensor.
 
     Args:
         a, b: times (n,), non-decreasing, and unit quaternions (n, 4), scalar first.

@@ -189,7 +189,7 @@ class ForkServer:
             self._idle_end = asyncio.get_running_loop().call_later(self._idle_s, self._dismiss)
 
     def _dismiss(self) -> None:
-        """End it by closing its control socket; `_start` reaps what is left."""
+        """End it by closing its control socket; `_start` reaps its remains."""
         if self.is_kept():
             self._wait_for_jobs()
             return

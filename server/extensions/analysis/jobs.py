@@ -1,4 +1,4 @@
-"""Analyses as jobs of another process: what is asked, with the samples or the place of the recording.
+"""Analyses as jobs of another process: the request, with the samples or the place of the recording.
 
 Samples in memory are sent: the columns that the job reads, in its range, and the times once for each channel. A
 recording is opened where the job runs. The answer are the bytes of the response.

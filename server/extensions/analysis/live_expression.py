@@ -6,7 +6,7 @@
 It is computed in the event loop of the server, so its cost is bounded when it is made: `MAX_RESAMPLED_HZ`,
 `MAX_WINDOW` and `MAX_OPERATIONS`.
 
-All is causal, and what was given is never changed: the samples are those that evaluating everything at once without
+All is causal, and published samples are never changed: the samples are those that evaluating everything at once without
 looking ahead would give (expressions.py), however they are cut into batches. A derivative comes one sample later, and a
 combination of channels when the slower one has arrived.
 """

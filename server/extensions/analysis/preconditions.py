@@ -54,7 +54,7 @@ class Obstacle:
 
     Attributes:
         check: name of the check.
-        message: what was found, one sentence.
+        message: the finding, one sentence.
         hint: what to do.
     """
 
@@ -73,7 +73,7 @@ class Measured:
 
     Attributes:
         signal: as requested.
-        values: those judged: without what follows the temperature.
+        values: those judged: without the part that follows the temperature.
         rest: stretches that were judged.
         model: the model fitted to the curve.
     """

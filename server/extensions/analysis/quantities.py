@@ -71,7 +71,7 @@ def on_one_axis(quantities: Sequence[Quantity]) -> list[Quantity]:
     """The same quantities at the times of the one with the most samples.
 
     The others are interpolated linearly between their samples, and undefined (NaN) before the first and after the last
-    one; what is true or false keeps its value until the next sample. Angles that wrap take the short way round.
+    one; a truth value is kept until the next sample. Angles that wrap take the short way round.
     """
     signals = [one for one in quantities if one.time is not None]
     if not signals:

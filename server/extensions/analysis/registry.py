@@ -27,7 +27,7 @@ OWN = "unit_of_the_signal"  # a symbol while units are multiplied
 Figure = Any
 """A number, a text, a list of figures, or an object of figures by name; NaN where there is no number."""
 Result = Mapping[str, Figure]
-"""Figures by name. `notes` are sentences for a user: what was left out, and what to beware of."""
+"""Figures by name. `notes` are sentences for a user: omitted parts, and cautions."""
 Settings = Mapping[str, float]
 """All options of one request by name; of a choice, its index."""
 

@@ -132,7 +132,7 @@ def _variances(values: Floats, length: int) -> Floats:
 
 
 def _still(run: slice, moving: Sequence[bool] | NDArray[np.bool_], length: int) -> list[slice]:
-    """The stretches of a run between windows that move; what is left at its end belongs to the last window."""
+    """The stretches of a run between windows that move; the remainder at its end belongs to the last window."""
     count = len(moving)
     if not count:
         return [run]

@@ -29,7 +29,7 @@ SMALL = 0.05  # part of the distances between values
 COARSE = 1.0  # standard deviations in a step of the resolution
 CLIPPED, CLIPPED_PART = 5, 5e-4  # samples at an extreme, at least
 Fault = tuple[str, str, str]
-"""Name of a check, what was found, and what to do."""
+"""Name of a check, its finding, and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ OPTIONS = (
     AnalysisOption("length", 0, 0, 1 << 22, "samples", "Length of a segment; 0 chooses one."),
     AnalysisOption("overlap", 0.5, 0, 0.95, "", "Part of a segment that it shares with the next."),
     choice("window", WINDOWS, "Window of a segment."),
-    choice("detrend", DETRENDING, "What is subtracted from each segment."),
+    choice("detrend", DETRENDING, "Trend that is subtracted from each segment."),
     choice("scale", SCALES, "amplitude is the root of power."),
 )
 

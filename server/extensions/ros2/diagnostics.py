@@ -1,6 +1,6 @@
 """Diagnostics of a device as diagnostic_msgs/DiagnosticArray: its link, rates, losses, and how well its clock is known.
 
-    level    0 OK, 1 WARN: losses, rejects, a time that is uncertain, no figures yet, decoding behind what has arrived
+    level    0 OK, 1 WARN: losses, rejects, a time that is uncertain, no figures yet, decoding behind the received bytes
              2 ERROR: no data, 3 STALE: no message for long
 
 The uncertainty of stamps is among the values: ± of the mapping from the device's time to the host's, ms.

@@ -193,7 +193,7 @@ class Ros2:
             )
         elif state == "foreign":
             self._problem(
-                f"ROS 2: what listens at {address} is no Zenoh router of version 1; imuscope tries again.",
+                f"ROS 2: the program at {address} is not a Zenoh router of version 1; imuscope tries again.",
                 "Check address and port, and that the router is of Zenoh 1.x: rmw_zenohd of ROS Jazzy or newer.",
             )
         else:

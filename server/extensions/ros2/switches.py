@@ -2,7 +2,7 @@
 
     ros2.json    {"switched_off": ["/mti_630/imu/mag", "/diagnostics /mti_630"]}
 
-The file is replaced atomically; what is unreadable in it counts as absent, so that every topic is published.
+The file is replaced atomically; unreadable parts count as absent, so that every topic is published.
 """
 
 from __future__ import annotations

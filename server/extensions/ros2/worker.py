@@ -116,7 +116,7 @@ class Ros2Bridge:
         self.configure()
 
     def sensors(self, device: str, noise: Mapping[str, Any]) -> None:
-        """Set what is known about the sensors of a device."""
+        """Set the properties of the sensors of a device."""
         self._noise[device] = SensorProperties(**noise)
         self.configure()
 
@@ -151,7 +151,7 @@ class Ros2Bridge:
         return {(id, topic) for id, node in self._nodes.items() for topic in node.publishers}
 
     def on_samples(self, frames: Sequence[SampleFrame]) -> None:
-        """Publish what has subscribers."""
+        """Publish topics that have subscribers."""
         samples: dict[int, list[SampleFrame]] = {}
         for frame in frames:
             if frame.n and not frame.history:

@@ -275,7 +275,7 @@ def test_what_is_no_router_is_told_from_none(tmp_path: Path) -> None:
         with ServerProcess(f"sim:idtp?{SLOW}", data=tmp_path, arguments=("--ros2", "--ros2-router", address)) as server:
             block_until(lambda: state_of(server)["problem"], "it is reported")
             state = state_of(server)
-    assert state["problem"].startswith(f"ROS 2: what listens at {address} is no Zenoh router of version 1")
+    assert state["problem"].startswith(f"ROS 2: the program at {address} is not a Zenoh router of version 1")
     assert "Zenoh 1.x" in state["hint"]
 
 

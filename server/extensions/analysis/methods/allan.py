@@ -1,6 +1,6 @@
 """Allan deviation: overlapping, for many averaging times, with confidence intervals and the parameters of the noise.
 
-The sensor has to rest: what looks like motion is left out (rest.py), and what follows the temperature
+The sensor has to rest: motion is left out (rest.py), and the part that follows the temperature
 of the device is removed (thermal_drift.py). The result states how much of both. Nothing is computed
 across a gap. Parameters and verdicts come only if what they presuppose was found (preconditions.py).
 """
@@ -161,7 +161,7 @@ register_analysis(
         (
             AnalysisOption("per_decade", 8, 1, 50, "", "Averaging times per decade."),
             choice("motion", MOTION, "Whether stretches with motion are left out."),
-            choice("temperature", TEMPERATURE, "Whether what follows the temperature of the device is removed."),
+            choice("temperature", TEMPERATURE, "Whether the influence of the temperature is removed."),
         ),
         order=30,
         formats=FORMATS,
