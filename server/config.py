@@ -385,7 +385,7 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     if config.store.upload and not config.store.url:
         raise ConfigError("store.upload needs store.url: the store to upload to.")
     if (config.store.keep_days or config.store.keep_gb) and not config.store.upload:
-        raise ConfigError("store.keep_days and store.keep_gb need store.upload: only what was uploaded is deleted.")
+        raise ConfigError("store.keep_days and store.keep_gb need store.upload: only uploaded recordings are deleted.")
     if bool(config.tls_cert) != bool(config.tls_key):
         present, other = ("tls_cert", "tls_key") if config.tls_cert else ("tls_key", "tls_cert")
         raise ConfigError(f"{present} needs {other}: the files of a certificate and of its key.")

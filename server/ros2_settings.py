@@ -1,4 +1,4 @@
-"""Settings of ROS 2: their defaults and what is valid, without Zenoh.
+"""Settings of ROS 2: their defaults and valid values, without Zenoh.
 
 Source: ROS 2 documentation, "The ROS_DOMAIN_ID"; REP 144 and "Topic and service name mapping" of the design of ROS 2.
 """

@@ -119,7 +119,7 @@ def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Sam
 
 
 class WireError(ValueError):
-    """Invalid data on the wire; `hint` describes what is expected."""
+    """Invalid data on the wire; `hint` describes the expected form."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)

@@ -5,7 +5,9 @@ verbs and terms of the field.
 from __future__ import annotations
 
 import ast
+import io
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,6 +23,16 @@ OPENING = re.compile(
 )
 PLURAL = re.compile(r"""(['"])s\1 if |else (['"])s\2|\b(['"])\w+\3 if .*== 1 else (['"])\w*s\4""")
 SENTENCE = re.compile(r"(?<=[.?!:])\s")
+UNWANTED = re.compile(
+    r"\b(?:anew|whoever|wherever|nobody|somebody|meanwhile|likewise|thereby|tells?|telling|told|hears?|heard"
+    r"|(?:a|no|that) person|persons"
+    r"|(?<!there )(?:is|are|was|were) no (?!longer\b|more\b|such\b|need\b)[a-z]+"
+    r"|what (?:is|was|are|were|has|had|have|arrive[sd]|follows|waits) (?!to\b|it\b)\w+)\b",
+    re.IGNORECASE,
+)
+"""Words of docstrings, comments and messages that a technical writer would not use, with the plain ones: again, in the
+meantime, a user, no client; report, receive; is not a …; the received bytes.
+"""
 ALLOWED_NAMES = {
     ("server/configuration/api_models.py", "taken"): "SnapshotInfo of the HTTP API",
     ("server/configuration/snapshots.py", "taken"): "as in the HTTP API",
@@ -78,6 +90,38 @@ def test_plurals_come_from_one_function(folder: str) -> None:
         if PLURAL.search(line)
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def texts(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and text of each line of comments and strings."""
+    for token in tokenize.generate_tokens(io.StringIO(text_of(path)).readline):
+        if token.type in (tokenize.COMMENT, tokenize.STRING):
+            yield from enumerate(token.string.splitlines(), token.start[0])
+
+
+@each_row("folder", SOURCES)
+def test_texts_are_plain_english(folder: str) -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} {match[0]}: {text.strip()[:100]}"
+        for path in python_files(folder)
+        if UNWANTED.search(text_of(path))
+        for line, text in texts(path)
+        if (match := UNWANTED.search(text)) and (str(path.relative_to(ROOT)), match[0]) not in ALLOWED_NAMES
+    ]
+    assert not wrong, "\n".join([*wrong, "UNWANTED has the plain words."])
+
+
+def test_an_unwanted_word_is_found() -> None:
+    for text in (
+        "it begins anew",
+        "The worker is told",
+        "Nobody reads",
+        "This is no frame.",
+        "Send what was collected",
+    ):
+        assert UNWANTED.search(text), text
+    for text in ("there is no frame", "it is no longer live", "what to do", "retold"):
+        assert not UNWANTED.search(text), text
 
 
 @each_row("folder", SOURCES)

@@ -117,7 +117,7 @@ async def retry_device(session: OneSession) -> DeviceAnswer:
 
 @router.post("/{device}/decode-options", responses=responses(400, 404, 422))
 async def read_device(body: DecodeOptionsBody, services: TheServices, session: OneSession) -> DeviceAnswer:
-    """Decode what is received from now on with other options: the given options change, the others and the device
+    """Decode future bytes with other options: the given options change, the others and the device
     stay. A `schema` is added to the existing descriptions.
     """
     check_protocol(body.protocol, services)

@@ -103,7 +103,7 @@ _AddParser: TypeAlias = Callable[..., argparse.ArgumentParser]
 
 @dataclass(frozen=True)
 class _Registered:
-    """Help texts that depend on what is registered: links, protocols and exporters."""
+    """Help texts that depend on the registries: links, protocols and exporters."""
 
     sources: str = ""  # forms of a source
     source_options: str = ""  # options of each form, in full
@@ -177,7 +177,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     """All commands and options.
 
     Args:
-        with_help: whether help is complete; what is registered takes a moment to import.
+        with_help: whether help is complete; the registered objects take a moment to import.
         command: the one whose decode options are needed, because the protocol families take a moment too; "" for all.
     """
     about = _registered() if with_help else _Registered()

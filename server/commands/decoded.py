@@ -33,7 +33,7 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO) -> Iterator[Colum
         notes: stream for the progress bar.
 
     Raises:
-        DecodedFileError: the file cannot be decoded, or what is done with its columns raises a DomainError.
+        DecodedFileError: the file cannot be decoded, or the work on its columns raises a DomainError.
     """
     bar = Bar(notes)
     try:

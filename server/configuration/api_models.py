@@ -128,7 +128,7 @@ class Forms:
     commands: list[CommandForm]
     corrections: bool = False  # accepts RTCM
     factory: bool = False  # its factory settings are documented
-    note: str = ""  # what is not known yet, one sentence
+    note: str = ""  # the part that is not known yet, one sentence
 
 
 @dataclass(slots=True)

@@ -128,7 +128,7 @@ class ClientChanges:
                 now.altered[setting] = None
 
     def finished(self) -> None:
-        """Show what was changed: the client is done."""
+        """Show the changes: the client is done."""
         now, self._now = self._now, None
         if now is not None:
             self._ending = now

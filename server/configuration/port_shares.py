@@ -277,7 +277,7 @@ class PortShares:
             words = f"{name} is configuring the device and has not finished; what it sends next may be refused."
             raise DomainError("confirm", words, "Send it again with `confirmed` to take over.")
         await link.request("take-over", number=client)
-        self._report(session, "warning", f"A person took over from {name}, which was configuring the device.")
+        self._report(session, "warning", f"A user took over from {name}, which was configuring the device.")
 
 
 def _news(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:

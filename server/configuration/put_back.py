@@ -61,7 +61,7 @@ class PutBackStore:
         self._folder = folder
 
     def keep(self, source: str, device: str, frames: Sequence[bytes]) -> None:
-        """Store the frames of a device; none: remove what is stored. A write error is logged: reading goes on."""
+        """Store the frames of a device; none: remove the stored ones. A write error is logged: reading goes on."""
         path = self._path(source, device)
         try:
             if not frames:
@@ -145,7 +145,7 @@ class PutBackTask:
         self._frames = self._left = ()
 
     async def close(self) -> None:
-        """Stop; what is stored is for the next start."""
+        """Stop; stored frames are for the next start."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)

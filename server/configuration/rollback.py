@@ -183,7 +183,7 @@ class RollbackRun:
         """Write, check that the device answers, wait for confirmation, and keep or roll back.
 
         Returns:
-            What was written.
+            The written values.
 
         Raises:
             JobError: the change was rolled back, or the device is unreachable.

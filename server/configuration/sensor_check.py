@@ -1,7 +1,7 @@
 """Checks that a write reaches the sensor it was made for.
 
 A request that names its device by the key of a sensor ("xbus-0080800006") is for that sensor only, on whichever port it
-is. What reads the device before it writes compares the serial number; what does not asks the user while the number is
+is. Jobs that read the device before they write compare the serial number; others ask the user while the number is
 not confirmed, because reading it would interrupt the measurement.
 """
 

@@ -60,7 +60,7 @@ def read_settings(
         NoReplyError: the device does not answer at all.
     """
     report("Identifying the device")
-    with suppress(DeviceRejectedError):  # keep what is known
+    with suppress(DeviceRejectedError):  # keep the known part
         known = yield from driver.identify(known)
     snapshot = SettingsSnapshot(known)
     silent = 0

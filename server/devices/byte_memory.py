@@ -13,7 +13,7 @@ All links share one limit. Above it, the link that has most gives up its oldest 
 own memory, and a slow sensor beside it keeps its minutes. Bytes older than `history_s` before the newest of their link
 are dropped, too; those of a silent link stay.
 
-A follower continues exactly where the memory ends: `follow` returns what is stored and passes on every later chunk,
+A follower continues exactly where the memory ends: `follow` returns the stored bytes and passes on every later chunk,
 none twice and none lost, whatever the reading thread does at the same time.
 """
 
@@ -254,7 +254,7 @@ class Follower:
         self._take([(chunk.data, chunk.arrival_ns) for chunk in chunks], direction)
 
     def begin(self) -> None:
-        """Pass on what has arrived since, then everything at once. Call it after the past was taken."""
+        """Pass on the bytes received since, then everything at once. Call it after the past was taken."""
         with self._lock:  # a thread that has a chunk waits: there are few
             for chunks, direction in self._waiting or ():
                 self._pass(chunks, direction)

@@ -82,11 +82,11 @@ class DecodePipeline:
         return [*self._link.notices, *(self.decoder.remarks if isinstance(self.decoder, Remarks) else ())]
 
     def use_link(self, link: Link) -> None:
-        """Decode what arrives on another link from now on."""
+        """Decode the bytes of another link from now on."""
         self._link = link
 
     def disconnect(self) -> None:
-        """Reset for what arrives next: on another connection, or with other options."""
+        """Reset for the next bytes: on another connection, or with other options."""
         self.stream = None
         self.detector = ProtocolDetector(self._protocols.guess)
 
@@ -168,7 +168,7 @@ class DecodePipeline:
         self._link.flow.at_once = self._slices.size
 
     def decode(self, *, final: bool) -> None:
-        """Decode what was put. `final`: no more will arrive on this connection."""
+        """Decode the queued bytes. `final`: no more will arrive on this connection."""
         self._dirty = False
         if self.stream is None:
             self._detect(final=final)
@@ -178,7 +178,7 @@ class DecodePipeline:
     def hides_messages(self) -> bool:
         """Whether whole messages wait behind the beginning of an incomplete message, which may be a false start.
 
-        A frame of which the rest comes late is a good frame: what waits for it is not proof of anything.
+        A frame of which the rest comes late is a good frame: the bytes waiting for it prove nothing.
         """
         if self.stream is None:
             return False

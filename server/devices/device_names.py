@@ -7,7 +7,7 @@ A sensor is known by its protocol and serial number, and by its source until it 
 is that of its source: it stays the same when the server is started again, whatever the order of its sources, and an id
 is never given to another source. So what a link, a tab or a script holds means the same device, or nothing.
 
-The file is replaced atomically; what is unreadable in it counts as absent.
+The file is replaced atomically; unreadable parts count as absent.
 """
 
 from __future__ import annotations

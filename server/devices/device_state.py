@@ -19,7 +19,7 @@ from imuscope.server.listeners import CallbackList
 from imuscope.server.streaming.sink import TelemetrySink
 
 MAX_ATTEMPTS = 12
-ARRIVES_S = 2.0  # what is late is known from bytes that arrive
+ARRIVES_S = 2.0  # delays are known from arriving bytes
 FEWEST = 100  # delays, for one that 99 of 100 stay below
 _TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")
 _MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")

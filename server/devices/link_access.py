@@ -29,7 +29,7 @@ class LinkReader(Protocol):
         """Begin to read; `opened`: the link is open already."""
 
     async def interrupt(self, message: str) -> None:
-        """Stop reading and decode what was received; the link is opened again next."""
+        """Stop reading and decode the received bytes; the link is opened again next."""
 
     def drain(self) -> bool:
         """Decode a slice of received bytes; true if more is waiting."""

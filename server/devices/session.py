@@ -162,7 +162,7 @@ class Session:
             await asyncio.gather(self._task, return_exceptions=True)
 
     async def interrupt(self, message: str) -> None:
-        """Stop reading and decode what was received; the link is opened again next."""
+        """Stop reading and decode the received bytes; the link is opened again next."""
         await self._stop_reading()
         self.drain(final=True)
         self._connection.apply(ConnectionEvent.REOPEN)
@@ -404,7 +404,7 @@ class Session:
     def _watch(self, now: float) -> None:
         """Check an open link for stalls and silence."""
         last, stream = self._stats.last_arrival, self._pipeline.stream
-        if self._notices != self.info.notices:  # a link may learn later who is connected, or what was lost
+        if self._notices != self.info.notices:  # a link may learn later who is connected, or which bytes were lost
             self._set(notices=self._notices)
         self._ticks_since_bytes, is_due = self._ticks_since_bytes + 1, self._ticks_since_bytes + 1 >= STALL_TICKS
         quiet = self._silence.silence(now, max(last or 0.0, self._opened_at))

@@ -47,7 +47,7 @@ class Sessions:
         wall_ns: the wall clock, which may step; a step is reported as an event and does not move samples.
         sequences: store of the last numbers of Secure devices; None: in this process only.
         sample_interval: present interval at which samples are needed, s.
-        shedding: what is left out while decoding is behind.
+        shedding: the work left out while decoding is behind.
         byte_memory: keeps the last bytes of every session; None: they are not kept.
         names: ids and names of devices in earlier runs; None: there were none.
 

@@ -8,7 +8,7 @@ It outlives the server: what a client reads and writes does not depend on imusco
 neither numpy nor numba nor anything of the web, and runs one epoll loop in one thread.
 
     process.py        the loop: the port, and the recipients of messages
-    event_loop.py     descriptors and what is done when they are ready
+    event_loop.py     descriptors and their handlers
     port.py           the port
     shares.py         addresses of shares
     share_kinds.py    what a port is shared as

@@ -1,4 +1,4 @@
-"""File descriptors and what is done when they are ready: the holder's one epoll."""
+"""File descriptors and their handlers: the holder's one epoll."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class EventLoop:
                 self._epoll.unregister(fd)
 
     def run_once(self, timeout_s: float) -> None:
-        """Call the handlers of what is ready now, or within the time."""
+        """Call the handlers of descriptors that are ready now, or within the time."""
         handlers = self._handlers
         for fd, event in self._epoll.poll(timeout_s):
             handler = handlers.get(fd)

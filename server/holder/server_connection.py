@@ -39,14 +39,14 @@ class ServerConnection:
             self.due_at = stamp_ns / 1e9 + SERVER_S
 
     def pass_on(self) -> None:
-        """Send what was collected."""
+        """Send the collected bytes."""
         data = b"".join([message(MessageKind.DATA, STAMP.pack(stamp) + data) for stamp, data in self._collected])
         self._collected.clear()
         self.collected, self.due_at = 0, 0.0
         self.send(data)
 
     def send(self, data: bytes) -> None:
-        """Send, after what was collected before."""
+        """Send, after the bytes collected before."""
         if self._collected:
             self.pass_on()
         self._waiting += data

@@ -187,7 +187,9 @@ class ServerSide:
         self.writes.append(WaitingWrite(number, data, now + MOST_WAIT_S))
 
     def refuse_late(self, now: float) -> None:
-        """Refuse what has waited too long; what was sent after it, too, or it would arrive without its beginning."""
+        """Refuse writes that have waited too long, and those after them, or they would arrive without their
+        beginning.
+        """
         if self.writes and now > self.writes[0].until:
             self.refuse_all("another program is talking to the device", kind="busy")
 

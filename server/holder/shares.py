@@ -54,7 +54,7 @@ class ShareAddress:
         """Parse an address.
 
         Raises:
-            ShareError: with what is allowed.
+            ShareError: with the allowed values.
         """
         place, _, query = text.strip().partition("?")
         scheme, separator, rest = place.partition("://")

@@ -256,7 +256,7 @@ class Sharing:
     # ── from clients ─────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _expect(self, client: Client) -> None:
-        """Watch a client for what is expected of it now."""
+        """Watch a client for the events expected of it now."""
         events = (0 if client.fd in self._held_back else READ) | (WRITE if client.queue.size else 0)
         self._loop.expect(client.fd, events)
 

@@ -106,14 +106,14 @@ class StartRequest:
 class SaveMemoryRequest:
     devices: list[str] | None = None  # null: all
     seconds: float | None = None  # the last ones only; null: everything in memory
-    t0: float | None = None  # instead of `seconds`: only what arrived from t0 on …
+    t0: float | None = None  # instead of `seconds`: only bytes that arrived from t0 on …
     t1: float | None = None  # … and before t1
     title: str = ""
 
 
 @dataclass(slots=True)
 class SavedMemory:
-    """A recording made of what was in memory."""
+    """A recording made of the bytes in memory."""
 
     id: str
     devices: list[str]

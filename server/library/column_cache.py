@@ -239,7 +239,7 @@ class ColumnCache:
 
 def _sweep(cache: Path, most: int) -> list[Path]:
     """Delete stale stores, and the least recently used ones until the rest is within `most` bytes and its share of the
-    disk; returns what was deleted.
+    disk; returns the deleted stores.
 
     Hidden folders are being made: they are left alone, and vanish or get their name while this looks.
     """

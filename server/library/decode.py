@@ -59,7 +59,7 @@ EVENTS_SHOWN = 2000  # maximum in a partial result: writing all events of a very
 
 
 ComputeSignals = Callable[[ColumnStore, Mapping[str, Any], RecordingSink], None]
-"""Adds channels to a sink, given what was decoded and the recorded definitions by device."""
+"""Adds channels to a sink, given the decoded channels and the recorded definitions by device."""
 
 
 class _Device:

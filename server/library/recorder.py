@@ -178,7 +178,7 @@ class Recorder:
 
         Args:
             devices: ids; None for all.
-            t0, t1: only what arrived from t0 on and before t1, unix s; None for no limit.
+            t0, t1: only bytes that arrived from t0 on and before t1, unix s; None for no limit.
             title: title given by the user; may be empty.
 
         Raises:
@@ -198,7 +198,7 @@ class Recorder:
         now = await self._new_session(chosen, title, None, "", since, every=False, request_header=False)
         for session in chosen:
             now.join(session)
-        now.detach()  # what follows is not part of it
+        now.detach()  # later bytes are not part of it
         written = await asyncio.to_thread(now.write_past, until)
         await asyncio.to_thread(now.writer.stop)
         if now.writer.error is not None:

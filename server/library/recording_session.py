@@ -55,7 +55,7 @@ class RecordingSession:
         controllers: for known settings, and for requests to an Xsens device; None without configuration.
         request_header: whether to request the header.
         memory: of the bytes of links; None for none.
-        since: begin with what is in memory from this time on, unix s; None: with what arrives.
+        since: begin with the bytes in memory from this time on, unix s; None: with the next bytes.
         signals: definitions of computed signals; None for none.
     """
 
@@ -152,10 +152,10 @@ class RecordingSession:
             self._request_header(session.info)
 
     def write_past(self, until: float | None = None) -> tuple[int, int, int] | None:
-        """Write what was in memory, then let what has arrived since follow. Call it in a thread, after `join`.
+        """Write the bytes in memory, then those received since. Call it in a thread, after `join`.
 
         Args:
-            until: write only what was before, unix s, and let nothing follow.
+            until: write only earlier bytes, unix s, and let nothing follow.
 
         Returns:
             Times of the first and the last chunk in memory, ns, and their bytes; None if there were none.

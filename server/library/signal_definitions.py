@@ -3,7 +3,7 @@
     signals.json    {"xbus-0080A1B2": [{"name": "Total acceleration", "expression": "norm(Acceleration)"}]}
 
 A device is known by its protocol and serial number, and by its source until it has sent one: it may have another
-id in the next run. The file is replaced atomically; what is unreadable in it counts as absent.
+id in the next run. The file is replaced atomically; unreadable parts count as absent.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class SignalDefinitions:
         self._listeners: list[Callable[[], None]] = []
 
     def on_change(self, listener: Callable[[], None]) -> Callable[[], None]:
-        """Call a function after each change; what is returned ends that."""
+        """Call a function after each change; the returned function ends that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 

@@ -33,7 +33,7 @@ def open_link(source: str, settings: LinkSettings | None = None) -> Link:
     """Create the link for a source, not connected yet; `await link.open()` connects it.
 
     Raises:
-        LinkError: kind "bad-source", with the field, the value and what is allowed.
+        LinkError: kind "bad-source", with the field, the value and the allowed ones.
     """
     settings = settings or LinkSettings(now_ns=steady_clock())
     parsed = SourceUrl.parse(source)

@@ -57,7 +57,7 @@ class ClientFanout:
     Args:
         bus: source of the topics sent to them.
         store, log: samples and events for clients that connect later.
-        shedding: what is left out while decoding is behind.
+        shedding: the work left out while decoding is behind.
 
     Attributes:
         capabilities: of this server, sent to clients.

@@ -1,4 +1,4 @@
-"""Shedding of load: what is left out, and in which order, when more arrives than this computer can decode in time.
+"""Shedding of load: the work left out, and its order, when more arrives than this computer can decode in time.
 
     decoding is behind by    left out
     PICTURES_S               pictures: third-party viewers get a fifth of their samples' messages, and recordings that

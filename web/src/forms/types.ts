@@ -208,7 +208,7 @@ export interface Forms {
   readonly corrections: boolean;
   /** its factory settings are documented */
   readonly factory: boolean;
-  /** what is not known yet, one sentence */
+  /** the part that is not known yet, one sentence */
   readonly note: string;
 }
 
@@ -252,7 +252,7 @@ export interface PreviewResult {
   readonly load: LoadInfo | null;
   /** how this change could cut the line; "" if it cannot */
   readonly line: string;
-  /** further consequences of single values, for a person */
+  /** further consequences of single values, for a user */
   readonly risks: readonly string[];
 }
 

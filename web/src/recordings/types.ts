@@ -118,14 +118,14 @@ export interface SaveMemoryRequest {
   readonly devices: readonly string[] | null;
   /** the last ones only; null: everything in memory */
   readonly seconds: number | null;
-  /** instead of `seconds`: only what arrived from t0 on … */
+  /** instead of `seconds`: only bytes that arrived from t0 on … */
   readonly t0: number | null;
   /** … and before t1 */
   readonly t1: number | null;
   readonly title: string;
 }
 
-/** A recording made of what was in memory. */
+/** A recording made of the bytes in memory. */
 export interface SavedMemory {
   readonly id: string;
   readonly devices: readonly string[];

@@ -55,7 +55,7 @@ export interface AlarmCheck {
   readonly devices: readonly string[];
 }
 
-/** An alarm as set by a person. */
+/** An alarm as set by a user. */
 export interface AlarmDefinition {
   readonly name: string;
   readonly condition: ExpressionCondition | FlagCondition | HealthCondition;
@@ -793,7 +793,7 @@ export interface ProfileOrigin {
   readonly time: number;
 }
 
-/** A device, and the person who asks. */
+/** A device, and the user who asks. */
 export interface ProfileRequest {
   /** id of the robot's device */
   readonly device: string;
@@ -1118,7 +1118,7 @@ export interface RolloutPlan {
   readonly running: number | null;
 }
 
-/** The plan that a person has seen, and how it is to be carried out. */
+/** The plan that a user has seen, and how it is to be carried out. */
 export interface RolloutRequest {
   /** id of a device of the robot, whose profile it is */
   readonly device: string;
@@ -1132,7 +1132,7 @@ export interface RolloutRequest {
   readonly watch_s?: number;
 }
 
-/** A person who stops a rollout. */
+/** A user who stops a rollout. */
 export interface RolloutStopRequest {
   /** name of the person */
   readonly by: string;
@@ -1430,7 +1430,7 @@ export interface Routes {
     readonly path: { readonly device: string };
     readonly answer: DeviceInfo;
   };
-  /** Decode what is received from now on with other options: the given options change, the others and the device stay. A `schema` is added to the existing descriptions. */
+  /** Decode future bytes with other options: the given options change, the others and the device stay. A `schema` is added to the existing descriptions. */
   "POST /api/devices/{device}/decode-options": {
     readonly path: { readonly device: string };
     readonly body: DecodeOptionsBody;

@@ -150,7 +150,7 @@ export interface DeviceInfo {
   readonly absent: readonly string[];
   /** names the sensor on any port and in later runs: "xbus-0080800006"; its source if it sent no number */
   readonly key: string;
-  /** given by people, stored with the key; "" if none */
+  /** given by users, stored with the key; "" if none */
   readonly own_name: string;
   /** command that makes a device send again that is quiet for a known reason: "GoToMeasurement" */
   readonly resume: string;
