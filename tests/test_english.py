@@ -36,7 +36,6 @@ meantime, a user, no client; report, receive; is not a …; the received bytes.
 ALLOWED_NAMES = {
     ("server/configuration/api_models.py", "taken"): "SnapshotInfo of the HTTP API",
     ("server/configuration/snapshots.py", "taken"): "as in the HTTP API",
-    ("server/diagnostics/checks.py", "found"): "output of `imuscope doctor --json`",
     ("server/extensions/calibration/report.py", "seen"): "DirectionCoverage of the HTTP API",
     ("server/links/ports.py", "heard"): "name of the previous version in the HTTP API",
 }

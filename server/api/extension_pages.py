@@ -1,6 +1,6 @@
 """Routes of the parts of the page that extensions of other packages bring.
 
-    GET /api/extensions              what is installed, and which of it has a part of the page
+    GET /api/extensions              installed extensions, and which of them have a part of the page
     GET /extensions/NAME/index.js    that part; the page imports it after its first picture
 
 imuscope's own extensions are built into the page (web/src/extensions).
@@ -57,7 +57,7 @@ def _files_of(name: str) -> Files | None:
 async def get_page_file(request: Request, name: str, path: str) -> Response:
     """A file of the page's part of an extension."""
     files = _files_of(name)
-    found = serve(request, files, path) if files is not None else None
-    if found is None:
+    response = serve(request, files, path) if files is not None else None
+    if response is None:
         raise HTTPException(404)
-    return found
+    return response
