@@ -1,7 +1,7 @@
 """Alarms in a real browser, from recorded answers: the colours of the list and of the form, and the form on a phone.
 
 What the form sends, marks and deletes, and what the list says, is tested without a browser, in
-web/src/pages/alarm-dialog.test.tsx and web/src/panels/alarms.test.tsx; that a condition raises an alarm, in
+web/src/extensions/alarms/dialog.test.tsx and panel.test.tsx; that a condition raises an alarm, in
 tests/extensions/alarms/test_alarms.py.
 """
 

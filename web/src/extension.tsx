@@ -11,9 +11,13 @@ import type { FunctionComponent } from "preact";
 import type { App } from "./pages/app-state";
 import type { PageEntry, Route } from "./pages/route";
 import type { OpenRecording } from "./pages/recordings/open-recording";
+import type { Deps } from "./panels/panel-context";
 import { type PanelDefinition, registerPanel } from "./panels/registry";
+import type { PlotMarks, SeriesAction } from "./plots/plot-additions";
+import type { TreeRow } from "./signals/tree-rows";
 import type { Viewer } from "./views/viewer";
 import type { DeviceInfo } from "./wire/types";
+import type { Companion, CompanionProps } from "./workspace/companions";
 
 export interface DeviceActionProps {
   readonly app: App;
@@ -30,6 +34,12 @@ export interface Slots {
   readonly barShare: { readonly app: App };
   /** Actions of the selected device in the list of devices. */
   readonly deviceActions: DeviceActionProps;
+  /** In the row of a device in that list, under its facts. */
+  readonly deviceRow: DeviceActionProps;
+  /** Actions of the row that is chosen in the tree of signals. */
+  readonly signalActions: { readonly deps: Deps; readonly row: TreeRow };
+  /** Under the stored workspaces: what the last one brought besides the view. */
+  readonly workspaceCompanions: CompanionProps;
   /** Actions of an open recording, beside its name. */
   readonly recordingActions: { readonly recording: OpenRecording };
   /** On a phone, the line over an open recording that opens other views of it. */
@@ -115,6 +125,12 @@ export interface Extension {
   readonly keys?: readonly ExtensionKey[];
   /** Viewers that show devices or recordings in a frame. */
   readonly viewers?: readonly Viewer[];
+  /** What is drawn over the plots. */
+  readonly plotMarks?: readonly PlotMarks[];
+  /** What the menu of a series in the legend of a plot opens: that of the first that has one. */
+  readonly seriesActions?: readonly SeriesAction[];
+  /** What travels with a workspace. */
+  readonly companions?: readonly Companion[];
 }
 
 const extensions = new Map<string, Extension>();
@@ -133,10 +149,19 @@ export function registerExtension(extension: Extension): void {
   for (const panel of panels) registerPanel(panel);
 }
 
+type Kinds =
+  | "addresses"
+  | "companions"
+  | "dialogs"
+  | "keys"
+  | "pages"
+  | "plotMarks"
+  | "seriesActions"
+  | "viewers"
+  | "views";
+
 /** What all extensions bring of one kind. */
-export function fromExtensions<Kind extends "addresses" | "dialogs" | "keys" | "pages" | "viewers" | "views">(
-  kind: Kind,
-): readonly NonNullable<Extension[Kind]>[number][] {
+export function fromExtensions<Kind extends Kinds>(kind: Kind): readonly NonNullable<Extension[Kind]>[number][] {
   return [...extensions.values()].flatMap((extension) => [...(extension[kind] ?? [])]);
 }
 

@@ -6,12 +6,10 @@ import { computed, effect, type Signal, signal } from "@preact/signals";
 import type { ExtensionOverlay } from "../extension";
 import type { Begin } from "../forms/add-device";
 import type { Deps, PacketAt } from "../panels/panel-context";
-import type { AlarmDraft } from "../panels/alarm-states";
 import type { Sort } from "../panels/event-groups";
 import { api, type Outcome, type Port, type Problem } from "../ui/http";
 import { isHeld, type PageState, pageState } from "../ui/page-state";
 import { deviceInLink, shortName } from "../wire/device-name";
-import type { AlarmInfo } from "../wire/routes";
 import type { DeviceInfo, UnknownPayload } from "../wire/types";
 import { route } from "./route";
 import { COMMON } from "../texts/common";
@@ -24,7 +22,6 @@ export type Overlay =
   | "describe"
   | "share-port"
   | "memory"
-  | "alarm"
   | "packet"
   | ExtensionOverlay
   | undefined;
@@ -32,12 +29,11 @@ export type Overlay =
 export type Drawer = "rail" | "side" | undefined;
 
 export interface App extends Deps {
-  readonly alarms: Signal<readonly AlarmInfo[]>;
-  /** The alarm that is being added or changed. */
-  readonly alarmDraft: Signal<AlarmDraft>;
   readonly device: { readonly value: DeviceInfo | undefined };
   readonly state: { readonly value: PageState };
   readonly overlay: Signal<Overlay>;
+  /** What the dialog of an extension is about, if it was opened with that. */
+  readonly subject: Signal<object | undefined>;
   /** The device whose decoding is being changed. */
   readonly keyFor: Signal<Begin | undefined>;
   /** The table being shown: name and title of its channel. */
@@ -89,7 +85,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const overlay = signal<Overlay>(undefined);
   const openTable: App["openTable"] = signal(undefined);
   const describing: App["describing"] = signal(undefined);
-  const alarmDraft = signal<AlarmDraft>({});
+  const subject: App["subject"] = signal(undefined);
   const packetAt: App["packetAt"] = signal(undefined);
   const showsSignals = signal(false);
   const linked = signal<string | undefined>(undefined);
@@ -158,9 +154,9 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
         describing.value = payload;
         overlay.value = "describe";
       },
-      alarm(draft) {
-        alarmDraft.value = draft;
-        overlay.value = "alarm";
+      dialog(name, about) {
+        subject.value = about;
+        overlay.value = name;
       },
     },
     device,
@@ -170,8 +166,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     overlay,
     openTable,
     describing,
-    alarms: signal([]),
-    alarmDraft,
+    subject,
     packetAt,
     tick,
     awaited,

@@ -5,7 +5,6 @@ import { Slot } from "../extension";
 import { recently } from "../panels/panel-context";
 import { rateBars } from "../panels/health-history";
 import { drawBars } from "../panels/sparkline";
-import { AlarmTags } from "../panels/alarms";
 import { keyWanted, trustOf } from "../panels/authenticity";
 import { api, type Port } from "../ui/http";
 import { surface } from "../ui/canvas";
@@ -113,7 +112,7 @@ function Device({ app, device, shared, removing }: DeviceProps) {
         {(streams || app.recentHealth.of(device.id).some((moment) => moment.rate > 0)) && (
           <PanelHost key={device.id} class="sparkline" mount={(host) => mountSpark(host, app, device.id)} />
         )}
-        <AlarmTags alarms={app.alarms.value} device={device.id} />
+        <Slot name="deviceRow" with={{ app, device }} />
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
       {current && <Acts app={app} device={device} shared={shared} removing={removing} />}

@@ -17,7 +17,6 @@ import { LiveViewer, LiveViews } from "../views/viewers";
 import { type App, select } from "./app-state";
 import {
   AddDevice,
-  AlarmDialog,
   Describe,
   ExportDialog,
   MemoryDialog,
@@ -168,7 +167,6 @@ function Overlays({ app }: { readonly app: App }) {
     return <SharePort app={app} device={app.device.value} onClose={close} />;
   if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
-  if (overlay.value === "alarm") return <AlarmDialog app={app} onClose={close} />;
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;
   const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);

@@ -8,8 +8,7 @@ import type { Sort } from "./event-groups";
 import type { DeviceInfo, EventInfo, UnknownPayload } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
 import type { RecentHealth } from "./health-history";
-import type { AlarmInfo } from "../wire/routes";
-import type { AlarmDraft } from "./alarm-states";
+import type { ExtensionOverlay } from "../extension";
 import { type Reading, readingAt } from "./cursor-time";
 import type { SampleAccess } from "../measure/sample-access";
 
@@ -59,8 +58,8 @@ export interface Openers {
   packet(at: PacketAt): void;
   /** The form that describes a payload. */
   describe(payload: UnknownPayload): void;
-  /** The form of an alarm: a new one as far as it is known, or a stored one. */
-  alarm(draft: AlarmDraft): void;
+  /** A dialog of an extension, and what it is about. */
+  dialog(name: ExtensionOverlay, about: object): void;
 }
 
 export interface Deps {
@@ -72,8 +71,6 @@ export interface Deps {
   readonly eventSort: Signal<Sort>;
   /** True while the newest value is old: headings then show its age. */
   readonly held: () => boolean;
-  /** Alarms of the server, with their states; undefined over a recording. */
-  readonly alarms?: Signal<readonly AlarmInfo[]>;
   /** Statistics of a column over the window if the store holds only some of its samples; undefined until known. */
   readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
   /** Samples of any range, if the store has only those around the cursor. */

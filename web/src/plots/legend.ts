@@ -84,11 +84,17 @@ interface Row {
 /** Hides or shows the series of that key; `alone`: shows it alone in its plot. */
 export type Toggle = (key: string, alone: boolean) => void;
 
+/** What the menu of a series opens. */
+export interface SeriesMenu {
+  /** The title of the series, with a word of that. */
+  readonly title: (title: string) => string;
+  readonly open: () => void;
+}
+
 export interface LegendActions {
   /** Takes a plot that the user put together away. */
   readonly remove?: (() => void) | undefined;
-  /** Opens the form of an alarm on a series; undefined: the series has none. */
-  readonly alarm?: ((series: Series) => (() => void) | undefined) | undefined;
+  readonly menu?: ((series: Series) => SeriesMenu | undefined) | undefined;
 }
 
 export class Legend {
@@ -96,11 +102,11 @@ export class Legend {
   readonly #rows: readonly Row[];
 
   readonly #toggle: Toggle;
-  readonly #alarm: LegendActions["alarm"];
+  readonly #menu: LegendActions["menu"];
 
-  constructor(spec: PlotSpec, toggle: Toggle, { remove, alarm }: LegendActions = {}) {
+  constructor(spec: PlotSpec, toggle: Toggle, { remove, menu }: LegendActions = {}) {
     this.#toggle = toggle;
-    this.#alarm = alarm;
+    this.#menu = menu;
     const head = el("b", {}, spec.title);
     // quantities along the sensor's own axes need no frame name; motion does
     const named = spec.unit === "°" || spec.unit === "m/s" || NAMED.has(spec.frame);
@@ -153,15 +159,15 @@ export class Legend {
     );
     button.title = TEXT.toggleSeries(series.isRight ? TEXT.onRightAxis(name, "") : name, series.label);
     button.addEventListener("click", (event) => this.#toggle(series.key, event.shiftKey));
-    const open = this.#alarm?.(series);
-    if (open) {
-      button.title = TEXT.withAlarm(button.title);
+    const menu = this.#menu?.(series);
+    if (menu) {
+      button.title = menu.title(button.title);
       button.setAttribute("aria-haspopup", "dialog");
       // also of the keyboard's menu key, and of a finger that rests
       button.addEventListener("contextmenu", (event) => {
         event.preventDefault();
         event.stopPropagation();
-        open();
+        menu.open();
       });
     }
     return { series, button, value, text, width: 0 };

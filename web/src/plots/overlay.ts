@@ -3,7 +3,7 @@
  * or selected interval. It is redrawn when the pointer moves, while the traces under it stay.
  */
 import type { Loss } from "../data/losses";
-import { type AlarmMarks, drawAlarms } from "./alarm-marks";
+import type { MarkLayer } from "./plot-additions";
 import { drawMarkers, type MarkLine } from "./markers";
 import type { Palette, CanvasLayer } from "./canvas-style";
 import { hatch, setFont } from "./canvas-style";
@@ -31,7 +31,7 @@ export interface Marks {
   readonly selection: readonly [number, number] | undefined;
   readonly reads: Reads;
   readonly markers: readonly MarkLine[];
-  readonly alarms: AlarmMarks;
+  readonly layers: readonly MarkLayer[];
 }
 
 /** Whether there is nothing to draw: the rule while a device streams without loss and nobody points at anything. */
@@ -42,8 +42,7 @@ export function isBare({ t0, t1 }: TimeWindow, marks: Marks): boolean {
     marks.measure === undefined &&
     marks.selection === undefined &&
     (marks.lostSince === undefined || marks.lostSince >= t1) &&
-    marks.alarms.spans.length === 0 &&
-    marks.alarms.limits.length === 0 &&
+    marks.layers.every((layer) => layer.isBare()) &&
     !marks.losses.some((loss) => loss.t1 >= before && loss.t0 <= t1) &&
     !marks.markers.some(({ time }) => time >= before && time <= t1)
   );
@@ -91,7 +90,7 @@ export function drawGlass(
   x.globalAlpha = 1;
   const [first, last] = [panes[0], panes.at(-1)];
   if (first && last && marks.markers.length > 0) drawMarkers(x, marks.markers, w, look, first.top, last.bottom);
-  drawAlarms(x, plots, marks.alarms, w, look, hidden);
+  for (const layer of marks.layers) layer.draw(x, plots, w, look, hidden);
   if (marks.measure !== undefined) drawMeasure(x, sheet, panes, w, look, marks, clip);
   if (marks.cursor === undefined) return;
   x.fillStyle = look.colour.ink;

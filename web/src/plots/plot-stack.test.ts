@@ -156,15 +156,3 @@ test("closing one does not change the other", () => {
   expect(values(right)[0]).toMatch(/\d/);
   expect(right.state.view.value.span).toBe(5);
 });
-
-test("the menu of a series in the legend opens an alarm on it, with the value at the cursor as its limit", () => {
-  const alarm = vi.fn();
-  views = [...views, open({ open: { signals: vi.fn(), alarm } })];
-  draw();
-  const x = views.at(-1)?.host.querySelector<HTMLElement>(".legend .series");
-  expect(x?.title).toContain("alarm when…");
-  fireEvent.contextMenu(x as HTMLElement);
-  const draft = alarm.mock.calls.at(-1)?.[0] as { expression: string; device: { id: string } };
-  expect(draft.expression).toMatch(/^"?[\w .]+"?\.x [<>] -?[\d.e-]+ \S+$/);
-  expect(draft.device.id).toBe("1");
-});

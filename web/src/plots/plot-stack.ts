@@ -17,24 +17,23 @@ import { computed, effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
 import type { CustomPlot, PlotOrder, ViewState } from "../data/view-state";
-import { alarmCondition, canAlarm } from "../signals/alarm-condition";
+import { fromExtensions } from "../extension";
 import { withCustomPlots } from "../signals/custom-plots";
-import { readingAt } from "../panels/cursor-time";
 import type { Openers } from "../panels/panel-context";
 import { clock } from "../ui/format";
 import { el, throttle } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
 import { drawGlass, isBare, type Pane } from "./overlay";
-import { type Reads, shownSample, valueAt } from "./legend";
+import { type Reads, type SeriesMenu, shownSample, valueAt } from "./legend";
 import { Lanes } from "./status-lanes";
 import { LaneNames } from "./lane-names";
-import { alarmsOn, stampOf, type AlarmMarks, type AlarmSource } from "./alarm-marks";
 import { type MarkLine, markersOf } from "./markers";
 import { HistoryStrip } from "./history-strip";
 import { palette, type Palette, CanvasLayer } from "./canvas-style";
 import { MoreQuantities } from "./more-quantities";
 import { Plot } from "./plot";
+import type { MarkLayer } from "./plot-additions";
 import { addGrips } from "./plot-grips";
 import { heightOf, inOrder } from "./plot-order";
 import { protocolAmong } from "../wire/capabilities";
@@ -54,9 +53,8 @@ export interface StackDeps {
   readonly bounds?: () => { readonly first: number; readonly last: number };
   /** Markers to draw; default: those among the store's events. */
   readonly markers?: () => readonly MarkLine[];
-  readonly alarms?: AlarmSource;
   /** Opens the tree of all signals, and the frame of a sample. */
-  readonly open?: Pick<Openers, "signals"> & Partial<Pick<Openers, "packet" | "alarm">>;
+  readonly open?: Pick<Openers, "signals"> & Partial<Pick<Openers, "packet" | "dialog">>;
 }
 
 /** Legends follow live data this often, a moving cursor every frame. */
@@ -70,7 +68,7 @@ class Stack {
   readonly #reads: Reads;
   readonly #whole: StackDeps["bounds"];
   readonly #markers: () => readonly MarkLine[];
-  readonly #alarms: () => AlarmMarks;
+  readonly #layers: readonly MarkLayer[];
   readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": COMMON.plots });
   readonly #glass = new CanvasLayer(el("canvas", { class: "cursor-layer", "aria-hidden": "true" }));
   readonly #more: MoreQuantities;
@@ -106,16 +104,13 @@ class Stack {
   /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
   #still = 0;
   readonly #openPacket: Openers["packet"] | undefined;
-  readonly #openAlarm: Openers["alarm"] | undefined;
+  readonly #openDialog: Openers["dialog"] | undefined;
 
-  constructor(
-    host: HTMLElement,
-    { store, viewState, reads = (channel) => channel, bounds, markers, alarms, open }: StackDeps,
-  ) {
+  constructor(host: HTMLElement, { store, viewState, reads = (channel) => channel, bounds, markers, open }: StackDeps) {
     this.#markers = markers ?? markersOf(store, viewState);
-    this.#alarms = alarmsOn(store, viewState, alarms);
+    this.#layers = fromExtensions("plotMarks").map((marks) => marks(store, viewState));
     this.#openPacket = open?.packet;
-    this.#openAlarm = open?.alarm;
+    this.#openDialog = open?.dialog;
     this.#store = store;
     this.#state = viewState;
     this.#reads = reads;
@@ -235,20 +230,20 @@ class Stack {
     const toggle = (key: string, alone: boolean): void => actions.toggleKey(key, alone);
     const plot = new Plot(spec, toggle, this.#state, {
       remove: spec.custom === undefined ? undefined : remove,
-      alarm: (series) => this.#alarm(series),
+      menu: (series) => this.#menu(series),
     });
     addGrips(plot, this.#state, () => this.#plots);
     return plot;
   }
 
-  /** What opens the form of an alarm on a series, with a limit from the cursor or the window; undefined: the server does not know it. */
-  #alarm({ channel, column }: Series): (() => void) | undefined {
-    const [open, signal] = [this.#openAlarm, { channel, columns: [column] }];
-    if (!open || !canAlarm(signal)) return undefined;
-    return () => {
-      const { view, cursor } = this.#state;
-      const device = this.#store.devices.peek().find(({ id }) => id === channel.info.device);
-      open({ expression: alarmCondition(signal, readingAt(view.peek(), cursor.peek(), this.#now())), device });
+  /** What the menu of a series opens; undefined: it has none. */
+  #menu(series: Series): SeriesMenu | undefined {
+    const [dialog, action] = [this.#openDialog, fromExtensions("seriesActions").find((one) => one.applies(series))];
+    if (!dialog || !action) return undefined;
+    const [store, viewState] = [this.#store, this.#state];
+    return {
+      title: action.title,
+      open: () => action.run(series, { store, viewState, open: { dialog }, now: this.#now() }),
     };
   }
 
@@ -323,7 +318,7 @@ class Stack {
       losses,
       lostSince,
       markers,
-      alarms: this.#alarms(),
+      layers: this.#layers,
       cursor: reading,
       measure: this.#state.measure.peek(),
       selection: this.#selection,
@@ -336,7 +331,7 @@ class Stack {
       !bare &&
       this.#changed(
         "glass",
-        `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${stampOf(marks.alarms, this.#plots)} ${shown.size} ${reading === undefined ? "" : still}`,
+        `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${this.#layers.map((layer) => layer.stamp(this.#plots)).join()} ${shown.size} ${reading === undefined ? "" : still}`,
       )
     ) {
       drawGlass(this.#glass, this.#panes, this.#plots, w, this.#look, marks, shown);

@@ -60,15 +60,6 @@ test("keys unfold a channel, choose a column and plot it; the pressed plot takes
   await waitFor(() => expect(signals(opened)).toEqual([]));
 });
 
-test("an alarm on a signal begins with the signal and a limit", async () => {
-  const opened = await openTree({ "POST /api/alarms/check": {} });
-  fireEvent.click(rowNamed("1/Acceleration"));
-  fireEvent.click(await screen.findByRole("button", { name: "Alarm when…" }));
-  const condition = await screen.findByLabelText<HTMLInputElement>("Condition");
-  expect(condition.value).toMatch(/^norm\(Acceleration\) > [\d.]+ m\/s²$/);
-  expect(opened.app.alarmDraft.value.device?.id).toBe("1");
-});
-
 test("a second unit gets the right axis of a plot, and a third one is refused with a sentence", async () => {
   const opened = await openTree();
   fireEvent.click(rowNamed("1/Acceleration"));

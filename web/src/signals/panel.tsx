@@ -6,6 +6,7 @@
 import { type Signal, untracked, useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { CustomPlot } from "../data/view-state";
+import { Slot } from "../extension";
 import { type Deps, reading } from "../panels/panel-context";
 import { protocolAmong } from "../wire/capabilities";
 import { type PlotSpec, plotsOf } from "../plots/plot-selection";
@@ -16,7 +17,6 @@ import type { ComputedSignal } from "../wire/routes";
 import type { ChannelInfo } from "../wire/types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/signals";
-import { alarmCondition, canAlarm } from "./alarm-condition";
 import { added, heldOf, misfit, refOf, removed, type Target, targetOf, unitOf, withCustomPlots } from "./custom-plots";
 import { isComputed } from "./completion";
 import { listenForDrops } from "./drag";
@@ -103,8 +103,6 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   };
   void tick.value;
   const at = untracked(() => reading(deps)); // at the pace of the clock, not of a drag
-  const alarm = (row: TreeRow): void =>
-    deps.open.alarm({ expression: alarmCondition(row, reading(deps)), device: row.device });
   return (
     <section ref={root} class="signals-panel" aria-label={TEXT.signals} onKeyDown={onKey}>
       <div class="head">
@@ -163,11 +161,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         onPut={put}
         onTakeOff={takeOff}
       >
-        {chosen.value && canAlarm(chosen.value) && (
-          <button type="button" class="btn edge" onClick={() => chosen.value && alarm(chosen.value)}>
-            {TEXT.alarmWhen}
-          </button>
-        )}
+        {chosen.value && <Slot name="signalActions" with={{ deps, row: chosen.value }} />}
         {isLive && chosen.value?.channel && isComputed(chosen.value.channel.info) && (
           <Computed
             deps={deps}

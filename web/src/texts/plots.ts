@@ -40,7 +40,6 @@ export const TEXT = {
   unverifiedHint: "Unverified: the sender could not be verified",
   unverified: "unverified",
   frameOf: (frame: Value) => `Frame: ${frame}.`,
-  withAlarm: (title: Value) => `${title}; right-click or menu key: alarm when…`,
   toggleSeries: (name: Value, label: Value) => `${name} ${label}: click to hide or show, Shift-click to show alone`,
   onRightAxis: (name: Value, label: Value) => `${name} ${label}, right axis`,
   removePlot: (title: Value) => `Remove the plot ${title}`,

@@ -22,7 +22,6 @@ export const TEXT = {
   plot: (name: Value) => `Plot ${name} on a new plot`,
   choose: (name: Value) => `Plot ${name} on:`,
   newPlot: "New plot",
-  alarmWhen: "Alarm when…",
   nothingChosen: "Select a signal, or drag it onto a plot.",
   addedNew: (name: Value) => `${name} is on a new plot.`,
   addedTo: (name: Value, plot: Value) => `${name} is on the plot ${plot}.`,

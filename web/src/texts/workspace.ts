@@ -1,5 +1,5 @@
 /** Texts of workspaces. */
-import { count, type Value } from "./plural";
+import type { Value } from "./plural";
 
 export const TEXT = {
   sheet: "Workspace",
@@ -17,13 +17,6 @@ export const TEXT = {
   importFile: "Import…",
   remove: "Delete",
   openFamilyWith: (family: Value) => `Open devices of ${family} with this workspace`,
-  exportedAlarms: (n: number) => `The file has ${count(n, "alarm")} too.`,
-  hasAlarms: (n: number, names: Value) =>
-    `This workspace has ${count(n, "alarm")} that this server does not have: ${names}.`,
-  addAlarms: (n: number) => `Add ${count(n, "alarm")}`,
-  addedAlarms: (n: number, names: Value) => `${count(n, "alarm")} added: ${names}.`,
-  refusedAlarm: (name: Value, why: Value) => `${name} was not added. ${why}`,
-  notNow: "Not now",
   opened: (name: Value) => `${name} is open.`,
   saved: (name: Value) => `${name} is saved.`,
   deleted: (name: Value) => `${name} is deleted.`,

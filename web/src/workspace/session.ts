@@ -2,7 +2,7 @@
 import { type Signal, signal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { type App, perApp } from "../pages/app-state";
-import type { AlarmDefinition, WorkspaceInfo } from "../wire/routes";
+import type { WorkspaceInfo } from "../wire/routes";
 import "./all";
 import { WorkspaceHistory } from "./history";
 import { type Layout, maximise } from "./layout";
@@ -18,8 +18,6 @@ export interface WorkspaceSession {
   readonly arranging: Signal<boolean>;
   /** What could not be applied of the last workspace, in words. */
   readonly problems: Signal<readonly string[]>;
-  /** Alarms of the last workspace that the server does not have: offered, not added. */
-  readonly offered: Signal<readonly AlarmDefinition[]>;
   /** The stored workspace that was opened or saved last. */
   readonly current: Signal<Pick<WorkspaceInfo, "name" | "revision"> | undefined>;
   /** Counts changes, for components that show whether something can be undone. */
@@ -78,7 +76,6 @@ function newSession(view: WorkspaceView): WorkspaceSession {
     history,
     arranging: signal(false),
     problems,
-    offered: signal([]),
     open,
     current: signal(undefined),
     steps,

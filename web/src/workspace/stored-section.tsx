@@ -1,6 +1,7 @@
 /** Stored workspaces in the sheet: chosen, saved, exported, imported, deleted, and set for a family. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Slot } from "../extension";
 import { selected, type Deps } from "../panels/panel-context";
 import type { Problem } from "../ui/http";
 import { Icon } from "../ui/icons";
@@ -8,7 +9,6 @@ import { ProblemNote } from "../ui/problem-note";
 import { protocolOf } from "../wire/capabilities";
 import type { WorkspaceList } from "../wire/routes";
 import { TEXT } from "../texts/workspace";
-import { type Added, addAlarms, presentAlarms } from "./alarms";
 import type { WorkspaceSession } from "./session";
 import { exportFile, importFile, listWorkspaces, openStored, removeStored, saveAs, setDefault } from "./stored";
 
@@ -86,7 +86,7 @@ export function StoredSection({ session, deps }: Props) {
       <p class="stored-said" role="status">
         {said.value}
       </p>
-      <Offered session={session} deps={deps} said={said} />
+      <Slot name="workspaceCompanions" with={{ session, deps, said }} />
       <More session={session} deps={deps} list={list} run={run} said={said} />
     </div>
   );
@@ -121,41 +121,6 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
   );
 }
 
-/** Alarms of the workspace that the server does not have: added when a person says so, and said which. */
-function Offered({ session, deps, said }: Props & { readonly said: Signal<string> }) {
-  const refused = useSignal<Added["refused"]>([]);
-  const { offered } = session;
-  const add = async (): Promise<void> => {
-    const added = await addAlarms(offered.peek());
-    refused.value = added.refused;
-    offered.value = [];
-    said.value = added.names.length > 0 ? TEXT.addedAlarms(added.names.length, added.names.join(", ")) : "";
-    if (deps.alarms) deps.alarms.value = await presentAlarms();
-  };
-  return (
-    <>
-      {offered.value.length > 0 && (
-        <div class="stored-offer" role="status">
-          <p>{TEXT.hasAlarms(offered.value.length, offered.value.map(({ name }) => name).join(", "))}</p>
-          <div class="stored-row">
-            <button type="button" class="btn edge" onClick={() => void add()}>
-              {TEXT.addAlarms(offered.value.length)}
-            </button>
-            <button type="button" class="btn edge" onClick={() => (offered.value = [])}>
-              {TEXT.notNow}
-            </button>
-          </div>
-        </div>
-      )}
-      {refused.value.map(({ definition, problem }) => (
-        <p key={definition.name} class="problem" role="alert">
-          {TEXT.refusedAlarm(definition.name, `${problem.message} ${problem.hint}`.trim())}
-        </p>
-      ))}
-    </>
-  );
-}
-
 /** Somebody else saved the workspace meanwhile: nothing is replaced unless a person says so. */
 function Conflict({ session, deps, name, run }: Props & { readonly name: string; readonly run: Run }) {
   return (
@@ -186,8 +151,7 @@ interface MoreProps extends Props {
 
 function More({ session, deps, list, run, said }: MoreProps) {
   const save = async (): Promise<void> => {
-    const alarms = await exportFile(session, deps.store.devices.peek());
-    said.value = alarms > 0 ? TEXT.exportedAlarms(alarms) : "";
+    said.value = await exportFile(session, deps.store.devices.peek());
   };
   const name = session.current.value?.name;
   const family = selected(deps)?.protocol ?? "";

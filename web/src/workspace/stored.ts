@@ -2,7 +2,7 @@
 import { type Outcome, type Problem, request } from "../ui/http";
 import type { WorkspaceList } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
-import { alarmsToOffer, presentAlarms, withAlarms } from "./alarms";
+import { accompanied, takeCompanions } from "./companions";
 import { withoutMoment, workspaceOf } from "./parts";
 import type { WorkspaceSession } from "./session";
 
@@ -17,7 +17,7 @@ export async function openStored(session: WorkspaceSession, name: string): Promi
   if (!outcome.ok) return outcome.problem;
   session.open(outcome.value.workspace);
   session.current.value = outcome.value;
-  session.offered.value = await alarmsToOffer(outcome.value.workspace);
+  await takeCompanions(session, outcome.value.workspace);
   return undefined;
 }
 
@@ -28,7 +28,7 @@ export async function saveAs(
   name: string,
   ifMatch: string | undefined,
 ): Promise<Problem | undefined> {
-  const workspace = { ...withAlarms(workspaceOf(session.view, withoutMoment), await presentAlarms(), devices) };
+  const { workspace } = await accompanied(workspaceOf(session.view, withoutMoment), devices);
   const outcome = await request("PUT /api/workspaces/{name}", {
     path: { name },
     body: { workspace },
@@ -55,9 +55,9 @@ export async function setDefault(family: string, name: string | null): Promise<P
   return outcome.ok ? undefined : outcome.problem;
 }
 
-/** Save what is shown as a file, with the alarms of the devices. @returns number of alarms in it */
-export async function exportFile(session: WorkspaceSession, devices: readonly DeviceInfo[]): Promise<number> {
-  const workspace = withAlarms(workspaceOf(session.view, withoutMoment), await presentAlarms(), devices);
+/** Save what is shown as a file. @returns what the file has besides the view, in words */
+export async function exportFile(session: WorkspaceSession, devices: readonly DeviceInfo[]): Promise<string> {
+  const { workspace, said } = await accompanied(workspaceOf(session.view, withoutMoment), devices);
   const text = JSON.stringify(workspace, null, 1);
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
@@ -65,7 +65,7 @@ export async function exportFile(session: WorkspaceSession, devices: readonly De
   link.download = `${name.replace(/[^\p{L}\p{N} _.-]+/gu, "-")}.json`;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  return workspace.alarms?.length ?? 0;
+  return said;
 }
 
 /** Show the workspace of a file; what is wrong with it is among the problems of the session. */
@@ -78,5 +78,5 @@ export async function importFile(session: WorkspaceSession, file: File): Promise
   }
   session.open(json);
   session.current.value = undefined;
-  session.offered.value = await alarmsToOffer(json);
+  await takeCompanions(session, json);
 }

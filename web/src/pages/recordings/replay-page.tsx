@@ -18,7 +18,7 @@ import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { ArrangeTools } from "../../workspace/arrange";
-import { AlarmDialog, SignalsPanel, YAxisDialog } from "../dialogs";
+import { SignalsPanel, YAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
@@ -39,7 +39,6 @@ import { HandOn } from "./share-menu";
 import { SettingsDialog, SettingsLine } from "./settings";
 import { Transport } from "./transport";
 import { COMMON } from "../../texts/common";
-import { TEXT as ALARMS } from "../../texts/alarms";
 import { TEXT } from "../../texts/recordings";
 
 export function ReplayPage({ recording }: { readonly recording: OpenRecording }) {
@@ -95,18 +94,6 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
             mount={(host) => mountLargeTrack(host, { ...recording.deps, store: replay.drawn })}
           />
         </Dialog>
-      )}
-      {overlay.value === "alarm" && (
-        <AlarmDialog
-          app={app}
-          onClose={() => (overlay.value = undefined)}
-          over={{
-            recording: info.id,
-            deps: recording.deps,
-            show: (time) => replay.viewState.actions.pinInView(time),
-            onSaved: () => (recording.said.value = ALARMS.isAdded),
-          }}
-        />
       )}
       {dialog?.Recording && <dialog.Recording recording={recording} onClose={() => (overlay.value = undefined)} />}
       {app.showsSignals.value && (

@@ -1,5 +1,5 @@
 /** The browser's notifications of raised alarms: on once a person has asked for them, and only while the page is not looked at. */
-import type { EventInfo } from "../wire/types";
+import type { EventInfo } from "../../wire/types";
 
 const KEY = "imuscope.alarm-notices";
 

@@ -1,6 +1,6 @@
 /** The recording of an alarm, in its form: whether it starts one, from how long before to how long after, and its bounds. */
-import type { RecordingAction } from "../wire/routes";
-import { TEXT } from "../texts/alarms";
+import type { RecordingAction } from "../../wire/routes";
+import { TEXT } from "./texts";
 
 /** The fields of a recording, as typed. */
 export interface RecordingFields {

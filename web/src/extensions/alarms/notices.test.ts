@@ -1,8 +1,8 @@
 // @vitest-environment happy-dom
 /** Browser notifications of alarms: only when asked for, allowed, and the page is not in front. */
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import type { EventInfo } from "../wire/types";
-import { noticeState, notifyRaised, switchNotices } from "./alarm-notices";
+import type { EventInfo } from "../../wire/types";
+import { noticeState, notifyRaised, switchNotices } from "./notices";
 
 const shown: [string, NotificationOptions][] = [];
 

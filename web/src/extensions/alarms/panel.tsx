@@ -1,27 +1,19 @@
-/** The alarms of the selected device: state, value and limit of each, acknowledged by name; and the tags of a device's row. */
+/** The alarms of the selected device: state, value and limit of each, acknowledged by name. */
 import { type Signal, signal } from "@preact/signals";
 import { render } from "preact";
-import { clock } from "../ui/format";
-import { request, type Problem } from "../ui/http";
-import { Icon } from "../ui/icons";
-import { ProblemNote } from "../ui/problem-note";
-import type { Panel } from "../ui/dom";
-import type { AlarmInfo, AlarmState } from "../wire/routes";
-import {
-  alarmCounts,
-  alarmMark,
-  type AlarmOnDevice,
-  alarmsOf,
-  conditionText,
-  idleAlarms,
-  valueText,
-} from "./alarm-states";
-import { type NoticeState, noticeState, switchNotices } from "./alarm-notices";
-import type { Deps } from "./panel-context";
-import { storedName, storeName } from "../ui/person-name";
-import { registerPanel } from "./registry";
-import { COMMON } from "../texts/common";
-import { TEXT } from "../texts/alarms";
+import { clock } from "../../ui/format";
+import { request, type Problem } from "../../ui/http";
+import { Icon } from "../../ui/icons";
+import { ProblemNote } from "../../ui/problem-note";
+import type { Panel } from "../../ui/dom";
+import type { AlarmInfo, AlarmState } from "../../wire/routes";
+import { alarmMark, type AlarmOnDevice, alarmsOf, conditionText, idleAlarms, valueText } from "./states";
+import { type NoticeState, noticeState, switchNotices } from "./notices";
+import type { Deps } from "../../panels/panel-context";
+import { storedName, storeName } from "../../ui/person-name";
+import { COMMON } from "../../texts/common";
+import { alarmList, openAlarm } from "./list";
+import { TEXT } from "./texts";
 import "./alarms.css";
 
 /** State of one panel: the alarm that is being acknowledged, and the last problem. */
@@ -67,7 +59,7 @@ function AlarmPanel({ deps, alarms, state }: Props) {
       )}
       {state.problem.value && <ProblemNote problem={state.problem.value} />}
       <div class="alarm-foot">
-        <button type="button" class="btn small edge alarm-add" onClick={() => deps.open.alarm({})}>
+        <button type="button" class="btn small edge alarm-add" onClick={() => openAlarm(deps.open, {})}>
           <Icon name="plus" />
           {TEXT.add}
         </button>
@@ -101,7 +93,7 @@ function EditButton({ alarm: { id, definition }, deps }: { readonly alarm: Alarm
       type="button"
       class="btn small"
       aria-label={TEXT.editNamed(definition.name)}
-      onClick={() => deps.open.alarm({ id, definition })}
+      onClick={() => openAlarm(deps.open, { id, definition })}
     >
       {TEXT.edit}
     </button>
@@ -193,46 +185,12 @@ function Acknowledge({ one, alarms, state }: Omit<Props, "deps"> & { readonly on
   );
 }
 
-/** Counts of the raised alarms of a device, in its row; nothing while all is well. */
-export function AlarmTags({ alarms, device }: { readonly alarms: readonly AlarmInfo[]; readonly device: string }) {
-  const { raised, worst, acknowledged, missing } = alarmCounts(alarmsOf(alarms, device));
-  if (raised + acknowledged + missing === 0) return null;
-  return (
-    <span class="why alarm-tags">
-      {raised > 0 && (
-        <span class={worst === "error" ? "tag bad" : "tag warn"}>
-          <span aria-hidden="true">{worst === "error" ? "✖" : "▲"}</span> {TEXT.raisedCount(raised)}
-        </span>
-      )}
-      {acknowledged > 0 && (
-        <span>
-          <span aria-hidden="true">✓</span> {TEXT.acknowledgedCount(acknowledged)}
-        </span>
-      )}
-      {missing > 0 && (
-        <span>
-          <span aria-hidden="true">?</span> {TEXT.missingCount(missing)}
-        </span>
-      )}
-    </span>
-  );
-}
-
-function mountAlarms(host: HTMLElement, deps: Deps): Panel {
+export function mountAlarms(host: HTMLElement, deps: Deps): Panel {
   const state: PanelState = {
     acknowledging: signal(undefined),
     problem: signal(undefined),
     notices: signal(noticeState()),
   };
-  if (deps.alarms) render(<AlarmPanel deps={deps} alarms={deps.alarms} state={state} />, host);
+  render(<AlarmPanel deps={deps} alarms={alarmList(deps.store)} state={state} />, host);
   return { update: () => undefined, dispose: () => render(null, host) };
 }
-
-registerPanel({
-  id: "alarms",
-  title: TEXT.alarms,
-  where: "below",
-  order: 25,
-  applies: (deps) => deps.alarms !== undefined,
-  mount: mountAlarms,
-});

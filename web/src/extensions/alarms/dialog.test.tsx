@@ -2,12 +2,12 @@
 /** The form of an alarm: what it sends, and where it marks a mistake. */
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
-import { newApp } from "../testing/live-page";
-import { answering } from "../testing/recorded";
-import type { AlarmDefinition } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import { AlarmDialog, Mistake } from "./alarm-dialog";
-import { definitionOf, fieldsOf } from "./alarm-fields";
+import { newApp } from "../../testing/live-page";
+import { answering } from "../../testing/recorded";
+import type { AlarmDefinition } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import { AlarmDialog, Mistake } from "./dialog";
+import { definitionOf, fieldsOf } from "./fields";
 
 const STORED: AlarmDefinition = {
   name: "Hot",
@@ -113,7 +113,7 @@ test("what is worth knowing about a condition stands below it", async () => {
 test("an alarm is deleted by a second press", async () => {
   const asked = answering({ "POST /api/alarms/check": {}, "DELETE /api/alarms/a": null, "GET /api/alarms": [] });
   const app = newApp();
-  app.alarmDraft.value = { id: "a", definition: STORED };
+  app.subject.value = { id: "a", definition: STORED };
   const close = vi.fn();
   render(<AlarmDialog app={app} onClose={close} />);
   fireEvent.click(screen.getByRole("button", { name: "Delete" }));
@@ -128,7 +128,7 @@ test("only a condition that was checked is judged over the past", async () => {
   const preview = { times: 0, t0: 0, t1: 600, worst: null, unit: "", seconds: 0, intervals: [] };
   const asked = answering({ "POST /api/alarms/check": valid, "POST /api/alarms/preview": preview });
   const app = newApp();
-  app.alarmDraft.value = { device: DEVICE };
+  app.subject.value = { device: DEVICE };
   render(<AlarmDialog app={app} onClose={vi.fn()} />);
   const condition = screen.getByLabelText("Condition");
   const texts = ["norm(Acceleration) > 3 g", "norm(Acceleration) >"];

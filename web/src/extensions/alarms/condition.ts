@@ -1,8 +1,8 @@
 /** The condition of a new alarm on a signal, with a limit from the cursor or from what the window holds. Pure. */
-import type { Reading } from "../panels/cursor-time";
-import { sampleAt } from "../panels/panel-context";
-import { quoted } from "./completion";
-import type { TreeRow } from "./tree-rows";
+import type { Reading } from "../../panels/cursor-time";
+import { sampleAt } from "../../panels/panel-context";
+import { quoted } from "../../signals/completion";
+import type { TreeRow } from "../../signals/tree-rows";
 
 /** Samples that are looked at for a limit. */
 const MOST = 200_000;

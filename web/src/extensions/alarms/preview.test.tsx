@@ -2,8 +2,8 @@
 /** The preview of an alarm: what it asks, and what it says. */
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
-import { answering } from "../testing/recorded";
-import { AlarmPreview, previewWords } from "./alarm-preview";
+import { answering } from "../../testing/recorded";
+import { AlarmPreview, previewWords } from "./preview";
 
 const found = { times: 3, t0: 1000, t1: 1588, worst: 34.25, unit: "m/s²", seconds: 2, intervals: [] };
 const condition = { kind: "expression", expression: "Acceleration.x > 1 g", clear: "" };

@@ -1,10 +1,10 @@
 /** How often an alarm would have been raised by the samples in memory or of an open recording, and when, in the form while it is filled in. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { clock, number, span } from "../ui/format";
-import { request } from "../ui/http";
-import type { AlarmDefinition, AlarmPreview as Preview } from "../wire/routes";
-import { TEXT } from "../texts/alarms";
+import { clock, number, span } from "../../ui/format";
+import { request } from "../../ui/http";
+import type { AlarmDefinition, AlarmPreview as Preview } from "../../wire/routes";
+import { TEXT } from "./texts";
 
 /** Stretch of the past, s. */
 const SECONDS = 600;

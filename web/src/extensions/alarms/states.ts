@@ -1,8 +1,8 @@
 /** Alarms in words and symbols, the drafts of new ones, and the intervals in which they were raised, from events. Pure. */
-import { number } from "../ui/format";
-import type { AlarmDefinition, AlarmInfo, AlarmState } from "../wire/routes";
-import type { DeviceInfo, EventInfo, Level } from "../wire/types";
-import { TEXT } from "../texts/alarms";
+import { number } from "../../ui/format";
+import type { AlarmDefinition, AlarmInfo, AlarmState } from "../../wire/routes";
+import type { DeviceInfo, EventInfo, Level } from "../../wire/types";
+import { TEXT } from "./texts";
 
 /** What is known of an alarm when its form opens; with an `id` it is a stored one. */
 export interface AlarmDraft {

@@ -1,5 +1,5 @@
 /** Texts of alarms: the list, the form, the tags of a device. */
-import { count, type Value } from "./plural";
+import { count, type Value } from "../../texts/plural";
 
 const FIGURES: Readonly<Record<string, (limit: Value) => string>> = {
   rate: (limit) => `Rate below ${limit} Hz`,
@@ -107,4 +107,17 @@ export const TEXT = {
   save: "Save",
   remove: "Delete",
   confirmRemove: "Delete this alarm?",
+
+  // on signals and plots
+  alarmWhen: "Alarm when…",
+  withAlarm: (title: Value) => `${title}; right-click or menu key: alarm when…`,
+
+  // beside a workspace
+  exportedAlarms: (n: number) => `The file has ${count(n, "alarm")} too.`,
+  hasAlarms: (n: number, names: Value) =>
+    `This workspace has ${count(n, "alarm")} that this server does not have: ${names}.`,
+  addAlarms: (n: number) => `Add ${count(n, "alarm")}`,
+  addedAlarms: (n: number, names: Value) => `${count(n, "alarm")} added: ${names}.`,
+  refusedAlarm: (name: Value, why: Value) => `${name} was not added. ${why}`,
+  notNow: "Not now",
 };

@@ -4,10 +4,15 @@
  *
  *     {"format": "imuscope-workspace", "version": 1, "parts": {…}, "alarms": [{"name": "Hot", "condition": {…}, …}]}
  */
-import { type Problem, request } from "../ui/http";
-import type { AlarmDefinition, AlarmInfo, DeviceFilter } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import { isObject, type Workspace } from "./parts";
+import { type Problem, request } from "../../ui/http";
+import type { AlarmDefinition, AlarmInfo, DeviceFilter } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import { signal } from "@preact/signals";
+import { madeFor } from "../../pages/app-state";
+import type { Companion } from "../../workspace/companions";
+import { isObject, type Json } from "../../workspace/parts";
+import type { WorkspaceSession } from "../../workspace/session";
+import { TEXT } from "./texts";
 
 /** As many as a server has. */
 const MOST = 1000;
@@ -22,31 +27,27 @@ export function isFor({ device, product, family }: Partial<DeviceFilter>, of: De
   );
 }
 
-/** A workspace with the alarms of the devices. Webhooks stay behind: their addresses are secrets of this server. */
-export function withAlarms(
-  workspace: Workspace,
+/** The alarms of the devices. Webhooks stay behind: their addresses are secrets of this server. */
+export function travelling(
   alarms: readonly AlarmInfo[],
   devices: readonly DeviceInfo[],
-): Workspace & { readonly alarms?: readonly AlarmDefinition[] } {
+): readonly AlarmDefinition[] | undefined {
   const own = alarms
     .map(({ definition }) => ({ ...definition, webhook: "" }))
     .filter(({ devices: filter }) => devices.some((device) => isFor(filter ?? {}, device)));
-  return own.length > 0 ? { ...workspace, alarms: own } : workspace;
+  return own.length > 0 ? own : undefined;
 }
 
 /** What makes two alarms the same, whatever their order of keys. */
 const sameness = ({ name, condition, devices }: AlarmDefinition): string =>
   JSON.stringify([name, ...[condition, devices ?? {}].map((one) => Object.entries(one).sort())]);
 
-/** The alarms of a workspace that the server does not have now. */
-export async function alarmsToOffer(json: unknown): Promise<readonly AlarmDefinition[]> {
-  const given = missingAlarms(json, []);
-  return given.length > 0 ? missingAlarms(json, await presentAlarms()) : [];
-}
+/** Alarms of the last workspace that the server does not have: offered, not added. */
+export const offeredIn = madeFor((_session: WorkspaceSession) => signal<readonly AlarmDefinition[]>([]));
 
-/** Those that are not among the present ones. */
+/** The alarms of a workspace that are not among the present ones. */
 export function missingAlarms(json: unknown, present: readonly AlarmInfo[]): readonly AlarmDefinition[] {
-  const given = isObject(json) && Array.isArray(json["alarms"]) ? json["alarms"].slice(0, MOST) : [];
+  const given: readonly unknown[] = Array.isArray(json) ? json.slice(0, MOST) : [];
   const named = given.filter(
     (one): boolean => isObject(one) && typeof one["name"] === "string" && isObject(one["condition"]),
   ) as unknown as readonly AlarmDefinition[];
@@ -76,3 +77,13 @@ export async function presentAlarms(): Promise<readonly AlarmInfo[]> {
   const outcome = await request("GET /api/alarms");
   return outcome.ok ? outcome.value : [];
 }
+
+export const alarmCompanion: Companion = {
+  key: "alarms",
+  read: async (devices) => travelling(await presentAlarms(), devices) as unknown as Json | undefined,
+  saved: (json) => TEXT.exportedAlarms(Array.isArray(json) ? json.length : 0),
+  async take(session, json) {
+    const given = missingAlarms(json, []);
+    offeredIn(session).value = given.length > 0 ? missingAlarms(json, await presentAlarms()) : [];
+  },
+};

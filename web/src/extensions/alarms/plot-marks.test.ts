@@ -1,12 +1,12 @@
 /** Alarms on the plots: which plot has which interval and limit, and marks that no zoom hides. */
 import { expect, test } from "vitest";
-import type { RaisedSpan } from "../panels/alarm-states";
-import type { AlarmInfo } from "../wire/routes";
-import type { EventInfo } from "../wire/types";
-import { alarmMarks, drawAlarms, spansByPlot, subjectsOf } from "./alarm-marks";
-import type { Palette } from "./canvas-style";
-import type { PlotSpec } from "./plot-selection";
-import type { TimeWindow } from "./time-window";
+import type { RaisedSpan } from "./states";
+import type { AlarmInfo } from "../../wire/routes";
+import type { EventInfo } from "../../wire/types";
+import { alarmMarks, drawAlarms, spansByPlot, subjectsOf } from "./plot-marks";
+import type { Palette } from "../../plots/canvas-style";
+import type { PlotSpec } from "../../plots/plot-selection";
+import type { TimeWindow } from "../../plots/time-window";
 
 const COLUMNS = ["x", "y", "z"].map((name) => ({ name }));
 const series = (channel: string, column: number, norm = false) => ({

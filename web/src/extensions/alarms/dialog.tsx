@@ -1,20 +1,21 @@
 /** The form of an alarm: added or changed, with mistakes marked where they are. */
 import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { type Deps, selected } from "../panels/panel-context";
-import { Dialog } from "../ui/dialog";
-import { type Problem, request } from "../ui/http";
-import { ProblemNote } from "../ui/problem-note";
-import { fullName } from "../wire/device-name";
-import { protocolOf } from "../wire/capabilities";
-import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../wire/routes";
-import type { ChannelInfo, DeviceInfo } from "../wire/types";
-import { ANY, definitionOf, fieldsOf, lastingName, nameOf, type Fields, type Figure } from "./alarm-fields";
-import { AlarmPreview, type PreviewPlace } from "./alarm-preview";
-import { NumberField, RecordingChoice } from "./alarm-recording";
-import type { App } from "./app-state";
-import { COMMON } from "../texts/common";
-import { TEXT } from "../texts/alarms";
+import { type Deps, selected } from "../../panels/panel-context";
+import { Dialog } from "../../ui/dialog";
+import { type Problem, request } from "../../ui/http";
+import { ProblemNote } from "../../ui/problem-note";
+import { fullName } from "../../wire/device-name";
+import { protocolOf } from "../../wire/capabilities";
+import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../../wire/routes";
+import type { ChannelInfo, DeviceInfo } from "../../wire/types";
+import { ANY, definitionOf, fieldsOf, lastingName, nameOf, type Fields, type Figure } from "./fields";
+import { AlarmPreview, type PreviewPlace } from "./preview";
+import { NumberField, RecordingChoice } from "./recording-choice";
+import type { App } from "../../pages/app-state";
+import { COMMON } from "../../texts/common";
+import { alarmList, draftOf } from "./list";
+import { TEXT } from "./texts";
 
 const CHECK_AFTER_MS = 300;
 
@@ -32,7 +33,7 @@ export interface RecordingPlace extends Omit<PreviewPlace, "device"> {
 }
 
 export function AlarmDialog({ app, onClose, over }: Props) {
-  const draft = app.alarmDraft.value;
+  const draft = draftOf(app);
   const device = draft.device ?? (over ? selected(over.deps) : app.device.value);
   const fields = useSignal(fieldsOf(draft, device));
   const checked = useSignal<{ readonly stamp: string; readonly found: AlarmCheck } | undefined>(undefined);
@@ -68,7 +69,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
     }
     void request("GET /api/alarms").then((found) => {
       batch(() => {
-        if (found.ok) app.alarms.value = found.value;
+        if (found.ok) alarmList(app.store).value = found.value;
         over?.onSaved();
         onClose();
       });

@@ -1,10 +1,10 @@
 /** The condition of an alarm that is made from a signal. */
 import { expect, test } from "vitest";
-import type { Channel } from "../data/channels";
-import type { Reading } from "../panels/cursor-time";
-import type { DeviceInfo } from "../wire/types";
-import { alarmCondition, canAlarm, limitOf } from "./alarm-condition";
-import type { TreeRow } from "./tree-rows";
+import type { Channel } from "../../data/channels";
+import type { Reading } from "../../panels/cursor-time";
+import type { DeviceInfo } from "../../wire/types";
+import { alarmCondition, canAlarm, limitOf } from "./condition";
+import type { TreeRow } from "../../signals/tree-rows";
 
 const NOW: Reading = { time: Number.POSITIVE_INFINITY, word: "now", from: 0, to: 100, base: "device" };
 

@@ -3,15 +3,16 @@
  * as a dashed line. The intervals come from the server, which judges every sample, so a bar is there however few samples are drawn, and
  * it is never narrower than MIN_PX. Bars of alarms that no plot has a signal of, such as silence, are on the first plot.
  */
-import { type RaisedSpan, raisedSpans } from "../panels/alarm-states";
-import type { Signal } from "@preact/signals";
-import type { Store } from "../data/store";
-import type { ViewState } from "../data/view-state";
-import type { AlarmInfo } from "../wire/routes";
-import type { EventInfo } from "../wire/types";
-import { fitting, type Palette, setFont } from "./canvas-style";
-import type { PlotSpec } from "./plot-selection";
-import { xOf, type TimeWindow } from "./time-window";
+import { alarmList } from "./list";
+import { type RaisedSpan, raisedSpans } from "./states";
+import type { Store } from "../../data/store";
+import type { ViewState } from "../../data/view-state";
+import type { AlarmInfo } from "../../wire/routes";
+import type { EventInfo } from "../../wire/types";
+import { fitting, type Palette, setFont } from "../../plots/canvas-style";
+import type { PlotSpec } from "../../plots/plot-selection";
+import type { MarkedPlot, PlotMarks } from "../../plots/plot-additions";
+import { xOf, type TimeWindow } from "../../plots/time-window";
 
 /** An interval is never narrower, px. */
 const MIN_PX = 4;
@@ -105,35 +106,36 @@ export function spansByPlot(
   ]);
 }
 
-/** A plot as these marks need it, CSS px from the top of the stack. */
-export interface MarkedPlot {
-  readonly spec: PlotSpec;
-  readonly top: number;
-  readonly sheet: { readonly height: number };
-  readonly y: (value: number) => number;
-}
-
-export type AlarmSource = Signal<readonly AlarmInfo[]>;
-
 /** The marks of the device in view; computed anew when its events or alarms have changed. */
-export function alarmsOn(store: Store, { view }: ViewState, alarms?: AlarmSource): () => AlarmMarks {
+function alarmsOn(store: Store, { view }: ViewState): () => AlarmMarks {
+  const alarms = alarmList(store);
   let before: readonly unknown[] = [];
   let found: AlarmMarks = { spans: [], limits: [] };
   return () => {
-    const now = [store.events.peek(), alarms?.peek(), view.peek().device];
+    const now = [store.events.peek(), alarms.peek(), view.peek().device];
     if (now.some((one, k) => one !== before[k]))
-      found = alarmMarks(store.events.peek(), alarms?.peek() ?? [], view.peek().device);
+      found = alarmMarks(store.events.peek(), alarms.peek(), view.peek().device);
     before = now;
     return found;
   };
 }
 
 /** Changes with everything that is drawn; limits move with the scale of their plot. */
-export function stampOf({ spans, limits }: AlarmMarks, plots: readonly MarkedPlot[]): string {
+function stampOf({ spans, limits }: AlarmMarks, plots: readonly MarkedPlot[]): string {
   if (spans.length === 0 && limits.length === 0) return "";
   const scales = limits.length === 0 ? "" : plots.map((plot) => `${plot.y(0)} ${plot.y(1)}`).join();
   return `${spans.length} ${spans.at(-1)?.t1} ${limits.map(({ subject, limit }) => subject + limit)} ${scales}`;
 }
+
+/** Marks of alarms over the plots of a view. */
+export const alarmLayer: PlotMarks = (store, viewState) => {
+  const marks = alarmsOn(store, viewState);
+  return {
+    isBare: () => marks().spans.length === 0 && marks().limits.length === 0,
+    stamp: (plots) => stampOf(marks(), plots),
+    draw: (x, plots, w, look, hidden) => drawAlarms(x, plots, marks(), w, look, hidden),
+  };
+};
 
 export function drawAlarms(
   x: CanvasRenderingContext2D,

@@ -3,13 +3,15 @@
 import { signal } from "@preact/signals";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { newApp } from "../testing/live-page";
-import { answering } from "../testing/recorded";
-import type { AlarmInfo, AlarmState } from "../wire/routes";
-import type { EventInfo } from "../wire/types";
-import { alarmCounts, alarmMark, alarmsOf, idleAlarms, raisedSpans, valueText } from "./alarm-states";
-import { AlarmTags } from "./alarms";
-import { panelsAt } from "./registry";
+import { newApp } from "../../testing/live-page";
+import { answering } from "../../testing/recorded";
+import type { AlarmInfo, AlarmState } from "../../wire/routes";
+import type { EventInfo } from "../../wire/types";
+import { alarmCounts, alarmMark, alarmsOf, idleAlarms, raisedSpans, valueText } from "./states";
+import { alarmList } from "./list";
+import { AlarmTags } from "./tags";
+import "./index";
+import { panelsAt } from "../../panels/registry";
 
 const STATE: AlarmState = {
   device: "1",
@@ -45,7 +47,7 @@ afterEach(() => {
 function panel(alarms: readonly AlarmInfo[]) {
   const app = newApp();
   app.viewState.view.value = { ...app.viewState.view.value, device: "1" };
-  app.alarms.value = alarms;
+  alarmList(app.store).value = alarms;
   const found = panelsAt("below", app).find(({ id }) => id === "alarms");
   const host = document.createElement("div");
   document.body.replaceChildren(host);
@@ -95,11 +97,11 @@ test("a raised alarm is acknowledged by name, which is kept for the next one", a
   const name = await screen.findByLabelText<HTMLInputElement>("Your name");
   fireEvent.input(name, { target: { value: "Ada" } });
   fireEvent.submit(name.form as HTMLFormElement);
-  await waitFor(() => expect(app.alarms.value).toEqual([seen]));
+  await waitFor(() => expect(alarmList(app.store).value).toEqual([seen]));
   expect(asked.at(-1)?.body).toEqual({ by: "Ada", device: "1" });
   await waitFor(() => expect(document.body.textContent).toContain("by Ada"));
   expect(screen.queryByRole("button", { name: "Acknowledge Alarm a" })).toBeNull();
-  app.alarms.value = [alarm("a", RAISED)];
+  alarmList(app.store).value = [alarm("a", RAISED)];
   fireEvent.click(await screen.findByRole("button", { name: "Acknowledge Alarm a" }));
   expect((await screen.findByLabelText<HTMLInputElement>("Your name")).value).toBe("Ada");
 });

@@ -1,16 +1,18 @@
 /** The list of alarms, kept up to date. */
 import { effect } from "@preact/signals";
-import { notifyRaised } from "../panels/alarm-notices";
-import { request } from "../ui/http";
-import type { App } from "./app-state";
+import type { App } from "../../pages/app-state";
+import { request } from "../../ui/http";
+import { alarmList } from "./list";
+import { notifyRaised } from "./notices";
 
 const REFRESH_MS = 2000;
 
 /** Loads the alarms now, after each event of one, and while there are any every two seconds, for values and pending ones. */
 export function followAlarms(app: App): () => void {
+  const list = alarmList(app.store);
   const load = async (): Promise<void> => {
     const outcome = await request("GET /api/alarms");
-    if (outcome.ok) app.alarms.value = outcome.value;
+    if (outcome.ok) list.value = outcome.value;
   };
   let seen = -1;
   const stop = effect(() => {
@@ -22,7 +24,7 @@ export function followAlarms(app: App): () => void {
     void load();
   });
   const timer = setInterval(() => {
-    if (app.alarms.peek().length > 0 && document.visibilityState === "visible") void load();
+    if (list.peek().length > 0 && document.visibilityState === "visible") void load();
   }, REFRESH_MS);
   return () => {
     clearInterval(timer);

@@ -1,9 +1,9 @@
 /** The fields of the form of an alarm, and the definition in them. */
-import type { AlarmDraft } from "../panels/alarm-states";
-import type { AlarmDefinition, DeviceFilter } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import { type RecordingFields, recordingFieldsOf, recordingOf } from "./alarm-recording";
-import { TEXT } from "../texts/alarms";
+import type { AlarmDraft } from "./states";
+import type { AlarmDefinition, DeviceFilter } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import { type RecordingFields, recordingFieldsOf, recordingOf } from "./recording-choice";
+import { TEXT } from "./texts";
 
 export type Kind = AlarmDefinition["condition"]["kind"];
 export type Figure = keyof typeof TEXT.figures;

@@ -1,12 +1,10 @@
 /** Alarms that travel with a workspace: which go with it, and which a server lacks. */
 import { afterEach, expect, test, vi } from "vitest";
-import { answering } from "../testing/recorded";
-import type { AlarmDefinition, AlarmInfo, DeviceFilter } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import { addAlarms, isFor, missingAlarms, withAlarms } from "./alarms";
-import type { Workspace } from "./parts";
+import { answering } from "../../testing/recorded";
+import type { AlarmDefinition, AlarmInfo, DeviceFilter } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import { addAlarms, isFor, missingAlarms, travelling } from "./workspace";
 
-const WORKSPACE: Workspace = { format: "imuscope-workspace", version: 1, parts: {} };
 const DEVICE = {
   ...{ id: "1", name: "MTi-630", product: "MTi-630-8A1G6" },
   ...{ serial_number: "0080A1", source: "sim:xbus", protocol: "xbus" },
@@ -27,12 +25,12 @@ afterEach(() => vi.unstubAllGlobals());
 
 test("the alarms of the devices go with a workspace, without webhooks", () => {
   const other = alarm("Other", { device: "0099" });
-  const file = withAlarms(WORKSPACE, [alarm("Hot"), other, alarm("All", {})], [DEVICE]);
-  expect(file.alarms?.map(({ name, webhook }) => [name, webhook])).toEqual([
+  const own = travelling([alarm("Hot"), other, alarm("All", {})], [DEVICE]);
+  expect(own?.map(({ name, webhook }) => [name, webhook])).toEqual([
     ["Hot", ""],
     ["All", ""],
   ]);
-  expect(withAlarms(WORKSPACE, [other], [DEVICE])).toBe(WORKSPACE);
+  expect(travelling([other], [DEVICE])).toBeUndefined();
   expect([{ device: "sim:xbus" }, { product: "mti-630" }, { family: "isb" }].map((one) => isFor(one, DEVICE))).toEqual([
     true,
     true,
@@ -41,15 +39,12 @@ test("the alarms of the devices go with a workspace, without webhooks", () => {
 });
 
 test("those that the server has are not offered, however the keys of a file are ordered", () => {
-  const file = JSON.parse(JSON.stringify(withAlarms(WORKSPACE, [alarm("Hot"), alarm("Cold")], [DEVICE]))) as Record<
-    string,
-    AlarmDefinition[]
-  >;
-  const [hot] = file["alarms"] as [AlarmDefinition];
+  const file = JSON.parse(JSON.stringify(travelling([alarm("Hot"), alarm("Cold")], [DEVICE]))) as AlarmDefinition[];
+  const [hot, cold] = file as [AlarmDefinition, AlarmDefinition];
   const turned = Object.fromEntries(Object.entries(hot.condition).reverse());
-  const json = { ...file, alarms: [{ ...hot, condition: turned }, file["alarms"]?.[1], 7, { name: "no condition" }] };
+  const json = [{ ...hot, condition: turned }, cold, 7, { name: "no condition" }];
   expect(missingAlarms(json, [alarm("Hot")]).map(({ name }) => name)).toEqual(["Cold"]);
-  expect(missingAlarms(WORKSPACE, [])).toEqual([]);
+  expect(missingAlarms({ name: "no list" }, [])).toEqual([]);
   expect(missingAlarms(undefined, [])).toEqual([]);
 });
 

@@ -1,0 +1,84 @@
+/** Alarms: conditions that the server watches, with their list, their form, and their marks on plots and devices. */
+import {
+  type DeviceActionProps,
+  type LiveDialogProps,
+  type RecordingDialogProps,
+  registerExtension,
+  type Slots,
+} from "../../extension";
+import { readingAt } from "../../panels/cursor-time";
+import { reading } from "../../panels/panel-context";
+import { late } from "../../ui/late";
+import { alarmCondition, canAlarm } from "./condition";
+import { followAlarms } from "./follow";
+import { alarmList, openAlarm } from "./list";
+import { OfferedAlarms } from "./offered";
+import { mountAlarms } from "./panel";
+import { alarmLayer } from "./plot-marks";
+import { AlarmTags } from "./tags";
+import { TEXT } from "./texts";
+import { alarmCompanion } from "./workspace";
+
+const AlarmDialog = late(async () => (await import("./dialog")).AlarmDialog);
+
+function DeviceTags({ app, device }: DeviceActionProps) {
+  return <AlarmTags alarms={alarmList(app.store).value} device={device.id} />;
+}
+
+function AlarmWhen({ deps, row }: Slots["signalActions"]) {
+  if (!canAlarm(row)) return null;
+  const open = (): void => openAlarm(deps.open, { expression: alarmCondition(row, reading(deps)), device: row.device });
+  return (
+    <button type="button" class="btn edge" onClick={open}>
+      {TEXT.alarmWhen}
+    </button>
+  );
+}
+
+function Live({ app, onClose }: LiveDialogProps) {
+  return <AlarmDialog app={app} onClose={onClose} />;
+}
+
+function Recording({ recording: { app, deps, replay, said }, onClose }: RecordingDialogProps) {
+  const over = {
+    recording: replay.detail.info.id,
+    deps,
+    show: (time: number) => replay.viewState.actions.pinInView(time),
+    onSaved: () => void (said.value = TEXT.isAdded),
+  };
+  return <AlarmDialog app={app} onClose={onClose} over={over} />;
+}
+
+registerExtension({
+  name: "alarms",
+  start: followAlarms,
+  panels: [
+    {
+      id: "alarms",
+      title: TEXT.alarms,
+      where: "below",
+      order: 25,
+      applies: ({ recording }) => !recording,
+      mount: mountAlarms,
+    },
+  ],
+  dialogs: [{ overlay: "alarms/dialog", Live, Recording }],
+  views: [
+    { slot: "deviceRow", order: 10, View: DeviceTags },
+    { slot: "signalActions", order: 10, View: AlarmWhen },
+    { slot: "workspaceCompanions", order: 10, View: OfferedAlarms },
+  ],
+  plotMarks: [alarmLayer],
+  seriesActions: [
+    {
+      title: TEXT.withAlarm,
+      applies: ({ channel, column }) => canAlarm({ channel, columns: [column] }),
+      run({ channel, column }, { store, viewState: { view, cursor }, open, now }) {
+        const device = store.devices.peek().find(({ id }) => id === channel.info.device);
+        const at = readingAt(view.peek(), cursor.peek(), now);
+        openAlarm(open, { expression: alarmCondition({ channel, columns: [column] }, at), device });
+      },
+    },
+  ],
+  companions: [alarmCompanion],
+});

@@ -1,0 +1,48 @@
+/** What extensions add to plots: marks over the traces, and the menu of a series in a legend. */
+import type { Store } from "../data/store";
+import type { ViewState } from "../data/view-state";
+import type { Openers } from "../panels/panel-context";
+import type { Palette } from "./canvas-style";
+import type { PlotSpec, Series } from "./plot-selection";
+import type { TimeWindow } from "./time-window";
+
+/** A plot as marks need it, CSS px from the top of the stack. */
+export interface MarkedPlot {
+  readonly spec: PlotSpec;
+  readonly top: number;
+  readonly sheet: { readonly height: number };
+  readonly y: (value: number) => number;
+}
+
+/** Marks of one stack of plots. */
+export interface MarkLayer {
+  /** Whether there is nothing to draw. */
+  readonly isBare: () => boolean;
+  /** Changes with everything that is drawn; called after `isBare`, once a frame. */
+  readonly stamp: (plots: readonly MarkedPlot[]) => string;
+  readonly draw: (
+    x: CanvasRenderingContext2D,
+    plots: readonly MarkedPlot[],
+    w: TimeWindow,
+    look: Palette,
+    hidden: ReadonlySet<string>,
+  ) => void;
+}
+
+/** The marks over the samples of a store, in a view. */
+export type PlotMarks = (store: Store, viewState: ViewState) => MarkLayer;
+
+export interface SeriesActionContext {
+  readonly store: Store;
+  readonly viewState: ViewState;
+  readonly open: Pick<Openers, "dialog">;
+  /** Newest time of the samples. */
+  readonly now: number;
+}
+
+export interface SeriesAction {
+  /** The title of the series, with a word of what its menu opens. */
+  readonly title: (title: string) => string;
+  readonly applies: (series: Series) => boolean;
+  readonly run: (series: Series, context: SeriesActionContext) => void;
+}
