@@ -24,7 +24,7 @@ import "./ui/layout.css";
 import "./ui/overlays.css";
 import "./ui/panels.css";
 import "./ui/instruments.css";
-import "./ui/unknown-payloads.css";
+import "./ui/marks.css";
 import "./ui/phone.css";
 import "./ui/tabs.css";
 import "./ui/record.css";

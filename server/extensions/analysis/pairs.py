@@ -4,7 +4,7 @@
     follower    |        |        |     ·     linear between its samples, or the nearest one; none across a gap
 
 Thinned pairs are samples as well: of each interval the first, the last and those with the least and the greatest x and
-y, so that no extreme is lost. web/src/data/pairs.ts does the same with what a page holds.
+y, so that no extreme is lost. web/src/extensions/xy/pairs.ts does the same with what a page holds.
 """
 
 from __future__ import annotations

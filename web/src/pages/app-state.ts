@@ -10,21 +10,12 @@ import type { Sort } from "../panels/event-groups";
 import { api, type Outcome, type Port, type Problem } from "../ui/http";
 import { isHeld, type PageState, pageState } from "../ui/page-state";
 import { deviceInLink, shortName } from "../wire/device-name";
-import type { DeviceInfo, UnknownPayload } from "../wire/types";
+import type { DeviceInfo } from "../wire/types";
 import { route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-export type Overlay =
-  | "help"
-  | "add"
-  | "track"
-  | "describe"
-  | "share-port"
-  | "memory"
-  | "packet"
-  | ExtensionOverlay
-  | undefined;
+export type Overlay = "help" | "add" | "track" | "share-port" | "memory" | "packet" | ExtensionOverlay | undefined;
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;
 
@@ -40,8 +31,6 @@ export interface App extends Deps {
   readonly openTable: Signal<{ readonly name: string; readonly title: string } | undefined>;
   /** The frame that is shown. */
   readonly packetAt: Signal<PacketAt | undefined>;
-  /** The payload that is being described. */
-  readonly describing: Signal<UnknownPayload | undefined>;
   /** The address typed for a new device; it stays while its dialog is closed. */
   readonly newAddress: Signal<string>;
   readonly sheet: Signal<Drawer>;
@@ -84,7 +73,6 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const [tick, awaited] = [signal(0), signal<string | undefined>(undefined)];
   const overlay = signal<Overlay>(undefined);
   const openTable: App["openTable"] = signal(undefined);
-  const describing: App["describing"] = signal(undefined);
   const subject: App["subject"] = signal(undefined);
   const packetAt: App["packetAt"] = signal(undefined);
   const showsSignals = signal(false);
@@ -150,10 +138,6 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
         packetAt.value = at;
         overlay.value = "packet";
       },
-      describe(payload) {
-        describing.value = payload;
-        overlay.value = "describe";
-      },
       dialog(name, about) {
         subject.value = about;
         overlay.value = name;
@@ -165,7 +149,6 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     stop,
     overlay,
     openTable,
-    describing,
     subject,
     packetAt,
     tick,

@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-/** Dialogs of Live: a device is added, a key is given and a payload is described. */
+/** Dialogs of Live: a device is added, and a key is given. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { openPage } from "../testing/live-page";
@@ -45,30 +45,4 @@ test("a key is requested for unverified data, and never shown", async () => {
   expect(asked.at(-1)).toMatchObject({ body: { key } });
   expect(asked.at(-1)?.path).toContain(`/${device?.id}`);
   expect(document.body.innerHTML).not.toContain(key);
-});
-
-test("a vendor payload is defined; errors of the server are shown", async () => {
-  const { store, asked } = await open("shared-link");
-  await eventually(() => expect(store.unknownPayloads.value.length).toBeGreaterThan(0));
-  const [payload] = store.unknownPayloads.value;
-  fireEvent.click(screen.getByText("IDTP device 9", { selector: ".choose-device b" }));
-  const panel = within(await screen.findByRole("region", { name: "Raw payloads" }));
-  await eventually(() => expect(document.querySelector(".hex")?.textContent).toMatch(/06 FF/)); // the high byte of −250
-  fireEvent.click(panel.getByRole("button", { name: /^Define payload/ }));
-  const form = await dialog(/^Define payload/);
-  await eventually(() => expect(form.querySelector(".inside")?.contains(document.activeElement)).toBe(true)); // not ×
-  const text = within(form).getByLabelText<HTMLTextAreaElement>("Fields, in byte order");
-  await eventually(() => expect(text.value).toContain("count = 2"));
-  const meant = text.value.replace('unit = ""', 'unit = "m/s"');
-  fireEvent.input(text, { target: { value: meant } });
-  fireEvent.click(within(form).getByRole("button", { name: "Use this definition" }));
-  fireEvent.submit(form.querySelector("form") as HTMLFormElement);
-  expect((await within(form).findByRole("alert")).textContent).toContain("Nothing was recorded of");
-  expect(text.getAttribute("aria-invalid")).toBe("true");
-  expect(asked.filter(({ body }) => JSON.stringify(body) === JSON.stringify({ schema: meant })).length).toBeGreaterThan(
-    0,
-  );
-  expect(payload?.name).toContain("0x80");
-  fireEvent.click(within(form).getByRole("button", { name: "Cancel" }));
-  await gone();
 });

@@ -2,7 +2,6 @@
 import { late } from "../ui/late";
 
 export const AddDevice = late(async () => (await import("../forms/add-device")).AddDevice);
-export const Describe = late(async () => (await import("./payload-dialog")).Describe);
 export const ExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
 export const MemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
 export const Packet = late(async () => (await import("./packet-dialog")).Packet);

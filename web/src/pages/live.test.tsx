@@ -29,48 +29,6 @@ test.each([
   expect(text(".numerals .from")).toBe(source);
 });
 
-/** Number, strength and use of each satellite, as sent last. */
-function sent({ store }: Opened): readonly string[] {
-  const channel = store.channels.value.find(({ info }) => info.name.includes("GPS1_SAT"));
-  if (channel === undefined) throw new Error("no satellites were recorded");
-  const { ring, info } = channel;
-  const at = (name: string): number => info.columns.findIndex((column) => column.name === name);
-  const last = ring.length - 1;
-  const found: string[] = [];
-  for (let k = last; k >= 0 && ring.arrival(k) === ring.arrival(last); k--)
-    found.push(`${ring.value(at("svId"), k)} ${ring.value(at("cno"), k)} ${(ring.value(at("status"), k) >> 3) & 1}`);
-  return found.sort();
-}
-
-test("satellites are shown as sent", async () => {
-  const page = await open("isb");
-  const shown = (): readonly string[] =>
-    [...document.querySelectorAll(".sky tr[data-use]")]
-      .map((row) => {
-        const [id, , strength, use] = [...row.children];
-        const used = use?.textContent?.trim() === "used" ? 1 : 0;
-        return `${Number(id?.textContent?.replace(/\D/g, ""))} ${Number(strength?.firstChild?.textContent)} ${used}`;
-      })
-      .sort();
-  await eventually(() => expect(shown().length).toBeGreaterThan(5));
-  await eventually(() => expect(shown()).toEqual(sent(page)));
-  const table = screen.getByRole("table", { name: /Satellites by constellation/ });
-  expect(table.querySelectorAll("[role=rowheader]").length).toBe(shown().length);
-  expect(table.textContent).toContain("used");
-});
-
-test("a device without a receiver has no satellite panel, also after one that has", async () => {
-  const page = await open("isb");
-  await eventually(() => expect(document.querySelector(".sky")).not.toBeNull());
-  const [device] = page.store.devices.value;
-  if (device === undefined) throw new Error("no device");
-  await act(() => {
-    page.store.receive({ kind: "text", text: { op: "devices", devices: [device, { ...device, id: "2" }] } });
-    page.look("2");
-  });
-  await eventually(() => expect(document.querySelector(".sky")).toBeNull());
-});
-
 test("position and status without set-up", async () => {
   await open("isb");
   await eventually(() => expect(text(".gnss .caption")).toMatch(/3D · \d+ sat/));

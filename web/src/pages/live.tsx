@@ -15,16 +15,7 @@ import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveViewer, LiveViews } from "../views/viewers";
 import { type App, select } from "./app-state";
-import {
-  AddDevice,
-  Describe,
-  ExportDialog,
-  MemoryDialog,
-  Packet,
-  SharePort,
-  SignalsPanel,
-  YAxisDialog,
-} from "./dialogs";
+import { AddDevice, ExportDialog, MemoryDialog, Packet, SharePort, SignalsPanel, YAxisDialog } from "./dialogs";
 import { Bar, Dock } from "./top-bar";
 import { exportingOf } from "./recordings/exporting";
 import { Rail } from "./device-sidebar";
@@ -138,11 +129,10 @@ function goToDeps({ store, viewState }: App): GoToDeps {
 }
 
 function Overlays({ app }: { readonly app: App }) {
-  const { overlay, keyFor, describing } = app;
+  const { overlay, keyFor } = app;
   const close = (): void => {
     overlay.value = undefined;
     keyFor.value = undefined;
-    describing.value = undefined;
   };
   if (overlay.value === "help") return <Help onClose={close} />;
   if (overlay.value === "track") {
@@ -167,8 +157,6 @@ function Overlays({ app }: { readonly app: App }) {
     return <SharePort app={app} device={app.device.value} onClose={close} />;
   if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
-  if (overlay.value === "describe" && describing.value)
-    return <Describe app={app} payload={describing.value} onClose={close} />;
   const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);
   if (dialog?.Live && app.device.value)
     return <dialog.Live key={app.device.value.id} app={app} device={app.device.value} onClose={close} />;

@@ -10,7 +10,7 @@ import type { Problem } from "../ui/http";
 import { IconButton } from "../ui/icon-button";
 import { ProblemNote } from "../ui/problem-note";
 import type { PacketInfo, PacketView } from "../wire/routes";
-import { fetchFrames, type FramesAsk, titleOf } from "../bytes/frames";
+import { fetchFrames, type FramesAsk, titleOf } from "./packet-frames";
 import type { App } from "./app-state";
 import { rowsOf } from "./packet-rows";
 import { COMMON } from "../texts/common";

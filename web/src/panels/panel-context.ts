@@ -5,7 +5,7 @@ import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
 import type { Signal } from "@preact/signals";
 import type { Sort } from "./event-groups";
-import type { DeviceInfo, EventInfo, UnknownPayload } from "../wire/types";
+import type { DeviceInfo, EventInfo } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
 import type { RecentHealth } from "./health-history";
 import type { ExtensionOverlay } from "../extension";
@@ -56,8 +56,6 @@ export interface Openers {
   rows(name: string, title: string): void;
   /** The frame at a time, byte by byte. */
   packet(at: PacketAt): void;
-  /** The form that describes a payload. */
-  describe(payload: UnknownPayload): void;
   /** A dialog of an extension, and what it is about. */
   dialog(name: ExtensionOverlay, about: object): void;
 }

@@ -22,7 +22,7 @@ const NORMS = ["Acceleration.norm", "Rate of turn.norm"];
 const PLOTS = ["Position/ECEF", "Pressure", "Temperature"];
 
 const CUSTOM = ["1/Acceleration/x,2/Acceleration/x", "@1/Pressure,1/Free%20acceleration/z", "1.102/a%2Fb/y"];
-const PANELS = ["attitude", "events", "health", "values", "xy", "histogram", "track", "analysis", "spectrum", "allan"];
+const PANELS = ["attitude", "events", "health", "values", "lanes", "track", "analysis", "spectrum", "allan"];
 const AREAS = ["main", "side", "below"];
 
 function randomLayout(next: Random): Record<string, unknown> {
@@ -49,19 +49,10 @@ const AXES = [
   { Pressure: { isLog: true }, Temperature: { range: [1, 5], isLog: true } },
 ];
 
-const XY = [
-  { x: ["Acceleration", "x"], y: ["Temperature", "value"], pairing: "nearest" },
-  { colour: "trail", draw: "points", isEqual: true, range: "cursors" },
-];
 const ORDERS = [
   { order: ["Temperature", "Acceleration", "custom:p1"], heights: { Acceleration: 200, Temperature: 40 } },
   { heights: { "Position/ECEF": 333 } },
   { order: ["Pressure"] },
-];
-
-const HISTOGRAMS = [
-  { channel: "Acceleration", columns: ["x", "norm"], scale: "density", bins: 50 },
-  { range: "cursors", within: 4, noCurve: true },
 ];
 
 export function randomParts(next: Random): Record<string, unknown> {
@@ -79,8 +70,6 @@ export function randomParts(next: Random): Record<string, unknown> {
     ...(custom.length > 0 ? { customPlots: custom } : {}),
     ...(next() < 0.5 ? { yAxes: oneOf(next, AXES) } : {}),
     ...(next() < 0.5 ? { plotOrder: oneOf(next, ORDERS) } : {}),
-    ...(next() < 0.5 ? { histogram: oneOf(next, HISTOGRAMS) } : {}),
-    ...(next() < 0.5 ? { xy: oneOf(next, XY) } : {}),
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),
     ...(next() < 0.5 ? { frame: oneOf(next, ["ENU", "NED", "NWU"]) } : {}),
     ...(next() < 0.5 ? { sideFolded: true } : {}),

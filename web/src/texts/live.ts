@@ -100,13 +100,6 @@ export const TEXT = {
   keyOption: "--key",
   enterKey: "Enter key…",
 
-  // payload dialog
-  definePayload: (name: Value) => `Define payload ${name}`,
-  payloadFields: "Fields, in byte order",
-  definitionLifetime: "Applies until imuscope stops. To make it permanent, save this text to a file and start with",
-  fileOption: (name: Value) => `--${name} FILE`,
-  useDefinition: "Use this definition",
-
   // port shares
   sharePort: "Share port",
   sharePortOf: (name: Value) => `Share the port of ${name}`,

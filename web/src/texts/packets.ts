@@ -31,15 +31,6 @@ export const TEXT = {
   shownAs: "In the plot:",
   moreBytes: (bytes: number) => `and ${count(bytes, "more byte")}`,
 
-  // panel
-  hold: "Hold",
-  follow: "Follow",
-  holdHint: "Stop the list to read it, or follow the newest frames again",
-  isHeld: "On hold. Follow shows the newest again.",
-  newestFirst: "Newest first. A frame opens its bytes with their meaning.",
-  newestFrames: "Newest frames",
-  noFrames: "No frames yet.",
-
   // ways to it
   bytesHere: "Bytes",
   bytesHereHint: "Show the frame that made the sample at cursor A (P)",

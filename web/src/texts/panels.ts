@@ -126,22 +126,8 @@ export const TEXT = {
   noLossInRecording: "No loss in this recording.",
   lossesUnknown: "The publisher does not number its messages: lost ones cannot be counted.",
 
-  // satellite data
+  // track
   track: "Track",
-  satellites: "Satellites",
-  system: (value: Value) => `System ${value}`,
-
-  // satellites
-  satellitesLabel: "Satellites by constellation, with signal strength in dB-Hz",
-  inDBHz: " in dB-Hz",
-
-  // unknown payloads
-  newestPayload: (name: Value) => `Newest payload ${name}: offset, bytes, characters`,
-  definePayload: "Define payload…",
-  payloadFacts: (rate: Value, total: Value, size: Value) => `${rate} /s · ${total} in total · ${size} B`,
-  moreBytes: (rest: Value) => `… and ${rest} B more`,
-  rawPayloads: "Raw payloads",
-  undefinedPayloads: "payloads without a definition",
 
   // value groups
   otherValues: "Other values",

@@ -3,5 +3,3 @@ import "./view-parts";
 import "./custom-plots";
 import "./y-axes";
 import "./plot-order";
-import "./xy";
-import "./histogram";

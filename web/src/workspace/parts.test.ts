@@ -65,15 +65,9 @@ const BROKEN = [
   { frame: 3 },
   { yAxes: { Acceleration: { range: [5, 5] } } },
   { yAxes: { Acceleration: {} } },
-  { xy: { x: ["Acceleration"] } },
-  { xy: { colour: "rainbow" } },
-  { xy: {} },
   { plotOrder: {} },
   { plotOrder: { order: [] } },
   { plotOrder: { heights: { Acceleration: 5 } } },
-  { histogram: { bins: 0 } },
-  { histogram: { columns: [] } },
-  { histogram: { within: "4" } },
   { sideFolded: "yes" },
 ];
 

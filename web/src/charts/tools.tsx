@@ -1,0 +1,74 @@
+/** Choices over a plot beside the stack, such as a histogram. */
+import type { ComponentChildren } from "preact";
+import { hasCursors, type ViewState } from "../data/view-state";
+import { COMMON } from "../texts/common";
+import { Icon } from "../ui/icons";
+import "./tools.css";
+
+export function ChartTools({ children }: { readonly children: ComponentChildren }) {
+  return <div class="chart-tools">{children}</div>;
+}
+
+interface PairProps {
+  readonly label: string;
+  readonly names: readonly [string, string];
+  readonly second: boolean;
+  readonly onChange: (second: boolean) => void;
+}
+
+/** One of two. */
+export function Pair({ label, names, second, onChange }: PairProps) {
+  return (
+    <div class="segmented small" role="group" aria-label={label} title={label}>
+      {names.map((name, k) => (
+        <button type="button" key={name} aria-pressed={second === (k === 1)} onClick={() => onChange(k === 1)}>
+          {name}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+interface RangeProps {
+  readonly viewState: ViewState;
+  readonly range: "cursors" | undefined;
+  readonly onChange: (range: "cursors" | undefined) => void;
+}
+
+/** The window, or what is between both cursors; nothing to choose without them. */
+export function RangeChoice({ viewState, range, onChange }: RangeProps) {
+  if (!hasCursors(viewState)) return null;
+  return (
+    <Pair
+      label={COMMON.range}
+      names={[COMMON.window, COMMON.fromAToB]}
+      second={range === "cursors"}
+      onChange={(second) => onChange(second ? "cursors" : undefined)}
+    />
+  );
+}
+
+interface SelectProps {
+  readonly label: string;
+  readonly value: string;
+  readonly options: readonly (readonly [value: string, text: string])[];
+  readonly onChange: (value: string) => void;
+}
+
+export function Select({ label, value, options, onChange }: SelectProps) {
+  return (
+    <label class="chart-choice">
+      <span aria-hidden="true">{label}</span>
+      <span class="select">
+        <select aria-label={label} value={value} onChange={(event) => onChange(event.currentTarget.value)}>
+          {options.map(([one, text]) => (
+            <option key={one} value={one}>
+              {text}
+            </option>
+          ))}
+        </select>
+        <Icon name="down" />
+      </span>
+    </label>
+  );
+}

@@ -1,0 +1,164 @@
+/**
+ * The newest frames of the selected device, with their gaps and first bytes: as they arrive, up to the cursor where one is set, and up to
+ * the reading position over a recording. It follows or holds; a frame opens the packet view.
+ */
+import { type Signal, signal } from "@preact/signals";
+import { render } from "preact";
+import { spaced } from "../../forms/frame-chips";
+import { ageOf, type Deps, reading, selected } from "../../panels/panel-context";
+import { type Panel, throttle } from "../../ui/dom";
+import { clock, number } from "../../ui/format";
+import type { Problem } from "../../ui/http";
+import { Message } from "../../ui/message";
+import type { PacketInfo } from "../../wire/routes";
+import { fetchFrames, titleOf } from "../../pages/packet-frames";
+import { TEXT as PACKETS } from "../../texts/packets";
+import { TEXT } from "./texts";
+import "./bytes.css";
+
+/** Frames shown. */
+const SHOWN = 24;
+/** Lists a second while frames arrive: more cannot be read. */
+const PER_SECOND = 2;
+/** First bytes of a frame in its row. */
+const BYTES = 24;
+
+interface State {
+  /** Newest first. */
+  readonly frames: readonly PacketInfo[];
+  readonly problem: Problem | undefined;
+}
+
+const NOTHING: State = { frames: [], problem: undefined };
+
+class Bytes {
+  readonly #deps: Deps;
+  readonly #host: HTMLElement;
+  readonly #state = signal(NOTHING);
+  readonly #isHeld = signal(false);
+  readonly #due = throttle(PER_SECOND);
+  #device: string | undefined;
+  #asked = "";
+  #isAsking = false;
+  #isGone = false;
+
+  constructor(host: HTMLElement, deps: Deps) {
+    [this.#deps, this.#host] = [deps, host];
+    const open = (packet: PacketInfo): void => this.#open(packet);
+    render(<View state={this.#state} isHeld={this.#isHeld} open={open} />, host);
+  }
+
+  update(now: number): void {
+    if (!this.#due(now)) return;
+    const device = selected(this.#deps)?.id;
+    if (device !== this.#device) {
+      [this.#device, this.#asked, this.#state.value] = [device, "", NOTHING];
+      this.#isHeld.value = false;
+    }
+    if (device === undefined || this.#isHeld.peek() || this.#isAsking || document.visibilityState === "hidden") return;
+    const time = this.#time(device);
+    if (time === undefined || `${device} ${time}` === this.#asked) return;
+    this.#asked = `${device} ${time}`;
+    void this.#ask(device, time);
+  }
+
+  /** The moment read: that of the last byte while live. */
+  #time(device: string): number | undefined {
+    const { time } = reading(this.#deps);
+    const age = ageOf(this.#deps, device);
+    const newest = age === undefined ? undefined : this.#deps.store.serverNow() - age;
+    if (this.#deps.recording) return Number.isFinite(time) ? time : newest;
+    return newest === undefined ? undefined : Math.min(time, newest);
+  }
+
+  async #ask(device: string, time: number): Promise<void> {
+    this.#isAsking = true;
+    const { recording } = this.#deps;
+    const place = { device, ...(recording ? { recording: recording.id } : {}) };
+    const outcome = await fetchFrames(place, { time, base: "arrival", beside: SHOWN });
+    this.#isAsking = false;
+    if (this.#isGone || device !== this.#device || this.#isHeld.peek()) return;
+    this.#state.value = outcome.ok
+      ? {
+          frames: outcome.value.packets
+            .slice(0, outcome.value.at + 1)
+            .reverse()
+            .slice(0, SHOWN),
+          problem: undefined,
+        }
+      : { ...this.#state.peek(), problem: outcome.problem };
+  }
+
+  #open({ arrival, rank }: PacketInfo): void {
+    const { open, recording, viewState } = this.#deps;
+    if (this.#device === undefined) return;
+    const pin = (at: number): void => viewState.actions.pinInView(at);
+    const place = { device: this.#device, ...(recording ? { recording: recording.id } : {}) };
+    open.packet({ ...place, time: arrival, base: "arrival", rank, pin });
+  }
+
+  dispose(): void {
+    this.#isGone = true;
+    render(null, this.#host);
+  }
+}
+
+interface ViewProps {
+  readonly state: Signal<State>;
+  readonly isHeld: Signal<boolean>;
+  readonly open: (packet: PacketInfo) => void;
+}
+
+function View({ state, isHeld, open }: ViewProps) {
+  const { frames, problem } = state.value;
+  return (
+    <>
+      <div class="bytes-tools">
+        <button
+          type="button"
+          class="btn small edge"
+          aria-pressed={isHeld.value}
+          title={TEXT.holdHint}
+          onClick={() => (isHeld.value = !isHeld.value)}
+        >
+          {isHeld.value ? TEXT.follow : TEXT.hold}
+        </button>
+        <span class="dim">{isHeld.value ? TEXT.isHeld : TEXT.newestFirst}</span>
+      </div>
+      {problem && (
+        <p class="foot-note" role="status">
+          <b>
+            <Message text={problem.message} />
+          </b>{" "}
+          <Message text={problem.hint} />
+        </p>
+      )}
+      {frames.length === 0 && !problem && (
+        <p class="foot-note dim" role="status">
+          {TEXT.noFrames}
+        </p>
+      )}
+      <ol class="bytes-list" aria-label={TEXT.newestFrames}>
+        {frames.map((packet) => (
+          <li key={`${packet.arrival} ${packet.rank}`}>
+            <button type="button" title={packet.verdict} onClick={() => open(packet)}>
+              <span class="num dim">{clock(packet.arrival, 3)}</span>
+              <b class="ellipsis">
+                {packet.kind === "reject" && <span class="dot bad" />} {titleOf(packet)}
+              </b>
+              <span class="num dim">{PACKETS.size(packet.size)}</span>
+              <span class="num dim">{packet.gap_ms === null ? "" : PACKETS.gap(number(packet.gap_ms, 2))}</span>
+              <span class="mono ellipsis">{spaced(packet.hex, BYTES)}</span>
+            </button>
+          </li>
+        ))}
+      </ol>
+    </>
+  );
+}
+
+/** Mounts into `host`. */
+export function mountBytes(host: HTMLElement, deps: Deps): Panel {
+  const panel = new Bytes(host, deps);
+  return { update: (now) => panel.update(now), dispose: () => panel.dispose() };
+}

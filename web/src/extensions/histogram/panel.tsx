@@ -1,0 +1,235 @@
+/**
+ * The histogram: of the signals of one quantity, in the range of the plots or between both cursors. The server counts every sample,
+ * live and recorded alike.
+ */
+import { type Signal, signal } from "@preact/signals";
+import { render } from "preact";
+import { figure } from "../../charts/axes";
+import { colourOf } from "../../charts/curve-colours";
+import type { HistogramChoice } from "../../data/view-state";
+import { LatestAnswer } from "../../measure/latest-answer";
+import { liveSource } from "../../measure/sample-access";
+import { type FigureSource, type Wanted, wantedOf } from "../../measure/server-figures";
+import { channelsOf, type Deps } from "../../panels/panel-context";
+import { type Found, unitOf } from "../../signals/custom-plots";
+import { type Panel, throttle } from "../../ui/dom";
+import { number } from "../../ui/format";
+import { request } from "../../ui/http";
+import { Message } from "../../ui/message";
+import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
+import { rangeOf } from "../../charts/range";
+import { HistogramChart, type Shown } from "./chart";
+import { chosenChannel, chosenSignals, countable } from "./choice";
+import { binsOf, clippedIn } from "./figures";
+import { HistogramTools } from "./tools";
+import { TEXT } from "./texts";
+import { COMMON } from "../../texts/common";
+import "./histogram.css";
+
+/** Live figures are asked for this often, ms, as far as the server keeps up. */
+const LIVE_MS = 500;
+/** What is to be asked is looked at this often a second: lists of channels are not made once a frame. */
+const PER_SECOND = 10;
+
+interface Answered {
+  /** What it is of, apart from the range. */
+  readonly of: string;
+  readonly shown: readonly Shown[];
+  readonly unit: string;
+}
+
+interface State {
+  readonly answered: Answered | undefined;
+  readonly isOld: boolean;
+  readonly problem: string | undefined;
+}
+
+class Histogram {
+  readonly #deps: Deps;
+  readonly #due = throttle(PER_SECOND);
+  readonly #latest = new LatestAnswer<Answered>();
+  readonly #state: Signal<State> = signal<State>({ answered: undefined, isOld: false, problem: undefined });
+
+  constructor(host: HTMLElement, deps: Deps) {
+    this.#deps = deps;
+    render(<View deps={deps} state={this.#state} />, host);
+  }
+
+  update(now: number): void {
+    if (!this.#due(now)) return;
+    const { viewState, store, samples } = this.#deps;
+    const view = viewState.view.peek();
+    const choice = viewState.histogram.peek();
+    const channel = chosenChannel(countable(channelsOf(this.#deps)), choice);
+    if (channel === undefined || view.device === undefined) return;
+    const source = samples?.source ?? liveSource(store, view.device);
+    const wanted = chosenSignals(channel, choice).map((found) => ({ found, how: wantedOf(found, source) }));
+    const lost = wanted.find(({ how }) => how === undefined)?.found;
+    const { actions, measure } = viewState;
+    const isCursors = choice.range === "cursors" && actions.cursorTime() !== undefined && measure.peek() !== undefined;
+    const [t0, t1] = rangeOf(choice, actions.cursorTime(), measure.peek(), actions.rightEdge(), view.span);
+    const of = `${JSON.stringify(choice)} ${wanted.map(({ how }) => `${how?.word} ${how?.part} ${how?.factor}`).join()}`;
+    const when = view.live && !isCursors ? `${Math.floor(now / LIVE_MS)} ${view.span}` : `${t0} ${t1}`;
+    const question = `${of} ${view.timeBase} ${when}`;
+    if (lost === undefined)
+      this.#latest.want(question, now, (stop) =>
+        ask(source, { t0, t1, base: view.timeBase }, wanted as readonly Asked[], choice, of, stop),
+      );
+    const { held, problem } = this.#latest;
+    this.#set({
+      answered: held?.answer.of === of ? held.answer : undefined,
+      isOld: held?.question !== question && !view.live,
+      problem: lost ? COMMON.frameUnknown(lost.channel.info.title || lost.channel.info.name) : problem?.message,
+    });
+  }
+
+  #set(next: State): void {
+    const now = this.#state.peek();
+    if (now.answered !== next.answered || now.isOld !== next.isOld || now.problem !== next.problem)
+      this.#state.value = next;
+  }
+
+  dispose(): void {
+    this.#latest.dispose();
+  }
+}
+
+interface Asked {
+  readonly found: Found;
+  readonly how: Wanted;
+}
+
+async function ask(
+  source: FigureSource,
+  range: Pick<AnalysisRequest, "t0" | "t1" | "base">,
+  wanted: readonly Asked[],
+  { bins, within }: HistogramChoice,
+  of: string,
+  stop: AbortSignal,
+) {
+  const words = [...new Map(wanted.map(({ how }) => [how.word, how])).values()];
+  const options = { bins: bins ?? 0, within: within ?? 0 };
+  const body = { source: source.id, signals: words.map(({ word }) => word), ...range, options };
+  const outcome = await request("POST /api/analysis/{name}", { path: { name: "histogram" }, body, signal: stop });
+  if (!outcome.ok) return outcome;
+  const list = outcome.value as readonly SignalFigures[];
+  const firstOf = (word: string): number =>
+    words
+      .slice(
+        0,
+        words.findIndex((one) => one.word === word),
+      )
+      .reduce((sum, { parts }) => sum + parts, 0);
+  const shown = wanted.flatMap(({ found, how }, k): readonly Shown[] => {
+    const { columns } = found.channel.info;
+    const column = columns[found.column];
+    const figures = list[firstOf(how.word) + how.part]?.figures;
+    if (!figures || !column) return [];
+    return [{ name: column.label || column.name, colour: colourOf(column.name, k), bins: binsOf(figures, how) }];
+  });
+  const unit = wanted[0] ? unitOf(wanted[0].found) : "";
+  return { ok: true as const, value: { of, shown, unit } };
+}
+
+function View({ deps, state }: { readonly deps: Deps; readonly state: Signal<State> }) {
+  const { answered, isOld, problem } = state.value;
+  const { viewState, store } = deps;
+  void [store.channels.value, viewState.device.value];
+  const choice = viewState.histogram.value;
+  const channels = countable(channelsOf(deps));
+  const channel = chosenChannel(channels, choice);
+  if (channel === undefined) return <p class="foot-note dim">{TEXT.noSignals}</p>;
+  return (
+    <>
+      <HistogramTools viewState={viewState} channels={channels} channel={channel} />
+      {answered && answered.shown.length > 0 ? (
+        <>
+          <HistogramChart
+            shown={answered.shown}
+            unit={answered.unit}
+            isDensity={choice.scale === "density"}
+            hasCurve={choice.noCurve !== true}
+            isOld={isOld}
+          />
+          <Figures answered={answered} />
+        </>
+      ) : (
+        <p class="foot-note dim histogram-none">{problem !== undefined ? <Message text={problem} /> : TEXT.loading}</p>
+      )}
+    </>
+  );
+}
+
+function Figures({ answered: { shown, unit } }: { readonly answered: Answered }) {
+  const notes = [...new Set(shown.flatMap(({ bins }) => bins.notes))];
+  return (
+    <div class="histogram-figures" role="group" aria-label={TEXT.table} tabIndex={0}>
+      <table>
+        <thead>
+          <tr>
+            <th scope="col">
+              <span class="visually-hidden">{TEXT.signal}</span>
+            </th>
+            {[TEXT.samples, TEXT.mean, TEXT.least, TEXT.greatest, TEXT.binWidth].map((head) => (
+              <th key={head} scope="col" class="num">
+                {head}
+              </th>
+            ))}
+            <th scope="col" class="num" title={TEXT.outsideHint}>
+              {TEXT.outside}
+            </th>
+          </tr>
+        </thead>
+        <tbody>
+          {shown.map(({ name, colour, bins }) => (
+            <tr key={name}>
+              <th scope="row" class={colour}>
+                {name}
+              </th>
+              <td class="num">{number(bins.n, 0)}</td>
+              <td class="num">
+                {figure(bins.mean, 6)} ± {figure(bins.sigma)} <span class="unit">{unit}</span>
+              </td>
+              <td class="num">
+                {figure(bins.min, 6)} <span class="unit">{unit}</span>
+              </td>
+              <td class="num">
+                {figure(bins.max, 6)} <span class="unit">{unit}</span>
+              </td>
+              <td class="num">
+                {figure(bins.width)} <span class="unit">{unit}</span>
+              </td>
+              <td class="num">
+                ▼ {number(bins.below, 0)} ▲ {number(bins.above, 0)}
+              </td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      {shown.map(({ name, bins }) =>
+        clippedIn(bins) > 0 ? (
+          <p key={name} class="histogram-note">
+            ▲ {name}: {TEXT.clipped(clippedIn(bins))}
+          </p>
+        ) : null,
+      )}
+      {notes.map((note) => (
+        <p key={note} class="histogram-note">
+          {note}
+        </p>
+      ))}
+    </div>
+  );
+}
+
+/** Mounts into `host`. */
+export function mountHistogram(host: HTMLElement, deps: Deps): Panel {
+  const histogram = new Histogram(host, deps);
+  return {
+    update: (now) => histogram.update(now),
+    dispose() {
+      histogram.dispose();
+      render(null, host);
+    },
+  };
+}

@@ -1,0 +1,166 @@
+/** Notes of a recording: a text whose times lead into the plots. Stored with the recording; on Live with the running one. */
+import { useComputed, useSignal } from "@preact/signals";
+import { render } from "preact";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import type { Deps } from "../../panels/panel-context";
+import { server } from "../../recordings/api";
+import type { Panel } from "../../ui/dom";
+import type { Problem } from "../../ui/http";
+import { ProblemNote } from "../../ui/problem-note";
+import { piecesOf, timeText } from "./times";
+import { TEXT } from "./texts";
+import "./notes.css";
+
+/** Room around a range that is shown, as a part of it. */
+const ROOM = 0.25;
+const CHANGED = "changed";
+
+export function mountNotes(host: HTMLElement, deps: Deps): Panel {
+  render(<NotesPanel deps={deps} />, host);
+  return { update: () => undefined, dispose: () => render(null, host) };
+}
+
+function NotesPanel({ deps }: { readonly deps: Deps }) {
+  const running = useComputed(() => {
+    const recorder = deps.store.recorder.value;
+    return recorder?.running ? recorder.id : undefined;
+  });
+  const id = deps.recording?.id ?? running.value;
+  if (id === undefined) return <p class="foot-note dim">{TEXT.noRecording}</p>;
+  return <Notes key={id} deps={deps} id={id} />;
+}
+
+function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
+  const { actions, cursor, measure } = deps.viewState;
+  /** As stored; undefined until read. */
+  const stored = useSignal<string | undefined>(undefined);
+  /** While they are edited: the text that they replace. */
+  const before = useSignal<string | undefined>(undefined);
+  const started = useSignal<number | undefined>(undefined);
+  const theirs = useSignal<string | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const field = useRef<HTMLTextAreaElement>(null);
+  /** Counts what sets the stored text: an answer that a later one has overtaken is old. */
+  const turn = useRef(0);
+  const read = async (): Promise<string | undefined> => {
+    const mine = ++turn.current;
+    const list = await server.list();
+    if (mine !== turn.current) return stored.peek();
+    const info = list.ok ? list.value.find((one) => one.id === id) : undefined;
+    problem.value = list.ok ? undefined : list.problem;
+    if (info === undefined) return undefined;
+    started.value = info.started ?? undefined;
+    stored.value = info.notes;
+    return info.notes;
+  };
+  const seen = deps.store.library.value; // incremented when somebody changes a recording
+  // biome-ignore lint/correctness/useExhaustiveDependencies: read again when the library changes
+  useEffect(() => {
+    if (before.peek() === undefined) void read();
+  }, [id, seen]);
+  const isEditing = before.value !== undefined;
+  useLayoutEffect(() => field.current?.focus(), [isEditing]);
+  const first = deps.recording ? (actions.bounds()?.first ?? started.value) : started.value;
+  const go = (t0: number, t1: number | undefined): void => {
+    if (t1 !== undefined) actions.select(t0 - ROOM * (t1 - t0), t1 + ROOM * (t1 - t0));
+    else if (!deps.jump) actions.centreAt(t0);
+    deps.jump?.({ t0, t1: t1 ?? t0 });
+    actions.pinInView(t0);
+    if (t1 !== undefined) actions.pinMeasure(t1);
+  };
+  const insert = (): void => {
+    const area = field.current;
+    const a = actions.cursorTime() ?? actions.rightEdge();
+    const b = cursor.peek()?.kind === "pinned" ? measure.peek() : undefined;
+    if (area === null) return;
+    const span = Math.abs((actions.bounds()?.last ?? a) - (first ?? a));
+    const { selectionStart: at, selectionEnd: to, value } = area;
+    area.setRangeText(`${at > 0 && !/\s$/.test(value.slice(0, at)) ? " " : ""}${timeText(a, b, span)} `, at, to, "end");
+    area.focus();
+  };
+  const save = async (): Promise<void> => {
+    const notes = field.current?.value ?? "";
+    const outcome = await server.edit(id, { notes, notes_before: before.peek() ?? "" });
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) {
+      turn.current++;
+      stored.value = outcome.value.notes;
+      before.value = theirs.value = undefined;
+    } else if (outcome.problem.kind === CHANGED) {
+      const conflict = outcome.problem;
+      const now = await read(); // what is saved next replaces the text that is shown below
+      before.value = theirs.value = now ?? "";
+      problem.value = conflict;
+    }
+  };
+  const cancel = (): void => {
+    before.value = theirs.value = problem.value = undefined;
+    void read(); // what others changed meanwhile was not looked at
+  };
+  const note = problem.value && <ProblemNote problem={problem.value} />;
+  if (stored.value === undefined) return note ?? <p class="foot-note dim" aria-busy="true" />;
+  if (before.value === undefined) {
+    return (
+      <div class="notes-panel">
+        <p class="notes-text">
+          {stored.value === "" && <span class="dim">{TEXT.empty}</span>}
+          {piecesOf(stored.value, first ?? 0).map(({ text, t0, t1 }, k) =>
+            t0 === undefined ? (
+              text
+            ) : (
+              <button type="button" class="notes-time" key={k} onClick={() => go(t0, t1)}>
+                {text}
+              </button>
+            ),
+          )}
+        </p>
+        {note}
+        <button type="button" class="btn small edge" onClick={() => (before.value = stored.peek())}>
+          {stored.value === "" ? TEXT.write : TEXT.edit}
+        </button>
+      </div>
+    );
+  }
+  return (
+    <form
+      class="notes-panel"
+      onSubmit={(event) => {
+        event.preventDefault();
+        void save();
+      }}
+      onKeyDown={(event) => {
+        if (event.key === "Escape") cancel();
+        if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) void save();
+      }}
+    >
+      <textarea
+        ref={field}
+        class="notes-field"
+        aria-label={TEXT.label}
+        placeholder={TEXT.placeholder}
+        maxLength={20_000}
+        rows={6}
+        defaultValue={stored.peek()}
+      />
+      {note}
+      {theirs.value !== undefined && (
+        <>
+          <p class="dim">{TEXT.changed}</p>
+          <p class="notes-text notes-theirs">{theirs.value || TEXT.empty}</p>
+        </>
+      )}
+      <div class="notes-foot">
+        <button type="button" class="btn small edge" title={TEXT.insertHint} onClick={insert}>
+          {measure.value === undefined ? TEXT.insertTime : TEXT.insertRange}
+        </button>
+        <span class="grow" />
+        <button type="button" class="btn small" onClick={cancel}>
+          {TEXT.cancel}
+        </button>
+        <button type="submit" class="btn small main">
+          {TEXT.save}
+        </button>
+      </div>
+    </form>
+  );
+}

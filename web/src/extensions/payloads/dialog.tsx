@@ -1,0 +1,73 @@
+/** Defines a vendor's own payload: a short text in TOML, checked by the server; its bytes become plots. */
+import { useSignal } from "@preact/signals";
+import { api, type Problem } from "../../ui/http";
+import { Dialog } from "../../ui/dialog";
+import { Message } from "../../ui/message";
+import { protocolOf } from "../../wire/capabilities";
+import type { UnknownPayload } from "../../wire/types";
+import { type App, linkOf } from "../../pages/app-state";
+import { initialDefinition } from "./template";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "./texts";
+
+interface Props {
+  readonly app: App;
+  readonly payload: UnknownPayload;
+  readonly onClose: () => void;
+}
+
+export function PayloadDialog({ app, payload, onClose }: Props) {
+  const problem = useSignal<Problem | undefined>(undefined);
+  const busy = useSignal(false);
+  const protocol = app.store.devices.value.find(({ id }) => id === payload.device)?.protocol;
+  const family = protocolOf(protocol);
+  const option = family?.payload_option ?? "";
+  const text = useSignal(family ? initialDefinition(family, payload) : ""); // of the first sample: later ones leave it as typed
+  const submit = async (event: Event): Promise<void> => {
+    event.preventDefault();
+    const device = app.store.devices.value.find(({ id }) => id === payload.device);
+    if (!device || busy.value) return;
+    busy.value = true;
+    const outcome = await api.readDevice(linkOf(device), { [option]: text.value });
+    busy.value = false;
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) onClose();
+  };
+  return (
+    <Dialog title={TEXT.definePayload(payload.name)} onClose={onClose}>
+      <form class="form" onSubmit={(event) => void submit(event)}>
+        <label for="description">{TEXT.payloadFields}</label>
+        <textarea
+          id="description"
+          class="mono"
+          rows={14}
+          value={text}
+          onInput={(event) => {
+            text.value = event.currentTarget.value;
+          }}
+          spellcheck={false}
+          aria-invalid={problem.value !== undefined}
+          aria-describedby="description-hint"
+        />
+        <p class="hint" id="description-hint">
+          {TEXT.definitionLifetime} <code>{TEXT.fileOption(option.replaceAll("_", "-"))}</code>.
+        </p>
+        {problem.value && (
+          <div class="problem" role="alert">
+            <b>
+              <Message text={problem.value.message} />
+            </b>
+          </div>
+        )}
+        <div class="row">
+          <button type="button" class="btn" onClick={onClose}>
+            {COMMON.cancel}
+          </button>
+          <button type="submit" class="btn main" disabled={busy.value}>
+            {busy.value ? COMMON.sending : TEXT.useDefinition}
+          </button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}

@@ -1,0 +1,119 @@
+/**
+ * Content of undescribed payloads. One entry for each kind: how many, how often, and the newest as bytes. Changes since the entry was
+ * last written, at most twice a second, are marked. Only open entries are written.
+ */
+import { el, throttle, LiveText, type Panel } from "../../ui/dom";
+import { number } from "../../ui/format";
+import { protocolOf } from "../../wire/capabilities";
+import type { UnknownPayload } from "../../wire/types";
+import { type Deps, selected } from "../../panels/panel-context";
+import { bytesOf, type HexLine, linesOf, type Run } from "./hex";
+import { COMMON } from "../../texts/common";
+import { TEXT as PACKETS } from "../../texts/packets";
+import { TEXT } from "./texts";
+import "./payloads.css";
+
+/** Entries that are initially open. */
+const OPEN = 2;
+
+/** One kind of payload. */
+class Entry {
+  readonly root: HTMLDetailsElement;
+  readonly #figures = new LiveText();
+  readonly #bytes = el("pre", { class: "hex", tabindex: "0" });
+  #shown: UnknownPayload | undefined;
+  #before: Uint8Array | undefined;
+  #newest: UnknownPayload;
+
+  constructor(
+    payload: UnknownPayload,
+    open: boolean,
+    describe: (() => void) | undefined,
+    frame: (payload: UnknownPayload) => void,
+  ) {
+    const head = el("summary", {}, el("b", {}, payload.name), " ");
+    if (!payload.verified) head.append(el("span", { class: "tag warn" }, COMMON.unverified), " ");
+    head.append(el("span", { class: "dim num" }, this.#figures.node));
+    head.title = payload.doc;
+    this.#bytes.setAttribute("aria-label", TEXT.newestPayload(payload.name));
+    this.root = el("details", { class: "raw-payload" }, head, this.#bytes);
+    this.root.open = open;
+    const bytes = el(
+      "button",
+      { type: "button", class: "btn small edge", title: PACKETS.payloadBytesHint },
+      PACKETS.payloadBytes,
+    );
+    bytes.addEventListener("click", () => frame(this.#newest));
+    this.root.append(bytes);
+    this.#newest = payload;
+    if (describe) {
+      const button = el("button", { type: "button", class: "btn small edge" }, TEXT.define);
+      button.addEventListener("click", describe);
+      this.root.append(button);
+    }
+  }
+
+  write(payload: UnknownPayload): void {
+    this.#newest = payload;
+    this.#figures.set(TEXT.payloadFacts(number(payload.rate, 1), number(payload.count, 0), number(payload.size, 0)));
+    if (!this.root.open || payload.hex === this.#shown?.hex) return;
+    const bytes = bytesOf(payload.hex);
+    const lines = linesOf(bytes, this.#before).map(lineOf);
+    const rest = payload.size - bytes.length;
+    this.#bytes.replaceChildren(...lines, ...(rest > 0 ? [TEXT.moreBytes(number(rest, 0))] : []));
+    this.#before = bytes;
+    this.#shown = payload;
+  }
+}
+
+function lineOf({ offset, bytes, letters }: HexLine): HTMLElement {
+  return el(
+    "div",
+    {},
+    el("span", { class: "dim" }, `${offset}  `),
+    ...bytes.map(runOf),
+    " ",
+    el("span", { class: "mid" }, ...letters.map(runOf)),
+  );
+}
+
+function runOf({ text, changed }: Run): Node {
+  return changed ? el("mark", {}, text) : document.createTextNode(text);
+}
+
+/** Mounts into `host`. */
+export function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
+  let known = "";
+  let entries = new Map<string, Entry>();
+  const due = throttle(2);
+  const frame = ({ device, arrival: time }: UnknownPayload): void =>
+    deps.open.packet({ device, time, base: "arrival", pin: (at) => deps.viewState.actions.pinInView(at) });
+  return {
+    update(now) {
+      const device = selected(deps);
+      const payloads = deps.store.unknownPayloads.value.filter(
+        (payload) => payload.device === deps.viewState.device.value,
+      );
+      const names = `${device?.id} ${payloads.map(key).join(" ")}`;
+      if (names === known && !due(now)) return;
+      if (names !== known) {
+        known = names;
+        const isDefinable = (protocolOf(device?.protocol)?.payload_option ?? "") !== "";
+        entries = new Map(
+          payloads.map((one, k) => [
+            key(one),
+            entries.get(key(one)) ??
+              new Entry(one, k < OPEN, isDefinable ? () => deps.open.dialog("payloads/dialog", one) : undefined, frame),
+          ]),
+        );
+        host.replaceChildren(...[...entries.values()].map(({ root }) => root));
+      }
+      for (const payload of payloads) entries.get(key(payload))?.write(payload);
+    },
+    dispose: () => host.replaceChildren(),
+  };
+}
+
+function key({ device, name, verified }: UnknownPayload): string {
+  return `${device}/${name}${verified ? "" : "?"}`;
+}

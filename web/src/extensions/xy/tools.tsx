@@ -1,0 +1,74 @@
+/** The choices of the XY plot: both signals, range, time as colour or trail, lines or points, scale, and how signals are paired. */
+import type { ViewState, XyChoice } from "../../data/view-state";
+import { channelsOf, type Deps } from "../../panels/panel-context";
+import { type Found, unitOf } from "../../signals/custom-plots";
+import { SignalSelect } from "./signal-select";
+import { chosenPair, columnName, plottableOf } from "./choice";
+import { ChartTools, Pair, RangeChoice } from "../../charts/tools";
+import { TEXT } from "./texts";
+
+export function choose(
+  { xy }: Pick<ViewState, "xy">,
+  part: { readonly [name in keyof XyChoice]: XyChoice[name] | undefined },
+) {
+  const next = { ...xy.peek(), ...part };
+  xy.value = Object.fromEntries(Object.entries(next).filter(([, value]) => value !== undefined));
+}
+
+export function XyTools({ deps }: { readonly deps: Deps }) {
+  const { viewState } = deps;
+  void [deps.store.channels.value, viewState.device.value];
+  const signals = plottableOf(channelsOf(deps));
+  const choice = viewState.xy.value;
+  const pair = chosenPair(signals, choice);
+  if (!pair) return <p class="foot-note dim">{TEXT.noSignals}</p>;
+  const { x, y } = pair;
+  const pick = (axis: "x" | "y") => (found: Found) => choose(viewState, { [axis]: columnName(found) });
+  return (
+    <ChartTools>
+      <SignalSelect label={TEXT.y} signals={signals} value={y} onChange={pick("y")} />
+      <button
+        type="button"
+        class="btn icon"
+        aria-label={TEXT.swap}
+        title={TEXT.swap}
+        onClick={() => choose(viewState, { x: columnName(y), y: columnName(x) })}
+      >
+        ⇄
+      </button>
+      <SignalSelect label={TEXT.x} signals={signals} value={x} onChange={pick("x")} />
+      <RangeChoice viewState={viewState} range={choice.range} onChange={(range) => choose(viewState, { range })} />
+      <Pair
+        label={TEXT.colour}
+        names={[TEXT.byTime, TEXT.trail]}
+        second={choice.colour === "trail"}
+        onChange={(second) => choose(viewState, { colour: second ? "trail" : undefined })}
+      />
+      <Pair
+        label={TEXT.draw}
+        names={[TEXT.line, TEXT.points]}
+        second={choice.draw === "points"}
+        onChange={(second) => choose(viewState, { draw: second ? "points" : undefined })}
+      />
+      {x.channel !== y.channel && (
+        <Pair
+          label={TEXT.pairing}
+          names={[TEXT.interpolated, TEXT.nearest]}
+          second={choice.pairing === "nearest"}
+          onChange={(second) => choose(viewState, { pairing: second ? "nearest" : undefined })}
+        />
+      )}
+      {unitOf(x) === unitOf(y) && (
+        <button
+          type="button"
+          class="btn toggle"
+          aria-pressed={choice.isEqual === true}
+          title={TEXT.equalHint}
+          onClick={() => choose(viewState, { isEqual: choice.isEqual ? undefined : true })}
+        >
+          {TEXT.equal}
+        </button>
+      )}
+    </ChartTools>
+  );
+}
