@@ -1,7 +1,7 @@
 """Dialogs of a device on a phone, with answers of the server's own code: colours, targets, and room.
 
 The calibration coach at each of its states, and the shares of a port. What they say and send is tested in
-web/src/extensions/calibration/dialog.test.tsx and web/src/pages/port-shares.test.tsx; what the server does, in
+web/src/extensions/calibration/dialog.test.tsx and web/src/extensions/shares/dialog.test.tsx; what the server does, in
 tests/extensions/calibration/test_calibration_api.py and test_port_shares.py.
 """
 

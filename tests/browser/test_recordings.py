@@ -2,7 +2,7 @@
 
 Record, stop, find, open, zoom, scrub, mark, export, download; a copied link opens in the same place; lost samples are
 seen at every zoom; values are samples as they were sent, however much of the recording is on screen. What the player,
-the notes and the markers do is tested without a browser, in web/src/pages/recordings and web/src/notes.
+the notes and the markers do is tested without a browser, in web/src/pages/recordings and web/src/extensions/notes.
 """
 
 from __future__ import annotations

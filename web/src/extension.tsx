@@ -8,7 +8,10 @@
  * `extensions.NAME`. A view stands in a slot, in the order of its number.
  */
 import type { FunctionComponent } from "preact";
+import type { Forms } from "./forms/types";
 import type { App } from "./pages/app-state";
+import type { ComparisonActionProps } from "./pages/configure/compare";
+import type { Model } from "./pages/configure/model";
 import type { PageEntry, Route } from "./pages/route";
 import type { OpenRecording } from "./pages/recordings/open-recording";
 import type { Deps } from "./panels/panel-context";
@@ -40,6 +43,8 @@ export interface Slots {
   readonly signalActions: { readonly deps: Deps; readonly row: TreeRow };
   /** Under the stored workspaces: what the last one brought besides the view. */
   readonly workspaceCompanions: CompanionProps;
+  /** Under the comparison of two states of a device, in Configure. */
+  readonly comparisonActions: ComparisonActionProps;
   /** Actions of an open recording, beside its name. */
   readonly recordingActions: { readonly recording: OpenRecording };
   /** On a phone, the line over an open recording that opens other views of it. */
@@ -98,6 +103,17 @@ export interface ExtensionAddress {
   readonly View: FunctionComponent<{ readonly app: App }>;
 }
 
+/** A place among the settings of a device, "#/configure/DEVICE/NAME" in the address. */
+export interface ConfigurePlace {
+  readonly name: string;
+  readonly title: string;
+  /** A word beside the title in the list. */
+  readonly note: string;
+  /** Whether the list leads to it. */
+  readonly applies: (forms: Forms) => boolean;
+  readonly View: FunctionComponent<{ readonly model: Model }>;
+}
+
 /** A key of Live and of open recordings. */
 export interface ExtensionKey {
   /** A letter, in lower case. */
@@ -119,6 +135,7 @@ export interface Extension {
   readonly start?: (app: App) => void;
   readonly pages?: readonly ExtensionPage[];
   readonly addresses?: readonly ExtensionAddress[];
+  readonly configurePlaces?: readonly ConfigurePlace[];
   readonly panels?: readonly PanelDefinition[];
   readonly views?: readonly SlotView[];
   readonly dialogs?: readonly ExtensionDialog[];
@@ -152,6 +169,7 @@ export function registerExtension(extension: Extension): void {
 type Kinds =
   | "addresses"
   | "companions"
+  | "configurePlaces"
   | "dialogs"
   | "keys"
   | "pages"

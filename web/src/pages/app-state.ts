@@ -15,7 +15,7 @@ import { route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-export type Overlay = "help" | "add" | "track" | "share-port" | "memory" | "packet" | ExtensionOverlay | undefined;
+export type Overlay = "help" | "add" | "track" | "memory" | "packet" | ExtensionOverlay | undefined;
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;
 

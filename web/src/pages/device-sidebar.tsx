@@ -16,7 +16,7 @@ import { Message } from "../ui/message";
 import { PanelHost } from "../ui/panel-host";
 import { markOf, shortSource } from "../ui/page-state";
 import { fullName, shortName } from "../wire/device-name";
-import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
+import { MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { ResumeButton } from "./empty-states";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
@@ -313,11 +313,6 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
       {(protocolOf(device.protocol)?.options.length ?? 0) > 0 && (
         <button type="button" class="btn small" onClick={() => askKey(app, device)}>
           {TEXT.reading}
-        </button>
-      )}
-      {device.parent === "" && linkNamed(device.link)?.shareable === true && (
-        <button type="button" class="btn small" onClick={() => (app.overlay.value = "share-port")}>
-          {TEXT.sharePort}
         </button>
       )}
       <Slot name="deviceActions" with={{ app, device }} />

@@ -5,6 +5,5 @@ export const AddDevice = late(async () => (await import("../forms/add-device")).
 export const ExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
 export const MemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
 export const Packet = late(async () => (await import("./packet-dialog")).Packet);
-export const SharePort = late(async () => (await import("./port-shares")).SharePort);
 export const SignalsPanel = late(async () => (await import("../signals/panel")).SignalsPanel);
 export const YAxisDialog = late(async () => (await import("../plots/y-axis-dialog")).YAxisDialog);

@@ -15,7 +15,7 @@ import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveViewer, LiveViews } from "../views/viewers";
 import { type App, select } from "./app-state";
-import { AddDevice, ExportDialog, MemoryDialog, Packet, SharePort, SignalsPanel, YAxisDialog } from "./dialogs";
+import { AddDevice, ExportDialog, MemoryDialog, Packet, SignalsPanel, YAxisDialog } from "./dialogs";
 import { Bar, Dock } from "./top-bar";
 import { exportingOf } from "./recordings/exporting";
 import { Rail } from "./device-sidebar";
@@ -153,8 +153,6 @@ function Overlays({ app }: { readonly app: App }) {
     };
     return <AddDevice begin={keyFor.value} address={app.newAddress} onClose={close} onAdded={added} />;
   }
-  if (overlay.value === "share-port" && app.device.value)
-    return <SharePort app={app} device={app.device.value} onClose={close} />;
   if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
   const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);

@@ -59,31 +59,6 @@ export const TEXT = {
   // confirm dialog
   leaveUnchanged: "Leave unchanged",
 
-  // corrections
-  sourceMissing: "Enter a source.",
-  corrections: "Corrections",
-  correctionsIntro:
-    "Forwards an RTCM 3 stream to the device, one complete message at a time. The server continues when this page is closed.",
-  sourceKind: "Source type",
-  ntripCaster: "NTRIP caster",
-  tcpServerOrFile: "TCP server or file",
-  restart: "Restart",
-  start: "Start",
-  host: "Host",
-  port: "Port",
-  mountPoint: "Mount point",
-  user: "User",
-  password: "Password",
-  tls: "TLS",
-  source: "Source",
-  tcpHostPort: "tcp://host:port",
-  sourceExamples: "for a server, or the path of a file on this host.",
-  ageOfTheLastMessage: "Age of the last message",
-  forwarded: "Forwarded",
-  rejectedByDevice: "Rejected by the device",
-  checksumErrors: "Checksum errors",
-  rtcm: "RTCM",
-
   // empty states
   notReadYet: "Not read yet",
   settingsUnknown: (name: Value) =>
@@ -107,8 +82,6 @@ export const TEXT = {
   notConfirmed: "Sensor not confirmed",
   mayBeAnother: (serial: Value, time: Value) =>
     `The link was lost until ${time}. Whether this is still ${serial} is known once its settings are read.`,
-  dismissResults: "Dismiss results",
-  rolloutOf: (name: Value, total: number) => `${name}: ${count(total, "value")}.`,
   unreadSettings: (total: number) => `${count(total, "setting")} could not be read`,
   changedElsewhere: "Changed elsewhere",
   editedHereToo: "You edited this as well; the form retains your value.",
@@ -177,26 +150,7 @@ export const TEXT = {
   later: "Later",
 
   // rollout
-  applyProfile: "Apply this profile",
-  applyTitleTo: (title: Value) => `Apply “${title}” to`,
-  selected: "Selected",
-  wouldChange: "Would change",
-  result: "Result",
-  applyToDevices: (devices: number) => `Apply to ${count(devices, "device")}`,
-  rolloutSteps: "For each device: save a snapshot, write, verify.",
-  notReadYetSentence: "Not read yet.",
-  applyToDevice: (name: Value) => `Apply to ${name}`,
-  thisDevice: "this device",
-  comparing: "Comparing…",
-  readDevice: (name: Value) => `Read ${name}`,
-  alreadyApplied: "No change: the settings are the same.",
-  nothingSelected: "No change: no difference is ticked above.",
-  valueCount: (rows: number) => count(rows, "value"),
-  rejectedLabel: "Rejected:",
   sent: "Sent",
-  profile: (title: Value) => `Profile “${title}”`,
-  confirmRollout: (title: Value, devices: number) => `Write “${title}” to ${count(devices, "device")}?`,
-  writeProfile: "Write profile",
 
   // setting form
   effectAfterMeasurement: "Takes effect when measurement restarts.",

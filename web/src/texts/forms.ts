@@ -67,16 +67,6 @@ export const TEXT = {
   addEntry: "Add an entry",
   entry: (place: Value) => `Entry ${place}`,
 
-  // ntrip
-  hostMissing: "Enter the host of the caster.",
-  hostInvalid: "Enter the host as a name or IP address, without ntrip:// or a slash.",
-  portInvalid: "Enter a port from 1 to 65 535.",
-  mountPointMissing: "Enter the mount point.",
-  stopped: "Stopped",
-  retrying: "Not forwarding, retrying",
-  forwardingIdle: "Forwarding, no new data",
-  forwarding: "Forwarding",
-
   // outputs table
   id: "ID",
   rate: "Rate",
@@ -91,13 +81,9 @@ export const TEXT = {
   wasChoice: (choice: Value) => `was ${choice}`,
   wasParts: (parts: Value) => `was ${parts}`,
 
-  // streams table
-
   // streams
   nativeRate: "native rate",
   oneIn: (period: Value) => `1 in ${period}`,
-
-  // sync
 
   // values
   numberRequired: "Enter a number.",

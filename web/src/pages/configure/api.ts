@@ -38,8 +38,4 @@ export const server = {
     request("POST /api/devices/{device}/compare", { path: { device }, body }),
   fit: (device: string, setting: string, values: Values, baud: number | null) =>
     request("POST /api/devices/{device}/fit-rates", { path: { device }, body: { setting, values, baud } }),
-  corrections: (device: string) => request("GET /api/devices/{device}/corrections", { path: { device } }),
-  startCorrections: (device: string, source: string) =>
-    request("PUT /api/devices/{device}/corrections", { path: { device }, body: { source } }),
-  stopCorrections: (device: string) => request("DELETE /api/devices/{device}/corrections", { path: { device } }),
 };

@@ -10,7 +10,7 @@ import { fullName } from "../../wire/device-name";
 import type { DeviceInfo } from "../../wire/types";
 import { route } from "../route";
 import type { Model } from "./model";
-import { Rollout } from "./rollout";
+import { Slot } from "../../extension";
 import { server } from "./api";
 import { refOf, type Side, titleOf } from "./sides";
 import { SnapshotActs } from "./snapshot";
@@ -21,6 +21,17 @@ import { TEXT } from "../../texts/configure";
 /** The differences to write, by their keys, as far as they were chosen. */
 export type Take = Readonly<Record<string, boolean>>;
 const BY_DEFAULT: Take = {};
+
+export interface ComparisonActionProps {
+  readonly model: Model;
+  readonly store: Store;
+  /** The other devices of the same protocol. */
+  readonly others: readonly DeviceInfo[];
+  readonly side: Side;
+  /** The differences to write, of each device. */
+  readonly take: Take;
+  readonly title: string;
+}
 
 export function Compare({ model, store }: { readonly model: Model; readonly store: Store }) {
   const difference = useSignal<Difference | undefined>(undefined);
@@ -86,14 +97,17 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
       {difference.value && <Problems found={difference.value} />}
       {difference.value && <Table found={difference.value} take={take} disabled={model.page.viewOnly.value} />}
       {difference.value && (
-        <Rollout
+        <Slot
           key={`${model.id} ${right} ${file?.name ?? ""}`}
-          model={model}
-          store={store}
-          others={others}
-          side={right}
-          take={take.value}
-          title={titleHere(model, right) ?? difference.value.right}
+          name="comparisonActions"
+          with={{
+            model,
+            store,
+            others,
+            side: right,
+            take: take.value,
+            title: titleHere(model, right) ?? difference.value.right,
+          }}
         />
       )}
     </section>

@@ -10,7 +10,6 @@ import { ApplyBar } from "./apply-bar";
 import { Ask } from "./confirm-dialog";
 import { Command } from "./command-form";
 import { Compare } from "./compare";
-import { Corrections } from "./corrections";
 import { TrafficLog } from "./traffic-log";
 import { Group } from "./group";
 import { type Model, modelOf } from "./model";
@@ -30,7 +29,7 @@ import {
   UnfinishedBand,
   ViewOnlyBand,
 } from "./empty-states";
-import { configureOf, linkTo, type Place, placeOf, readAll, visibleSettings } from "./view-state";
+import { configureOf, extensionPlace, linkTo, type Place, placeOf, readAll, visibleSettings } from "./view-state";
 import { deviceInLink } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -144,8 +143,10 @@ function Shown({ model, app, place }: { readonly model: Model; readonly app: App
   switch (place.kind) {
     case "compare":
       return <Compare model={model} store={app.store} />;
-    case "corrections":
-      return <Corrections model={model} />;
+    case "extension": {
+      const View = extensionPlace(place.name)?.View;
+      return View ? <View model={model} /> : null;
+    }
     case "restore":
       return (
         <section class="setting" aria-label={TEXT.restoreCommunication}>
@@ -192,7 +193,7 @@ function Title({ app, model, place }: { readonly app: App; readonly model: Model
   const title =
     {
       compare: TEXT.compare,
-      corrections: TEXT.corrections,
+      extension: extensionPlace(place.name)?.title,
       restore: TEXT.restoreCommunication,
       group: place.name,
       nothing: TEXT.notFound,

@@ -1,4 +1,5 @@
 /** The left side: device, search, groups with their edits, and restorable states. */
+import { fromExtensions } from "../../extension";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { search } from "../../forms/search";
 import type { SnapshotInfo } from "../../forms/types";
@@ -186,16 +187,19 @@ function Groups({ model, close }: Props) {
           </a>
         );
       })}
-      {forms.corrections && (
-        <a
-          href={linkTo(model, "corrections")}
-          onClick={close}
-          {...(place.kind === "corrections" ? { "aria-current": "true" as const } : {})}
-        >
-          <span class="ellipsis">{TEXT.corrections}</span>
-          <span class="count">{TEXT.rtcm}</span>
-        </a>
-      )}
+      {fromExtensions("configurePlaces")
+        .filter((one) => one.applies(forms))
+        .map(({ name, title, note }) => (
+          <a
+            key={name}
+            href={linkTo(model, name)}
+            onClick={close}
+            {...(place.kind === "extension" && place.name === name ? { "aria-current": "true" as const } : {})}
+          >
+            <span class="ellipsis">{title}</span>
+            <span class="count">{note}</span>
+          </a>
+        ))}
       {forms.settings.length > 0 && (
         <a
           href={linkTo(model, "restore")}

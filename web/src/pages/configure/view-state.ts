@@ -1,11 +1,10 @@
 /** State of the Configure page beyond its models: level of detail, search, open question; and places in it. */
+import { type ConfigurePlace, fromExtensions } from "../../extension";
 import { signal } from "@preact/signals";
 import { perApp } from "../app-state";
 import { go, href } from "../route";
 import type { CautionKind, SettingForm } from "../../forms/types";
-import type { Problem } from "../../ui/http";
 import { protocolOf } from "../../wire/capabilities";
-import type { Job } from "../../wire/types";
 import type { Edits, Model } from "./model";
 import { TEXT } from "../../texts/configure";
 
@@ -21,11 +20,6 @@ export interface Question {
   readonly act: () => void;
 }
 
-/** Result of each device that a profile was written to: the job, as last seen, or why there is none. */
-export type RolloutResults = Readonly<
-  Record<string, { readonly id: number; readonly last: Job | undefined } | { readonly problem: Problem }>
->;
-
 /** What the models of all devices on one page share; it outlives a change of page. */
 export class ConfigureState {
   /** Whether rarely used settings and fields are shown too. */
@@ -35,7 +29,6 @@ export class ConfigureState {
   readonly question = signal<Question | undefined>(undefined);
   /** This token is view-only: reported by the server, or by a refused request. */
   readonly viewOnly = signal(false);
-  readonly rollout = signal<RolloutResults>({});
   /** By device. */
   readonly models = new Map<string, Model>();
   /** Edits for sensors that are not there now, by their key. */
@@ -65,14 +58,19 @@ export const pauseOf = (model: Model): string => protocolOf(model.device.value?.
 export const unfinishedOf = (model: Model): readonly string[] => [model.jobs.value?.unfinished ?? ""].filter(Boolean);
 
 export interface Place {
-  readonly kind: "setting" | "command" | "group" | "compare" | "corrections" | "restore" | "nothing";
+  readonly kind: "setting" | "command" | "group" | "compare" | "restore" | "extension" | "nothing";
   readonly name: string;
 }
+
+/** The place of an extension. */
+export const extensionPlace = (name: string): ConfigurePlace | undefined =>
+  fromExtensions("configurePlaces").find((one) => one.name === name);
 
 /** The place of an address: a setting, a command or a group of that name; by default the first group. */
 export function placeOf(model: Model, place: string | undefined): Place {
   const forms = model.forms.value;
-  if (place === "compare" || place === "corrections" || place === "restore") return { kind: place, name: "" };
+  if (place === "compare" || place === "restore") return { kind: place, name: "" };
+  if (place !== undefined && extensionPlace(place)) return { kind: "extension", name: place };
   if (forms === undefined) return { kind: "nothing", name: place ?? "" };
   const name = place ?? forms.groups[0] ?? "";
   if (forms.settings.some((form) => form.name === name)) return { kind: "setting", name };

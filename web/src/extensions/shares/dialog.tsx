@@ -1,17 +1,18 @@
 /** The programs that share the port of a device: who is there, who talks, what was lost; shares are added and ended. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { bytes } from "../recordings/library-filter";
-import { Dialog } from "../ui/dialog";
-import { type Outcome, type Problem, request } from "../ui/http";
-import { ProblemNote } from "../ui/problem-note";
-import { fullName } from "../wire/device-name";
-import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import type { App } from "./app-state";
-import { COMMON } from "../texts/common";
-import { TEXT } from "../texts/live";
-import "./port-shares.css";
+import { bytes } from "../../recordings/library-filter";
+import { Dialog } from "../../ui/dialog";
+import { type Outcome, type Problem, request } from "../../ui/http";
+import { ProblemNote } from "../../ui/problem-note";
+import { fullName } from "../../wire/device-name";
+import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import type { App } from "../../pages/app-state";
+import { COMMON } from "../../texts/common";
+
+import "./shares.css";
+import { TEXT } from "./texts";
 
 const ASK_EVERY_MS = 1000;
 type Kind = PortShare["kind"];

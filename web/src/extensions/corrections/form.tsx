@@ -1,25 +1,29 @@
 /** Corrections: a stream of RTCM 3 from a caster, a server or a file, forwarded to the device in whole messages. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { BLANK, flowOf, type Ntrip, ntripProblem, sourceOf } from "../../forms/ntrip";
-import type { Corrections as State } from "../../forms/types";
+import { BLANK, flowOf, type Ntrip, ntripProblem, sourceOf } from "./ntrip";
 import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
-import type { Model } from "./model";
-import { server } from "./api";
+import type { Model } from "../../pages/configure/model";
 import { COMMON } from "../../texts/common";
-import { TEXT } from "../../texts/configure";
+import { request } from "../../ui/http";
+import type { Corrections as CorrectionsState } from "../../forms/types";
+
+import "./corrections.css";
+import { TEXT } from "./texts";
 
 const ASK_EVERY_MS = 1000;
 
+const pathOf = ({ id }: Model) => ({ device: id });
+
 export function Corrections({ model }: { readonly model: Model }) {
-  const state = useSignal<State | undefined>(undefined);
+  const state = useSignal<CorrectionsState | undefined>(undefined);
   const kind = useSignal<"ntrip" | "other">("ntrip");
   const caster = useSignal<Ntrip>(BLANK);
   const other = useSignal("");
   useEffect(() => {
     const ask = async (): Promise<void> => {
-      const answer = await server.corrections(model.id);
+      const answer = await request("GET /api/devices/{device}/corrections", { path: pathOf(model) });
       if (answer.ok) state.value = answer.value;
     };
     void ask();
@@ -31,12 +35,15 @@ export function Corrections({ model }: { readonly model: Model }) {
     event.preventDefault();
     if (why !== "") return;
     const found = await model.run(
-      server.startCorrections(model.id, kind.value === "ntrip" ? sourceOf(caster.value) : other.value.trim()),
+      request("PUT /api/devices/{device}/corrections", {
+        path: pathOf(model),
+        body: { source: kind.value === "ntrip" ? sourceOf(caster.value) : other.value.trim() },
+      }),
     );
     if (found) state.value = found;
   };
   const stop = async (): Promise<void> => {
-    const found = await model.run(server.stopCorrections(model.id));
+    const found = await model.run(request("DELETE /api/devices/{device}/corrections", { path: pathOf(model) }));
     if (found) state.value = found;
   };
   return (
@@ -157,7 +164,7 @@ function OtherField({ source }: { readonly source: Signal<string> }) {
   );
 }
 
-function Figures({ state }: { readonly state: State }) {
+function Figures({ state }: { readonly state: CorrectionsState }) {
   const rate = byteRate(state.bytes_per_s);
   const since = age(state.age_s ?? undefined);
   const flow = flowOf(state);

@@ -1,5 +1,5 @@
 /** A source of corrections as fields, and as the single text that the server accepts. Pure. */
-import { TEXT } from "../texts/forms";
+import { TEXT } from "./texts";
 
 export interface Ntrip {
   readonly host: string;

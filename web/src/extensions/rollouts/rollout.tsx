@@ -2,43 +2,45 @@
  * One profile for several devices: the changes of each are shown first, with their problems; then each is written by a job of its own,
  * whose result is shown in its row.
  */
-import { type Signal, useSignal } from "@preact/signals";
+import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../forms/types";
 import type { Present } from "../../forms/edits";
-import type { Outcome } from "../../ui/http";
+import type { Outcome, Problem } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { fullName, shortName } from "../../wire/device-name";
-import type { DeviceInfo } from "../../wire/types";
-import { isOver, jobIn, Outcomes, stateWords } from "./jobs";
-import type { Model } from "./model";
-import { server } from "./api";
-import { refFor, type Side } from "./sides";
-import type { RolloutResults } from "./view-state";
+import type { DeviceInfo, Job } from "../../wire/types";
+import { isOver, jobIn, Outcomes, stateWords } from "../../pages/configure/jobs";
+import type { Model } from "../../pages/configure/model";
+import { server } from "../../pages/configure/api";
+import { refFor } from "../../pages/configure/sides";
+import type { ComparisonActionProps } from "../../pages/configure/compare";
+import type { ConfigureState } from "../../pages/configure/view-state";
+import { madeFor } from "../../pages/app-state";
+import "./rollouts.css";
 import { COMMON } from "../../texts/common";
-import { TEXT } from "../../texts/configure";
+import { TEXT as CONFIGURE } from "../../texts/configure";
+import { TEXT } from "./texts";
 
 /** The comparison of a device, and the values that it had then. */
 type Check = Outcome<Difference & { readonly base: Present }>;
 type Checks = Readonly<Record<string, Check>>;
 
-interface Props {
-  readonly model: Model;
-  readonly store: Store;
-  readonly others: readonly DeviceInfo[];
-  readonly side: Side;
-  /** The differences to write, of each device. */
-  readonly take: Readonly<Record<string, boolean>>;
-  readonly title: string;
-}
+/** Result of each device that a profile was written to: the job, as last seen, or why there is none. */
+type RolloutResults = Readonly<
+  Record<string, { readonly id: number; readonly last: Job | undefined } | { readonly problem: Problem }>
+>;
 
-export function Rollout({ model, store, others, side, take, title }: Props) {
+/** They stay until they are dismissed, whatever is shown meanwhile. */
+const resultsOf = madeFor((_page: ConfigureState) => signal<RolloutResults>({}));
+
+export function Rollout({ model, store, others, side, take, title }: ComparisonActionProps) {
   const own = model.device.value;
   const devices = [...(own ? [own] : []), ...others].filter(({ id }) => refFor(side, "", model.id, id) !== undefined);
   const checks = useSignal<Checks>({});
   const ticked = useSignal<ReadonlySet<string>>(new Set(side === "device" ? [] : [model.id]));
-  const { rollout: results } = model.page; // they stay until they are dismissed, whatever is shown meanwhile
+  const results = resultsOf(model.page);
   const text = model.file.value?.text ?? "";
   const finished = devices.map(({ id }) => `${id}:${store.jobs.value.get(id)?.done[0]?.id ?? 0}`).join();
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
@@ -108,7 +110,7 @@ export function Rollout({ model, store, others, side, take, title }: Props) {
 }
 
 /** Changes of a device; one that was never read is not compared. */
-async function compared(device: string, right: SideRef, take: Props["take"]): Promise<Check> {
+async function compared(device: string, right: SideRef, take: ComparisonActionProps["take"]): Promise<Check> {
   const body = await server.values(device);
   if (!body.ok) return body;
   if (body.value.info.taken === 0)
@@ -210,7 +212,7 @@ function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "
           <ul class="dim">
             {rows.map(({ setting, path, title, left, right }) => (
               <li key={`${setting} ${path}`}>
-                {title}: {left || TEXT.missing} → {right || TEXT.missing}
+                {title}: {left || CONFIGURE.missing} → {right || CONFIGURE.missing}
               </li>
             ))}
           </ul>
@@ -249,7 +251,7 @@ function Result({
     );
   }
   const job = jobIn(store.jobs.value.get(device), result.id) ?? result.last;
-  if (job === undefined) return <span class="dim">{TEXT.sent}</span>;
+  if (job === undefined) return <span class="dim">{CONFIGURE.sent}</span>;
   return (
     <div role="status">
       <span

@@ -2,11 +2,11 @@
 /** The dialog of shared ports: who is there and who talks; a share is added and ended, a program disconnected. */
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
-import { answering, type Asked } from "../testing/recorded";
-import type { SharedPort } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
-import type { App } from "./app-state";
-import { proposal, SharePort } from "./port-shares";
+import { answering, type Asked } from "../../testing/recorded";
+import type { SharedPort } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import type { App } from "../../pages/app-state";
+import { proposal, SharePort } from "./dialog";
 
 const ROUTE = "/api/devices/1/shares";
 const CLIENT = {

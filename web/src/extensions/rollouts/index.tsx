@@ -1,0 +1,12 @@
+/** One profile for several devices, under the comparison of two states. */
+import { registerExtension, type Slots } from "../../extension";
+import { late } from "../../ui/late";
+
+const Rollout = late(async () => (await import("./rollout")).Rollout);
+
+const RolloutView = (properties: Slots["comparisonActions"]) => <Rollout {...properties} />;
+
+registerExtension({
+  name: "rollouts",
+  views: [{ slot: "comparisonActions", order: 10, View: RolloutView }],
+});

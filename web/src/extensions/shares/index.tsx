@@ -1,0 +1,25 @@
+/** Sharing the port of a device with other programs. */
+import { type DeviceActionProps, type LiveDialogProps, registerExtension } from "../../extension";
+
+import { late } from "../../ui/late";
+import { linkNamed } from "../../wire/capabilities";
+import { TEXT } from "./texts";
+
+const SharePort = late(async () => (await import("./dialog")).SharePort);
+
+function SharePortButton({ app, device }: DeviceActionProps) {
+  if (device.parent !== "" || linkNamed(device.link)?.shareable !== true) return null;
+  return (
+    <button type="button" class="btn small" onClick={() => (app.overlay.value = "shares/dialog")}>
+      {TEXT.sharePort}
+    </button>
+  );
+}
+
+const Live = (properties: LiveDialogProps) => <SharePort {...properties} />;
+
+registerExtension({
+  name: "shares",
+  views: [{ slot: "deviceActions", order: 5, View: SharePortButton }],
+  dialogs: [{ overlay: "shares/dialog", Live }],
+});
