@@ -1,7 +1,8 @@
 """Panels, plots of one's own, and measuring with real gestures on a page of recorded frames: dragged, drawn, kept by a
 reload; and with a thumb.
 
-Choices and words of each panel are tested beside it, in web/src and web/src/extensions; figures of the server against numpy in test_measuring.py.
+Choices and words of each panel are tested beside it, in web/src and web/src/extensions; figures of the server against
+numpy in test_measuring.py.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ import type { OpenRecording } from "./pages/recordings/open-recording";
 import type { Deps } from "./panels/panel-context";
 import { type PanelDefinition, registerPanel } from "./panels/registry";
 import type { PlotMarks, SeriesAction } from "./plots/plot-additions";
+import type { UnderPlots } from "./plots/under-plots";
 import type { TreeRow } from "./signals/tree-rows";
 import type { Viewer } from "./views/viewer";
 import type { DeviceInfo } from "./wire/types";
@@ -41,6 +42,8 @@ export interface Slots {
   readonly deviceRow: DeviceActionProps;
   /** Actions of the row that is chosen in the tree of signals. */
   readonly signalActions: { readonly deps: Deps; readonly row: TreeRow };
+  /** Under the plots of Live or of an open recording. */
+  readonly underPlots: UnderPlots;
   /** Under the stored workspaces: what the last one brought besides the view. */
   readonly workspaceCompanions: CompanionProps;
   /** Under the comparison of two states of a device, in Configure. */
@@ -95,6 +98,7 @@ export interface ExtensionPress {
   readonly app: App;
   /** The one it was pressed over; undefined on Live. */
   readonly recording?: OpenRecording;
+  readonly isShifted: boolean;
 }
 
 /** A page at certain addresses of another one. */
@@ -122,6 +126,8 @@ export interface ExtensionKey {
   readonly group: string;
   readonly before?: string;
   readonly what: string;
+  /** Whether the line has it with Shift too. */
+  readonly withShift?: boolean;
   readonly press: (at: ExtensionPress) => void;
 }
 

@@ -51,9 +51,6 @@ export class ViewActions {
   /** Cursors to be put on a sample as soon as the samples around them are known. */
   readonly #unsettled = new Set<"a" | "b">();
 
-  /** Goes to the next or previous place; attached by the bar. */
-  #step: (forward: boolean) => void = () => {};
-
   constructor(state: ViewSignals) {
     this.#state = state;
   }
@@ -221,21 +218,6 @@ export class ViewActions {
   /** First and last moment of the data; undefined without any. */
   bounds(): { readonly first: number; readonly last: number } | undefined {
     return this.#horizon.bounds();
-  }
-
-  /** Attach what goes to the next and previous place; the returned function detaches it. */
-  attachSteps(step: (forward: boolean) => void): () => void {
-    this.#step = step;
-    return () => (this.#step = () => {});
-  }
-
-  /** Go to the next or previous place of the chosen kind. */
-  stepPlace(forward: boolean): void {
-    this.#step(forward);
-  }
-
-  openGoTo(): void {
-    this.#state.goTo.value = { ...this.#state.goTo.peek(), isOpen: true };
   }
 
   /** Pin the reading cursor, which is A while measuring. */

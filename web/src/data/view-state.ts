@@ -3,7 +3,6 @@
  * of a view share it; it is small, reactive and holds no samples. A page may have several views beside each other.
  */
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
-import type { Problem } from "../ui/http";
 import type { WorldFrame } from "./rotations";
 import { DEFAULT_ORDER } from "../plots/plot-order";
 import { DEFAULT_LAYOUT, type Layout } from "../workspace/layout";
@@ -45,19 +44,6 @@ export interface CustomPlot {
   readonly id: string;
   readonly on?: { readonly device: string; readonly plot: string };
   readonly signals: readonly SignalRef[];
-}
-
-/** What "next" and "previous" go to. */
-export type Destination = "sample" | "event" | "marker" | "gap" | "condition";
-
-/** The bar that goes to a moment (measure/go-to.tsx). */
-export interface GoToBar {
-  readonly isOpen: boolean;
-  /** As typed: a time or a condition. */
-  readonly text: string;
-  readonly kind: Destination;
-  /** The answer to the last move. */
-  readonly said?: { readonly words: string } | { readonly problem: Problem } | undefined;
 }
 
 /** The order of the plots, by key, and chosen heights, px, as far as a person chose them (plots/plot-order.ts). */
@@ -127,7 +113,6 @@ export interface ViewSignals {
   readonly measure: Signal<number | undefined>;
   /** Whether cursors are put on samples. */
   readonly snap: Signal<boolean>;
-  readonly goTo: Signal<GoToBar>;
   /** Chosen y axes, by plot key. */
   readonly yAxes: Signal<ReadonlyMap<string, YAxis>>;
   /** The plot whose y axis is being chosen, and the range that it has. */
@@ -171,7 +156,6 @@ export function createViewState(like?: ViewSignals): ViewState {
     snap: signal(like?.snap.peek() ?? false),
     yAxes: signal<ReadonlyMap<string, YAxis>>(like?.yAxes.peek() ?? new Map()),
     yAxisForm: signal(undefined),
-    goTo: signal<GoToBar>({ isOpen: false, text: "", kind: "event" }),
     hiddenSeries: signal(like?.hiddenSeries.peek() ?? new Set<string>()),
     knownNorms: new Set(like?.knownNorms),
     extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),

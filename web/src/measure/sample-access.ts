@@ -3,7 +3,7 @@ import type { Channel } from "../data/channels";
 import type { Ring } from "../data/ring-buffer";
 import type { Store } from "../data/store";
 import type { Reads } from "../plots/legend";
-import type { FigureSource } from "./server-figures";
+import type { FigureSource } from "./figure-source";
 
 /** The server's signals of a live device. */
 export function liveSource(store: Pick<Store, "sent" | "changeOf">, device: string): FigureSource {

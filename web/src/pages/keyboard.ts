@@ -80,10 +80,6 @@ function act(action: KeyAction, app: App): void {
       return actions.stepSample(action.samples);
     case "stepMeasure":
       return actions.stepMeasure(action.samples);
-    case "goTo":
-      return actions.openGoTo();
-    case "place":
-      return actions.stepPlace(action.forward);
     case "measure":
       return actions.toggleMeasure();
     case "packet":

@@ -1,10 +1,9 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
 import { mountLargeTrack } from "../attitude/track-dialog";
-import { fromExtensions } from "../extension";
-import { GoTo, type GoToDeps } from "../measure/go-to";
-import { MeasurePanel } from "../measure/measure-panel";
+import { fromExtensions, Slot } from "../extension";
 import { placesOf } from "../plots/markers";
 import { mountStack } from "../plots/plot-stack";
+import type { UnderPlots } from "../plots/under-plots";
 import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
 import { PanelHost } from "../ui/panel-host";
@@ -103,8 +102,7 @@ function Centre({ app }: { readonly app: App }) {
       mountPlots={(host) => mountStack(host, app)}
       under={
         <>
-          <GoTo key={device.id} deps={goToDeps(app)} />
-          <MeasurePanel deps={app} />
+          <Slot key={device.id} name="underPlots" with={underPlots(app)} />
           {app.viewState.yAxisForm.value && <YAxisDialog viewState={app.viewState} />}
         </>
       }
@@ -116,7 +114,7 @@ function Centre({ app }: { readonly app: App }) {
   );
 }
 
-function goToDeps({ store, viewState }: App): GoToDeps {
+function underPlots({ store, viewState }: App): UnderPlots {
   const device = (): string => viewState.view.peek().device ?? "";
   return {
     viewState,

@@ -81,8 +81,6 @@ export const COMMON = {
   keyPacket: "Show the bytes of the sample at the cursor",
   keyMeasure: "Measure between cursors A and B",
   keyStepMeasure: "Cursor B back or forward one sample",
-  keyGoTo: "Go to a time, or to where a condition is true",
-  keyPlace: "Next or previous event, marker, gap or place of that condition",
   keySpan: "Shorter or longer window",
   keyZoom: "Zoom in or out",
   keyFit: "Show everything in memory",

@@ -5,7 +5,7 @@
  * place (`event.code`), because with Shift they type something else on every layout. A key with Ctrl, Alt or Meta belongs to
  * the browser and is left alone.
  */
-import { type ExtensionKey, fromExtensions } from "../extension";
+import { type ExtensionPress, fromExtensions } from "../extension";
 import { COMMON } from "../texts/common";
 
 export type KeyAction =
@@ -25,14 +25,12 @@ export type KeyAction =
         | "packet"
         | "signals"
         | "measure"
-        | "goTo"
         | "close";
     }
-  | { readonly do: "extension"; readonly press: ExtensionKey["press"] }
+  | { readonly do: "extension"; readonly press: (at: Omit<ExtensionPress, "isShifted">) => void }
   | { readonly do: "pan"; readonly windows: number }
   | { readonly do: "step"; readonly samples: number }
   | { readonly do: "stepMeasure"; readonly samples: number }
-  | { readonly do: "place"; readonly forward: boolean }
   | { readonly do: "span"; readonly longer: boolean }
   | { readonly do: "zoom"; readonly factor: number }
   | { readonly do: "series"; readonly index: number; readonly alone: boolean };
@@ -75,8 +73,6 @@ const GROUPS: readonly KeyGroup[] = [
       { keys: ["F"], what: COMMON.keyFit },
       { keys: ["Home", "End"], what: COMMON.keyStartNow },
       { keys: ["T"], what: COMMON.keyTimeBase },
-      { keys: ["J"], what: COMMON.keyGoTo },
-      { keys: ["N", "Shift N"], what: COMMON.keyPlace },
       { keys: ["L"], what: COMMON.keyLoop },
     ],
   },
@@ -121,10 +117,12 @@ const GROUPS: readonly KeyGroup[] = [
 /** What the list of keys prints: the keys of the page, and those of its extensions among them. */
 export function keyGroups(): readonly KeyGroup[] {
   const groups = GROUPS.map(({ title, lines }) => ({ title, lines: [...lines] }));
-  for (const { key, group, before, what } of fromExtensions("keys")) {
+  for (const { key, group, before, what, withShift } of fromExtensions("keys")) {
     const lines = groups.find(({ title }) => title === group)?.lines ?? [];
     const place = lines.findIndex(({ keys }) => before !== undefined && keys.includes(before));
-    lines.splice(place < 0 ? lines.length : place, 0, { keys: [key.toUpperCase()], what });
+    const letter = key.toUpperCase();
+    const keys = withShift ? [letter, `Shift ${letter}`] : [letter];
+    lines.splice(place < 0 ? lines.length : place, 0, { keys, what });
   }
   return groups;
 }
@@ -146,7 +144,6 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   c: { do: "link" },
   s: { do: "signals" },
   b: { do: "measure" },
-  j: { do: "goTo" },
   p: { do: "packet" },
   "?": { do: "help" },
   escape: { do: "close" },
@@ -160,7 +157,6 @@ export function actionFor(press: KeyPress): KeyAction | undefined {
     return { do: "pan", windows: (key === "arrowleft" ? -1 : 1) * (press.shiftKey ? 1 : 0.1) };
   }
   if (key === "r") return { do: press.shiftKey ? "record" : "askRecord" };
-  if (key === "n") return { do: "place", forward: !press.shiftKey };
   if (key === "m") return { do: press.shiftKey ? "note" : "mark" };
   // with Shift they type something else on every layout
   const side = press.code === "Comma" ? -1 : press.code === "Period" ? 1 : 0;
@@ -168,7 +164,9 @@ export function actionFor(press: KeyPress): KeyAction | undefined {
   const digit = /^(?:Digit|Numpad)([1-9])$/.exec(press.code);
   if (digit) return { do: "series", index: Number(digit[1]) - 1, alone: press.shiftKey };
   const added = fromExtensions("keys").find((one) => one.key === key);
-  return SIMPLE[key] ?? (added && { do: "extension", press: added.press });
+  return (
+    SIMPLE[key] ?? (added && { do: "extension", press: (at) => added.press({ ...at, isShifted: press.shiftKey }) })
+  );
 }
 
 /** The window lengths of the menu, in seconds; `[` and `]` step through them. */

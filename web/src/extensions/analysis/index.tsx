@@ -26,7 +26,7 @@ const AnalysisDialog = late(async () => (await import("./dialog")).AnalysisDialo
 
 const open = (app: App): void => void (app.overlay.value = "analysis/dialog");
 
-function compare({ app, recording }: ExtensionPress): void {
+function compare({ app, recording }: Omit<ExtensionPress, "isShifted">): void {
   if (recording) {
     const { viewState, detail } = recording.replay;
     compareView(viewState, viewState.view.peek().device ?? "", detail.info.id);

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import type { ViewState } from "../../data/view-state";
-import type { FigureSource } from "../../measure/server-figures";
+import type { FigureSource } from "../../measure/figure-source";
 import { server } from "../../recordings/api";
 import { Dialog } from "../../ui/dialog";
 import type { Problem } from "../../ui/http";

@@ -1,6 +1,6 @@
 /** Evidence of Live: what is in memory becomes a recording, of which the file is made. */
 import { useSignal } from "@preact/signals";
-import type { FigureSource } from "../../measure/server-figures";
+import type { FigureSource } from "../../measure/figure-source";
 import { server } from "../../recordings/api";
 import type { Problem } from "../../ui/http";
 import type { LiveDialogProps } from "../../extension";

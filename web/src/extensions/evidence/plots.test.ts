@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { ViewState } from "../../data/view-state";
-import type { FigureSource } from "../../measure/server-figures";
+import type { FigureSource } from "../../measure/figure-source";
 import type { PlotSpec } from "../../plots/plot-selection";
 import { evidencePlots } from "./plots";
 

@@ -1,6 +1,6 @@
 /** The plots on screen as evidence asks for them. */
-import { byUnit, visible } from "../../measure/panel";
-import { type FigureSource, wantedOf } from "../../measure/server-figures";
+import { byUnit, visible } from "../../plots/visible-plots";
+import { type FigureSource, wantedOf } from "../../measure/figure-source";
 import type { ViewState } from "../../data/view-state";
 import { labelOf } from "../../plots/plot-selection";
 import type { EvidencePlot, EvidenceSeries } from "../../wire/routes";

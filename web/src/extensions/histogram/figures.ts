@@ -1,5 +1,5 @@
 /** A histogram as displayed, from the figures of the server. */
-import type { Wanted } from "../../measure/server-figures";
+import type { Wanted } from "../../measure/figure-source";
 import { valueOf } from "../../data/frames";
 import type { SignalFigures } from "../../wire/routes";
 

@@ -9,7 +9,7 @@ import { colourOf } from "../../charts/curve-colours";
 import type { HistogramChoice } from "../../data/view-state";
 import { LatestAnswer } from "../../measure/latest-answer";
 import { liveSource } from "../../measure/sample-access";
-import { type FigureSource, type Wanted, wantedOf } from "../../measure/server-figures";
+import { type FigureSource, type Wanted, wantedOf } from "../../measure/figure-source";
 import { channelsOf, type Deps } from "../../panels/panel-context";
 import { type Found, unitOf } from "../../signals/custom-plots";
 import { type Panel, throttle } from "../../ui/dom";

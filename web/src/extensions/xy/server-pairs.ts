@@ -1,7 +1,7 @@
 /** Pairs from the server, for a range of which the page holds only some of the samples. */
 import { valueOf } from "../../data/frames";
 import { LatestAnswer } from "../../measure/latest-answer";
-import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/server-figures";
+import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import { type Found, unitOf } from "../../signals/custom-plots";
 import { type Outcome, type Problem, request } from "../../ui/http";
 import type { PairsInfo, PairsRequest } from "../../wire/routes";

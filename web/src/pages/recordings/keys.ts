@@ -68,12 +68,6 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
     case "stepMeasure":
       actions.stepMeasure(action.samples);
       return true;
-    case "goTo":
-      actions.openGoTo();
-      return true;
-    case "place":
-      actions.stepPlace(action.forward);
-      return true;
     case "packet":
       replay.playing.value = false;
       actions.bytes();

@@ -3,10 +3,9 @@ import { useEffect } from "preact/hooks";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
 import { fromExtensions, Slot } from "../../extension";
-import { GoTo, type GoToDeps } from "../../measure/go-to";
-import { MeasurePanel } from "../../measure/measure-panel";
 import { placesOf } from "../../plots/markers";
 import { mountStack } from "../../plots/plot-stack";
+import type { UnderPlots } from "../../plots/under-plots";
 import { readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
 import type { Deps } from "../../panels/panel-context";
@@ -122,8 +121,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
       mountPlots={(host) => mountPlots(host, replay, deps)}
       under={
         <>
-          <GoTo deps={goToDeps(replay)} />
-          <MeasurePanel deps={{ viewState: replay.viewState, ...replay.samples }} />
+          <Slot name="underPlots" with={underPlots(replay)} />
           {replay.viewState.yAxisForm.value && <YAxisDialog viewState={replay.viewState} />}
         </>
       }
@@ -131,10 +129,11 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
   );
 }
 
-function goToDeps(replay: ReplayController): GoToDeps {
+function underPlots(replay: ReplayController): UnderPlots {
   const device = (): string => replay.viewState.view.peek().device ?? "";
   return {
     viewState: replay.viewState,
+    samples: replay.samples,
     source: () => replay.detail.info.id,
     places(kind) {
       if (kind === "marker") return replay.markers.peek().map(({ time }) => time);

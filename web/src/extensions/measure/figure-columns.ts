@@ -1,9 +1,9 @@
 /** The columns of the measuring table: keys, units and number formats, for the page, for text and for CSV. */
-import { figure } from "../charts/axes";
-import { number } from "../ui/format";
-import type { RangeFigures } from "../data/range-figures";
+import { figure } from "../../charts/axes";
+import { number } from "../../ui/format";
+import type { RangeFigures } from "./range-figures";
 import { timesSeconds } from "./units";
-import { TEXT } from "../texts/measure";
+import { TEXT } from "./texts";
 
 export type FigureKey = "a" | "b" | "delta" | keyof RangeFigures;
 export type Figures = Readonly<Record<FigureKey, number>>;

@@ -3,32 +3,24 @@
  * The server looks for conditions: over a whole recording, or over what it has of a live device in memory.
  */
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import type { Destination, GoToBar, ViewState } from "../data/view-state";
-import { day, duration } from "../plots/axis";
-import { clock } from "../ui/format";
-import { type Problem, request } from "../ui/http";
-import { IconButton } from "../ui/icon-button";
-import { Icon } from "../ui/icons";
-import { Message } from "../ui/message";
-import type { SignalFigures } from "../wire/routes";
+import { day, duration } from "../../plots/axis";
+import { clock } from "../../ui/format";
+import { type Problem, request } from "../../ui/http";
+import { IconButton } from "../../ui/icon-button";
+import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
+import type { SignalFigures } from "../../wire/routes";
 import { mistakeIn, momentOf, neighbour } from "./moment";
-import { TEXT } from "../texts/go-to";
-import "./measure.css";
-
-export interface GoToDeps {
-  readonly viewState: ViewState;
-  /** Id of the recording, or of the live device. */
-  readonly source: () => string;
-  /** Times of the places of a kind, unix s, for the selected device. */
-  readonly places: (kind: "event" | "marker" | "gap") => readonly number[];
-  /** Called before the view goes somewhere. */
-  readonly halt?: () => void;
-}
+import type { UnderPlots } from "../../plots/under-plots";
+import { type Destination, type GoToBar, stateOf } from "./state";
+import { TEXT } from "./texts";
+import "./go-to.css";
 
 const KINDS: readonly Destination[] = ["sample", "event", "marker", "gap", "condition"];
 
-export function GoTo({ deps }: { readonly deps: GoToDeps }) {
-  const { goTo, actions } = deps.viewState;
+export function GoTo({ deps }: { readonly deps: UnderPlots }) {
+  const { actions } = deps.viewState;
+  const { bar: goTo, steps } = stateOf(deps.viewState);
   // of the view: the page of a recording is made anew when more of it has been decoded
   const say = (said: GoToBar["said"]): void => {
     goTo.value = { ...goTo.peek(), said };
@@ -88,7 +80,10 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
     say({ words: TEXT.at(clock(at, 3)) });
   };
   // biome-ignore lint/correctness/useExhaustiveDependencies: a view has one bar
-  useEffect(() => actions.attachSteps(step), []);
+  useEffect(() => {
+    steps.go = step;
+    return () => (steps.go = () => undefined);
+  }, []);
   const { isOpen, text, kind, said } = goTo.value;
   const isTyped = useRef(isOpen);
   // before the next key: what is typed at once belongs to the input, not to the page
@@ -169,12 +164,12 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
 }
 
 /** Where the next and the previous place are counted from. */
-function reference({ viewState: { actions } }: GoToDeps): number {
+function reference({ viewState: { actions } }: UnderPlots): number {
   return actions.cursorTime() ?? actions.rightEdge();
 }
 
 /** Whether the live edge is where places are counted from. */
-function isNow({ viewState: { actions, view } }: GoToDeps): boolean {
+function isNow({ viewState: { actions, view } }: UnderPlots): boolean {
   return view.peek().live && actions.cursorTime() === undefined;
 }
 
@@ -197,7 +192,7 @@ async function placeOf(
   text: string,
   from: number,
   forward: boolean,
-  { viewState, source }: GoToDeps,
+  { viewState, source }: UnderPlots,
 ): Promise<Place | { readonly problem: Problem }> {
   const { device, timeBase: base } = viewState.view.peek();
   const options = { [forward ? "after" : "before"]: from, order: forward ? "ascending" : "descending", limit: 1 };

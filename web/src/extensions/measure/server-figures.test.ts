@@ -1,12 +1,13 @@
 import { expect, it, vi } from "vitest";
-import { changeOf } from "../data/frames";
-import { Ring } from "../data/ring-buffer";
-import type { Series } from "../plots/plot-selection";
-import { CHANNELS } from "../plots/synthetic";
-import type { Problem } from "../ui/http";
-import type { AnalysisRequest } from "../wire/routes";
-import type { ChannelInfo } from "../wire/types";
-import { displayed, type FigureSource, ServerFigures, wantedOf } from "./server-figures";
+import { changeOf } from "../../data/frames";
+import { Ring } from "../../data/ring-buffer";
+import type { Series } from "../../plots/plot-selection";
+import { CHANNELS } from "../../plots/synthetic";
+import type { Problem } from "../../ui/http";
+import type { AnalysisRequest } from "../../wire/routes";
+import type { ChannelInfo } from "../../wire/types";
+import { type FigureSource, wantedOf } from "../../measure/figure-source";
+import { displayed, ServerFigures } from "./server-figures";
 
 const acceleration = CHANNELS.find(({ kind }) => kind === "vector")!;
 const angles: ChannelInfo = {

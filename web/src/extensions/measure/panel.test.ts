@@ -1,12 +1,12 @@
 // @vitest-environment happy-dom
 /** The measuring table over recorded samples: what it shows, what it copies, and what it asks the server. */
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { Store } from "../data/store";
-import { createViewState, type ViewState } from "../data/view-state";
-import { mountStack } from "../plots/plot-stack";
-import { giveSizes } from "../testing/live-page";
-import { answering, feed, recorded } from "../testing/recorded";
-import type { Panel } from "../ui/dom";
+import { Store } from "../../data/store";
+import { createViewState, type ViewState } from "../../data/view-state";
+import { mountStack } from "../../plots/plot-stack";
+import { giveSizes } from "../../testing/live-page";
+import { answering, feed, recorded } from "../../testing/recorded";
+import type { Panel } from "../../ui/dom";
 import { type MeasureDeps, mountMeasure } from "./panel";
 
 const known = recorded("xbus");

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { figuresOf, NO_FIGURES } from "./range-figures";
-import { Ring } from "./ring-buffer";
+import { Ring } from "../../data/ring-buffer";
 
 /** A ring with one column. */
 function ringOf(times: readonly number[], values: readonly number[], period = 0): Ring {

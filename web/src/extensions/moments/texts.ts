@@ -1,5 +1,5 @@
 /** Texts of going to a moment. */
-import { count, type Value } from "./plural";
+import { count, type Value } from "../../texts/plural";
 
 export const TEXT = {
   title: "Go to",
@@ -28,4 +28,6 @@ export const TEXT = {
   neverTrue: (forward: boolean) => `Not true ${forward ? "after" : "before"} this.`,
   outside: (first: Value, last: Value) => `The data are from ${first} to ${last} UTC.`,
   needsCondition: "Type a condition, for example norm(Acceleration) > 3 g.",
+  keyGoTo: "Go to a time, or to where a condition is true",
+  keyPlace: "Next or previous event, marker, gap or place of that condition",
 };

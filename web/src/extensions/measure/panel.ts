@@ -3,15 +3,16 @@
  * follow ten times a second; figures over the range are computed a little in every frame, once for each range, and are dimmed until
  * they are those of the range shown.
  */
-import { figuresOf, NO_FIGURES, type RangeFigures } from "../data/range-figures";
-import type { ViewState } from "../data/view-state";
-import { figure } from "../charts/axes";
-import { duration } from "../plots/axis";
-import { changeOf, valueAt } from "../plots/legend";
-import { labelOf, type PlotSpec, type Series } from "../plots/plot-selection";
-import { copyText } from "../ui/copy";
-import { el, LiveText, type Panel, throttle, unit } from "../ui/dom";
-import { NONE } from "../ui/format";
+import { figuresOf, NO_FIGURES, type RangeFigures } from "./range-figures";
+import type { ViewState } from "../../data/view-state";
+import { figure } from "../../charts/axes";
+import { duration } from "../../plots/axis";
+import { changeOf, valueAt } from "../../plots/legend";
+import { labelOf, type PlotSpec, type Series } from "../../plots/plot-selection";
+import { byUnit, visible } from "../../plots/visible-plots";
+import { copyText } from "../../ui/copy";
+import { el, LiveText, type Panel, throttle, unit } from "../../ui/dom";
+import { NONE } from "../../ui/format";
 import { CursorHandle } from "./cursor-handle";
 import {
   csvOf,
@@ -23,11 +24,12 @@ import {
   textOf,
   unitOf,
 } from "./figure-columns";
-import type { SampleAccess } from "./sample-access";
-import { type MeasuredRange, ServerFigures } from "./server-figures";
-import { COMMON } from "../texts/common";
-import { TEXT as PACKETS } from "../texts/packets";
-import { TEXT } from "../texts/measure";
+import type { SampleAccess } from "../../measure/sample-access";
+import type { MeasuredRange } from "../../measure/figure-source";
+import { ServerFigures } from "./server-figures";
+import { COMMON } from "../../texts/common";
+import { TEXT as PACKETS } from "../../texts/packets";
+import { TEXT } from "./texts";
 import "./measure.css";
 
 /** By default the rings of the channels hold all samples. */
@@ -209,13 +211,6 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
   };
 }
 
-/** The plots with their series that are drawn. */
-export function visible(plots: readonly PlotSpec[], hidden: ReadonlySet<string>): readonly PlotSpec[] {
-  return plots
-    .map((plot) => ({ ...plot, series: plot.series.filter(({ key }) => !hidden.has(key)) }))
-    .filter(({ series }) => series.length > 0);
-}
-
 const keyOf = (plots: readonly PlotSpec[]): string =>
   plots
     .map(
@@ -233,17 +228,6 @@ function build(body: HTMLTableSectionElement, plots: readonly PlotSpec[]): Line[
     body.append(group);
     return plot.series.map((series) => lineOf(body, plot, series));
   });
-}
-
-/** A plot with two units as two, each with the key of its axis. */
-export function byUnit(plot: PlotSpec): readonly PlotSpec[] {
-  const { right, series } = plot;
-  const of = (isRight: boolean): readonly Series[] => series.filter((one) => (one.isRight === true) === isRight);
-  if (right === undefined) return [plot];
-  return [
-    { ...plot, series: of(false) },
-    { ...plot, key: right.key, unit: right.unit, series: of(true) },
-  ].filter((one) => one.series.length > 0);
 }
 
 function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): Line {

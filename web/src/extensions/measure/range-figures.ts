@@ -3,9 +3,9 @@
  * server/extensions/analysis/methods/statistics.py, so that both give the same numbers: samples with t0 ≤ t ≤ t1; an angle that wraps has a
  * circular mean and σ, is unwrapped for slope and peak to peak, and has no integral.
  */
-import type { Ring } from "./ring-buffer";
-import { statsOf } from "./statistics";
-import type { TimeBase } from "./view-state";
+import type { Ring } from "../../data/ring-buffer";
+import { statsOf } from "../../data/statistics";
+import type { TimeBase } from "../../data/view-state";
 
 export interface RangeFigures {
   readonly n: number;

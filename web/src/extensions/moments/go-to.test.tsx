@@ -2,9 +2,10 @@
 /** The bar that goes to a moment: times, places of each kind, and conditions with their mistakes. */
 import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { createViewState, type ViewState } from "../data/view-state";
-import { answering, type Answers, type Asked } from "../testing/recorded";
+import { createViewState, type ViewState } from "../../data/view-state";
+import { answering, type Answers, type Asked } from "../../testing/recorded";
 import { GoTo } from "./go-to";
+import { openGoTo, stateOf, stepPlace } from "./state";
 
 const START = Date.UTC(2025, 9, 9, 8, 53, 20) / 1000;
 const ROUTE = "POST /api/analysis/intervals";
@@ -35,7 +36,7 @@ function open(answers: Answers = {}): readonly Asked[] {
   const places = { event: [START + 5, START + 50], marker: [START + 7], gap: [] };
   const deps = { viewState: state, source: () => "yard", places: (kind: keyof typeof places) => places[kind] };
   render(<GoTo deps={{ ...deps, halt: () => void (halted += 1) }} />);
-  state.actions.openGoTo();
+  openGoTo(state);
   return asked;
 }
 const input = () => screen.findByRole<HTMLInputElement>("textbox");
@@ -82,8 +83,8 @@ it("goes to the newest place where nothing can come after now", async () => {
   expect(at()).toBe(90);
   state.actions.unpin();
   state.actions.live();
-  state.goTo.value = { ...state.goTo.peek(), kind: "event" };
-  state.actions.stepPlace(true);
+  stateOf(state).bar.value = { ...stateOf(state).bar.peek(), kind: "event" };
+  stepPlace(state, true);
   expect(at()).toBe(50);
 });
 
@@ -91,12 +92,12 @@ it("goes to the next and previous place of a kind", async () => {
   open();
   state.actions.pin(START + 6);
   await input();
-  state.actions.stepPlace(true);
+  stepPlace(state, true);
   expect(at()).toBe(50);
-  state.actions.stepPlace(true);
+  stepPlace(state, true);
   await vi.waitFor(() => expect(said()).toBe("No event after this."));
   fireEvent.change(screen.getByRole("combobox"), { target: { value: "marker" } });
-  state.actions.stepPlace(false);
+  stepPlace(state, false);
   expect(at()).toBe(7);
   fireEvent.change(screen.getByRole("combobox"), { target: { value: "sample" } });
   fireEvent.click(screen.getByRole("button", { name: "Next (N)" }));
@@ -117,7 +118,7 @@ it("goes to where a condition is true, after and before the cursor", async () =>
   await type("norm(acc) > 3 g", { shiftKey: true });
   await vi.waitFor(() => expect(asked.length).toBe(2));
   expect(asked[1]?.body).toMatchObject({ options: { before: START + 30, order: "descending" } });
-  expect(state.goTo.peek().kind).toBe("condition");
+  expect(stateOf(state).bar.peek().kind).toBe("condition");
 });
 
 it("marks a mistake where it is", async () => {
