@@ -28,6 +28,13 @@ export interface DeviceActionProps {
   readonly device: DeviceInfo;
 }
 
+interface SignalsProps {
+  readonly deps: Deps;
+  readonly isLive: boolean;
+  /** Takes the last action, in words. */
+  readonly onSaid: (words: string) => void;
+}
+
 /** Places for views of extensions, with the properties that a view gets there. */
 export interface Slots {
   /** Bands over every page. */
@@ -41,7 +48,9 @@ export interface Slots {
   /** In the row of a device in that list, under its facts. */
   readonly deviceRow: DeviceActionProps;
   /** Actions of the row that is chosen in the tree of signals. */
-  readonly signalActions: { readonly deps: Deps; readonly row: TreeRow };
+  readonly signalActions: SignalsProps & { readonly row: TreeRow };
+  /** Actions over the tree of signals. */
+  readonly signalsHead: SignalsProps;
   /** Under the plots of Live or of an open recording. */
   readonly underPlots: UnderPlots;
   /** Under the stored workspaces: what the last one brought besides the view. */

@@ -10,17 +10,12 @@ import { Slot } from "../extension";
 import { type Deps, reading } from "../panels/panel-context";
 import { protocolAmong } from "../wire/capabilities";
 import { type PlotSpec, plotsOf } from "../plots/plot-selection";
-import { request } from "../ui/http";
 import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
-import type { ComputedSignal } from "../wire/routes";
-import type { ChannelInfo } from "../wire/types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/signals";
 import { added, heldOf, misfit, refOf, removed, type Target, targetOf, unitOf, withCustomPlots } from "./custom-plots";
-import { isComputed } from "./completion";
 import { listenForDrops } from "./drag";
-import { NewSignal } from "./new-signal";
 import { Row } from "./row";
 import { parentOf, type TreeRow, treeRows } from "./tree-rows";
 import "./signals.css";
@@ -42,7 +37,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   const open = useSignal<ReadonlySet<string>>(new Set([view.peek().device ?? ""]));
   const current = useSignal("");
   const said = useSignal("");
-  const editing = useSignal<ComputedSignal | "new" | undefined>(undefined);
+  const onSaid = (text: string): void => void (said.value = text);
   const rows = useComputed(() => treeRows(store.devices.value, store.channels.value, open.value, search.value));
   const plots = useComputed(() => {
     const device = viewState.device.value;
@@ -65,14 +60,6 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
     said.value = TEXT.removedFrom(nameOf(row), plot.title);
   };
 
-  const made = (name: string, columns: readonly string[]): void => {
-    const isNew = editing.peek() === "new";
-    said.value = isNew ? TEXT.made(name) : TEXT.edited(name);
-    const device = view.peek().device ?? "";
-    if (!isNew) return;
-    const signals = columns.map((column) => ({ device, channel: name, column }));
-    customPlots.value = added(customPlots.peek(), { kind: "new" }, signals);
-  };
   const drop = useRef<(key: string, plot: string | undefined) => void>(() => undefined);
   drop.current = (key, plotKey) => {
     const row = rows.peek().find((one) => one.key === key);
@@ -108,12 +95,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
       <div class="head">
         <h2>{TEXT.signals}</h2>
         <span class="grow" />
-        {isLive && (
-          <button type="button" class="btn edge" onClick={() => (editing.value = "new")}>
-            <Icon name="plus" />
-            {TEXT.newSignal}
-          </button>
-        )}
+        <Slot name="signalsHead" with={{ deps, isLive, onSaid }} />
         <IconButton icon="close" label={COMMON.close} title={COMMON.closeEsc} onClick={onClose} />
       </div>
       <label class="field signal-search">
@@ -161,27 +143,11 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         onPut={put}
         onTakeOff={takeOff}
       >
-        {chosen.value && <Slot name="signalActions" with={{ deps, row: chosen.value }} />}
-        {isLive && chosen.value?.channel && isComputed(chosen.value.channel.info) && (
-          <Computed
-            deps={deps}
-            channel={chosen.value.channel.info}
-            onEdit={(signal) => (editing.value = signal)}
-            onSaid={(text) => (said.value = text)}
-          />
-        )}
+        {chosen.value && <Slot name="signalActions" with={{ deps, row: chosen.value, isLive, onSaid }} />}
       </Targets>
       <p class="signal-said" role="status">
         {said.value}
       </p>
-      {editing.value && (
-        <NewSignal
-          deps={deps}
-          signal={editing.value === "new" ? undefined : editing.value}
-          onClose={() => (editing.value = undefined)}
-          onMade={made}
-        />
-      )}
     </section>
   );
 }
@@ -277,40 +243,6 @@ function Targets({ row, plots, custom, device, onPut, onTakeOff, children }: Tar
       })}
       {children}
     </div>
-  );
-}
-
-interface ComputedProps {
-  readonly deps: Deps;
-  readonly channel: ChannelInfo;
-  readonly onEdit: (signal: ComputedSignal) => void;
-  readonly onSaid: (text: string) => void;
-}
-
-/** What can be done with a computed signal. */
-function Computed({ deps, channel: { device, name }, onEdit, onSaid }: ComputedProps) {
-  const edit = async (): Promise<void> => {
-    const outcome = await request("GET /api/devices/{device}/signals", { path: { device } });
-    const found = outcome.ok ? outcome.value.find((one) => one.name === name) : undefined;
-    if (found) onEdit(found);
-    else if (!outcome.ok) onSaid(outcome.problem.message);
-  };
-  const remove = async (): Promise<void> => {
-    const outcome = await request("DELETE /api/devices/{device}/signals/{name}", { path: { device, name } });
-    onSaid(outcome.ok ? TEXT.gone(name) : outcome.problem.message);
-    if (outcome.ok) deps.store.forgetChannel(device, name);
-  };
-  return (
-    <>
-      <span />
-      <button type="button" class="btn edge" onClick={() => void edit()}>
-        {TEXT.edit}
-      </button>
-      <button type="button" class="btn edge" onClick={() => void remove()}>
-        <Icon name="trash" />
-        {TEXT.remove}
-      </button>
-    </>
   );
 }
 

@@ -1,7 +1,7 @@
 /** The condition of a new alarm on a signal, with a limit from the cursor or from what the window holds. Pure. */
 import type { Reading } from "../../panels/cursor-time";
 import { sampleAt } from "../../panels/panel-context";
-import { quoted } from "../../signals/completion";
+import { quoted } from "../../signals/names";
 import type { TreeRow } from "../../signals/tree-rows";
 
 /** Samples that are looked at for a limit. */

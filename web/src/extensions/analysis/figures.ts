@@ -4,7 +4,7 @@ import type { Channel } from "../../data/channels";
 import type { ViewState } from "../../data/view-state";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { figure } from "../../charts/axes";
-import { isOfQuaternion } from "../../signals/completion";
+import { isOfQuaternion } from "../../signals/names";
 import type { Curve, Numbers } from "./chart";
 
 export type Name = "statistics" | "psd" | "spectrogram" | "allan";

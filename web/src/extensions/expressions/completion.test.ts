@@ -1,8 +1,9 @@
 /** Completion at the caret, and the place of a mistake. */
 import { expect, test } from "vitest";
-import type { Channel } from "../data/channels";
-import type { ExpressionWords, SignalFigures } from "../wire/routes";
-import { completionsAt, expressionNames, placeOf, quoted } from "./completion";
+import type { Channel } from "../../data/channels";
+import type { ExpressionWords, SignalFigures } from "../../wire/routes";
+import { quoted } from "../../signals/names";
+import { completionsAt, expressionNames, placeOf } from "./completion";
 import { columnsOf, usualName } from "./new-signal";
 
 const WORDS: ExpressionWords = {

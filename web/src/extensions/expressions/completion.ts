@@ -1,18 +1,11 @@
 /** Completion of an expression: what may stand at the caret, and where the server sees a mistake. */
-import type { Completion } from "../completion/use-completion";
-import type { Channel } from "../data/channels";
-import type { ExpressionWords } from "../wire/routes";
-import type { ChannelInfo } from "../wire/types";
-import { plottable } from "./custom-plots";
+import type { Completion } from "../../completion/use-completion";
+import type { Channel } from "../../data/channels";
+import type { ExpressionWords } from "../../wire/routes";
+import { plottable } from "../../signals/custom-plots";
+import { isComputed, isOfQuaternion, quoted } from "../../signals/names";
 
 const MOST = 8;
-const PLAIN = /^[\p{L}_]\w*(\.\w+)*$/u;
-
-/** A name as an expression has it: in quotation marks if it has spaces, signs or a device. */
-export function quoted(name: string): string {
-  return PLAIN.test(name) ? name : `"${name}"`;
-}
-
 /**
  * Signals that an expression may use: those of its device, but not itself, and those that other devices send. Of what the page derives
  * the server knows the Euler angles of a quaternion.
@@ -24,13 +17,6 @@ export function expressionNames(channels: readonly Channel[], device: string, se
   return [...namesOf(own, ""), ...others.flatMap((one) => namesOf([one], `${one.info.device}/`))];
 }
 
-/** Whether a channel is the Euler angles that the page derives from a quaternion. */
-export function isOfQuaternion({ info }: Channel, channels: readonly Channel[]): boolean {
-  return (
-    info.kind === "euler" && channels.some((one) => one.info.id === -1 - info.id && one.info.kind === "quaternion")
-  );
-}
-
 function namesOf(channels: readonly Channel[], prefix: string): readonly string[] {
   return channels.flatMap((channel) => {
     const { columns } = channel.info;
@@ -39,11 +25,6 @@ function namesOf(channels: readonly Channel[], prefix: string): readonly string[
     const plain = own.filter((column) => column.name !== "norm").map((column) => quoted(`${name}.${column.name}`));
     return own.length > 1 ? [quoted(name), ...plain] : [quoted(name)];
   });
-}
-
-/** Whether a channel is computed by an expression. */
-export function isComputed({ message }: Pick<ChannelInfo, "message">): boolean {
-  return message === "expression";
 }
 
 /** What may complete the word before the caret; after a number, units. */

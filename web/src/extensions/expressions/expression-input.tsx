@@ -1,11 +1,11 @@
 /** A field for an expression: completion of signals, functions and units at the caret, and the place of a mistake. */
 import type { Signal } from "@preact/signals";
 import { useCallback, useEffect, useRef } from "preact/hooks";
-import { CompletionList, completed } from "../completion/completion-list";
-import { useCompletion } from "../completion/use-completion";
+import { CompletionList, completed } from "../../completion/completion-list";
+import { useCompletion } from "../../completion/use-completion";
 import { completionsAt, placeOf } from "./completion";
-import type { ExpressionWords } from "../wire/routes";
-import { TEXT } from "../texts/signals";
+import type { ExpressionWords } from "../../wire/routes";
+import { TEXT } from "./texts";
 
 interface Props {
   readonly text: Signal<string>;

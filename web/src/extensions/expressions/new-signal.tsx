@@ -1,15 +1,17 @@
 /** The form of a computed signal: its expression with a preview of the last seconds, its name, and what is wrong with it. */
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Deps } from "../panels/panel-context";
-import { Dialog } from "../ui/dialog";
-import { type Problem, request } from "../ui/http";
-import { number } from "../ui/format";
-import type { ComputedSignal, ExpressionWords, SignalFigures } from "../wire/routes";
-import { TEXT } from "../texts/signals";
+import type { Deps } from "../../panels/panel-context";
+import { Dialog } from "../../ui/dialog";
+import { type Problem, request } from "../../ui/http";
+import { number } from "../../ui/format";
+import type { ComputedSignal, ExpressionWords, SignalFigures } from "../../wire/routes";
+import { TEXT as SIGNALS } from "../../texts/signals";
 import { expressionNames } from "./completion";
 import { ExpressionInput } from "./expression-input";
-import { sparkPath } from "./tree-rows";
+import { sparkPath } from "../../signals/tree-rows";
+import "./expressions.css";
+import { TEXT } from "./texts";
 
 /** Pause after typing, ms. */
 const TYPED_MS = 250;
@@ -168,7 +170,7 @@ function Preview({ figures }: { readonly figures: readonly SignalFigures[] }) {
                   .slice(0, FIRST)
                   .map((one) => number(one ?? NaN, 4))
                   .join("  ")}{" "}
-                … <b class="unit">{unit || TEXT.noUnit}</b>
+                … <b class="unit">{unit || SIGNALS.noUnit}</b>
               </span>
             ))}
       </p>

@@ -1,0 +1,22 @@
+/** Signals by the names that the server knows them by. Pure. */
+import type { Channel } from "../data/channels";
+import type { ChannelInfo } from "../wire/types";
+
+const PLAIN = /^[\p{L}_]\w*(\.\w+)*$/u;
+
+/** A name as an expression has it: in quotation marks if it has spaces, signs or a device. */
+export function quoted(name: string): string {
+  return PLAIN.test(name) ? name : `"${name}"`;
+}
+
+/** Whether a channel is the Euler angles that the page derives from a quaternion. */
+export function isOfQuaternion({ info }: Channel, channels: readonly Channel[]): boolean {
+  return (
+    info.kind === "euler" && channels.some((one) => one.info.id === -1 - info.id && one.info.kind === "quaternion")
+  );
+}
+
+/** Whether a channel is computed by an expression. */
+export function isComputed({ message }: Pick<ChannelInfo, "message">): boolean {
+  return message === "expression";
+}
