@@ -40,7 +40,7 @@ class LinkAccess:
 
     Args:
         link: closed.
-        listeners: are passed what is sent.
+        listeners: receive the sent bytes.
         reader: stops and starts while the link is opened again.
         pipeline: decodes the bytes of the link.
         devices: on the link.
