@@ -1,6 +1,7 @@
 """Public names for plug-ins, by what they are for. See plugin.py."""
 
 # Version of these names.
+from imuscope.protocols import rotations as rotations
 from imuscope.protocols.composer import ProtocolComposer as ProtocolComposer
 from imuscope.protocols.decode_options import DecodeOption as DecodeOption
 from imuscope.protocols.editor_choices import RateTable as RateTable

@@ -18,7 +18,7 @@ import numpy as np
 from foxglove.messages import FrameTransform, LocationFix, Log, LogLevel, Quaternion, Timestamp, Vector3
 from numpy.typing import NDArray
 
-from imuscope.recordings.rotations import ENU_FROM, READ, multiply
+from imuscope.protocols.rotations import ENU_FROM, multiply, quaternions
 from imuscope.recordings.rrd.entities import Attitude, PositionEntity
 from imuscope.recordings.rrd.enu import is_place
 
@@ -42,13 +42,12 @@ def transforms(name: str, attitude: Attitude, columns: Sequence[Array], times: T
         columns: of the attitude's channel, (n,) each.
         times: (n,) ns since 1970.
     """
-    read, turn = READ[attitude.kind], ENU_FROM[attitude.frame]
-    rows = zip(*(column.tolist() for column in columns), strict=True)
+    turn = ENU_FROM[attitude.frame]
+    rows = quaternions(attitude.kind, columns).tolist()
     for number, (time, row) in enumerate(zip(times.tolist(), rows, strict=True)):
-        q = read(row)
-        if q is None:
+        if row[0] != row[0]:  # NaN
             continue
-        w, x, y, z = multiply(turn, q)
+        w, x, y, z = multiply(turn, row)
         message = FrameTransform(
             timestamp=stamp(time),
             parent_frame_id=WORLD,

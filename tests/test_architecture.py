@@ -144,6 +144,9 @@ ONE_PLACE = {
     "recordings/atomic_write.py": r"\bos\.replace\(|\baside\.replace\(",
     "server/workers.py": r"create_subprocess_|\bmultiprocessing\b|\bsubprocess\.(Popen|run|call|check_\w+)\(",
     "server/limiters.py": r"[+] \(?(now|\w+\.monotonic\(\)) - [\w.]+\)? \* [\w.]*(rate|per_s)|, now - \w*BURST",
+    # a product of quaternions, a rotation matrix, ZYX angles to a quaternion and back
+    "protocols/rotations.py": r"\b\w+ \* \w+ - \w+ \* \w+ - \w+ \* \w+ - |\b1 - (2|s) \* \(?\w+ ?(\*|\*\*)|"
+    r"\bc\w* \* [cs]\w* \* [cs]\w*\b [+-]|spatial\.transform|arcsin\(np\.clip\(",
     "server/backoff.py": r"min\(2 \* \w*(\.\w*)?(pause|retry|again|next)",
 }
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols import rotations
 from imuscope.protocols.idtp.frames import MODES, SAFETY, SECURE, build
 from imuscope.protocols.idtp.messages import ACCELERATION, BY_NAME, FIELD, PRESSURE, QUATERNION, RATE
 from imuscope.protocols.schema import Message
@@ -200,7 +201,7 @@ def _pressure(stream: _SimulatedStream, truth: trajectory.MotionState, first: in
 
 def _attitude(stream: _SimulatedStream, truth: trajectory.MotionState, first: int) -> Array:
     angles = stream.noise("q", trajectory.ATTITUDE, first, len(truth.t))
-    return trajectory.multiply(truth.q_enu_from_body_wxyz, trajectory.quaternion(angles))
+    return rotations.product(truth.q_enu_from_body_wxyz, rotations.of_euler(angles))
 
 
 _MEASURE: Mapping[str, Callable[[_SimulatedStream, trajectory.MotionState, int], Array]] = {

@@ -8,13 +8,21 @@ Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t; ISB document, "S
 
 from __future__ import annotations
 
-from imuscope.protocols.mounting import Floats, MountingSetting, frame_angles
+import numpy as np
+
+from imuscope.protocols.mounting import Floats, MountingSetting
+from imuscope.protocols.rotations import euler_columns
 from imuscope.protocols.transactions import Values
 
 
 def _values(matrix: Floats, present: Values) -> Values:
     del present
     return {"insRotation": frame_angles(matrix).tolist()}
+
+
+def frame_angles(matrix: Floats) -> Floats:
+    """Angles about x, y, z, rad, that turn the frame of a vector, about z first, into that of matrix · vector."""
+    return np.radians(euler_columns(list(matrix.T.ravel())))
 
 
 MOUNTING = MountingSetting(

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols import rotations
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.family import SimulatorOption
 from imuscope.protocols.simulator.trajectory import Array, Floats, MotionState
@@ -71,14 +72,14 @@ class SensorSetup:
             return motion
         q = self.q_vehicle_from_sensor
         turn = np.broadcast_to(q, (len(motion.t), 4))
-        attitude = trajectory.multiply(motion.q_enu_from_body_wxyz, q)
+        attitude = rotations.product(motion.q_enu_from_body_wxyz, q)
         return replace(
             motion,
-            euler=trajectory.euler(attitude),
+            euler=rotations.euler_of(attitude),
             q_enu_from_body_wxyz=attitude,
-            rate=trajectory.to_body(turn, motion.rate),
-            force=trajectory.to_body(turn, motion.force),
-            field=trajectory.to_body(turn, motion.field),
+            rate=rotations.to_body(turn, motion.rate),
+            force=rotations.to_body(turn, motion.force),
+            field=rotations.to_body(turn, motion.field),
         )
 
     @property
@@ -161,7 +162,7 @@ def _straight(t: Array) -> MotionState:
         acceleration += sign * _SPEED / _CHANGE_S * (1 - np.cos(2 * np.pi * share))
     ahead = np.array([np.cos(np.radians(30.0)), np.sin(np.radians(30.0)), 0.0])
     moved = np.outer(acceleration, ahead)
-    force = trajectory.to_body(still.q_enu_from_body_wxyz, moved + np.array([0.0, 0.0, trajectory.GRAVITY]))
+    force = rotations.to_body(still.q_enu_from_body_wxyz, moved + np.array([0.0, 0.0, trajectory.GRAVITY]))
     return replace(still, velocity=np.outer(speed, ahead), acceleration=moved, force=force)
 
 
@@ -170,7 +171,7 @@ def _turned(t: Floats, angles: Callable[[Floats], Floats]) -> MotionState:
     q = _attitude(angles(t))
     ahead, behind = _attitude(angles(t + _STEP_S)), _attitude(angles(t - _STEP_S))
     back = behind * [1.0, -1.0, -1.0, -1.0]
-    step = trajectory.multiply(back, ahead)
+    step = rotations.product(back, ahead)
     step = step * np.where(step[:, :1] < 0, -1.0, 1.0)
     rate = step[:, 1:] / _STEP_S  # twice the half angle over twice the step
     still = np.zeros((len(t), 3))
@@ -181,11 +182,11 @@ def _turned(t: Floats, angles: Callable[[Floats], Floats]) -> MotionState:
         still,
         still,
         still,
-        trajectory.euler(q),
+        rotations.euler_of(q),
         q,
         rate,
-        trajectory.to_body(q, up),
-        trajectory.to_body(q, field),
+        rotations.to_body(q, up),
+        rotations.to_body(q, field),
     )
 
 
@@ -197,7 +198,7 @@ def _attitude(angles: Floats) -> Floats:
         half = np.zeros((len(angles), 4))
         half[:, 0] = np.cos(angles[:, axis] / 2)
         half[:, 1 + axis] = np.sin(angles[:, axis] / 2)
-        q = trajectory.multiply(q, half)
+        q = rotations.product(q, half)
     return q
 
 

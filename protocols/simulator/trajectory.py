@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.euler import euler_columns
+from imuscope.protocols.rotations import of_euler, side_by_side, to_body
 
 Floats = NDArray[np.float64]
 Array = NDArray[Any]
@@ -103,7 +103,7 @@ def vehicle_motion(t: Array) -> MotionState:
     turn = ahead - behind
     turn[:, 2] = np.remainder(turn[:, 2] + np.pi, 2 * np.pi) - np.pi
     rate = _body_rate(euler, turn / (2 * _STEP_S))
-    q = quaternion(euler)
+    q = of_euler(euler)
     force = to_body(q, acceleration + np.array([0.0, 0.0, GRAVITY]))
     return MotionState(
         t, position, velocity, acceleration, euler, q, rate, force, to_body(q, np.broadcast_to(FIELD_ENU, (len(t), 3)))
@@ -130,9 +130,9 @@ def _progress(t: Floats) -> tuple[Floats, Floats, Floats]:
 def _path(t: Floats) -> tuple[Floats, Floats, Floats]:
     """Position, velocity and acceleration, each (n, 3) ENU."""
     s, s1, s2 = _progress(t)
-    place = _columns(EAST_M * np.sin(s), NORTH_M * np.sin(2 * s), HILL_M * (1 - np.cos(s)))
+    place = side_by_side(EAST_M * np.sin(s), NORTH_M * np.sin(2 * s), HILL_M * (1 - np.cos(s)))
     first = _tangent(s)
-    second = _columns(-EAST_M * np.sin(s), -4 * NORTH_M * np.sin(2 * s), HILL_M * np.cos(s))
+    second = side_by_side(-EAST_M * np.sin(s), -4 * NORTH_M * np.sin(2 * s), HILL_M * np.cos(s))
     velocity = first * s1[:, None]
     acceleration = second * s1[:, None] ** 2 + first * s2[:, None]
     w = 2 * np.pi * ENGINE_HZ
@@ -151,7 +151,7 @@ def _pothole(t: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _tangent(s: Floats) -> Floats:
-    return _columns(EAST_M * np.cos(s), 2 * NORTH_M * np.cos(2 * s), HILL_M * np.sin(s))
+    return side_by_side(EAST_M * np.cos(s), 2 * NORTH_M * np.cos(2 * s), HILL_M * np.sin(s))
 
 
 def _attitude(t: Floats) -> Floats:
@@ -165,73 +165,18 @@ def _attitude(t: Floats) -> Floats:
     forward = flat * s2 + (x1 * x2 + y1 * y2) / flat * s1**2
     leftward = (x1 * y2 - y1 * x2) / flat * s1**2
     pitch = -np.arctan2(along[:, 2], flat) - LEAN_PITCH * forward
-    return _columns(LEAN_ROLL * leftward, pitch, yaw)
+    return side_by_side(LEAN_ROLL * leftward, pitch, yaw)
 
 
 def _body_rate(euler: Floats, slope: Floats) -> Floats:
     """Rate of turn in the body, (n, 3) rad/s, from ZYX angles and their derivatives."""
     roll, pitch = euler[:, 0], euler[:, 1]
     d_roll, d_pitch, d_yaw = slope.T
-    return _columns(
+    return side_by_side(
         d_roll - d_yaw * np.sin(pitch),
         d_pitch * np.cos(roll) + d_yaw * np.cos(pitch) * np.sin(roll),
         -d_pitch * np.sin(roll) + d_yaw * np.cos(pitch) * np.cos(roll),
     )
-
-
-def _columns(*columns: Floats) -> Floats:
-    """Columns side by side on the last axis: np.stack, which takes longer than the arithmetic on a few samples."""
-    stacked = np.empty((*columns[0].shape, len(columns)))
-    for i, column in enumerate(columns):
-        stacked[..., i] = column
-    return stacked
-
-
-# -- rotations ---------------------------------------------------------------------------------------------------------
-
-
-def quaternion(euler: Floats) -> Floats:
-    """Unit quaternions, (n, 4) scalar first, of roll, pitch and yaw, (n, 3) rad (ZYX)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(euler.T / 2), np.sin(euler.T / 2)
-    return _columns(
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
-def multiply(p: Array, q: Array) -> Floats:
-    """Hamilton product, (n, 4) scalar first; either may be one quaternion."""
-    p, q = np.asarray(p, dtype=np.float64), np.asarray(q, dtype=np.float64)
-    (pw, px, py, pz), (qw, qx, qy, qz) = p.T, q.T
-    return _columns(
-        pw * qw - px * qx - py * qy - pz * qz,
-        pw * qx + px * qw + py * qz - pz * qy,
-        pw * qy - px * qz + py * qw + pz * qx,
-        pw * qz + px * qy - py * qx + pz * qw,
-    )
-
-
-def matrix(q: Array) -> Floats:
-    """Rotation matrices, (n, 3, 3), of unit quaternions, (n, 4)."""
-    w, x, y, z = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
-
-
-def euler(q: Array) -> Floats:
-    """Roll, pitch and yaw (ZYX), (n, 3) rad, of unit quaternions, (n, 4), as everywhere (protocols/euler.py)."""
-    return np.radians(_columns(*euler_columns(list(np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)))))
-
-
-def to_body(q_enu_from_body: Array, v: Array) -> Floats:
-    """Vectors, (n, 3), from ENU into the body."""
-    return np.asarray(np.einsum("nji,nj->ni", matrix(q_enu_from_body), v))
 
 
 # -- the place on Earth ------------------------------------------------------------------------------------------------
@@ -245,7 +190,7 @@ def geodetic(position: Floats) -> Floats:
     sine = np.sin(np.radians(latitude))
     w = np.sqrt(1 - _E2 * sine**2)
     meridian, prime = _A * (1 - _E2) / w**3, _A / w
-    return _columns(
+    return side_by_side(
         latitude + np.degrees(position[:, 1] / (meridian + height)),
         longitude + np.degrees(position[:, 0] / ((prime + height) * np.cos(np.radians(latitude)))),
         height + position[:, 2],
@@ -256,7 +201,7 @@ def ecef(place: Floats) -> Floats:
     """Earth-centred coordinates, (n, 3) m, of latitude °, longitude °, height m."""
     latitude, longitude, height = np.radians(place[:, 0]), np.radians(place[:, 1]), place[:, 2]
     prime = _A / np.sqrt(1 - _E2 * np.sin(latitude) ** 2)
-    return _columns(
+    return side_by_side(
         (prime + height) * np.cos(latitude) * np.cos(longitude),
         (prime + height) * np.cos(latitude) * np.sin(longitude),
         (prime * (1 - _E2) + height) * np.sin(latitude),

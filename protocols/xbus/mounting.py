@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from imuscope.protocols.mounting import Floats, MountingSetting, matrix_of, quaternion_of
+from imuscope.protocols.mounting import Floats, MountingSetting
+from imuscope.protocols.rotations import matrix_of, quaternion_of
 from imuscope.protocols.transactions import Values
 
 _NAMES = ("q0", "q1", "q2", "q3")
@@ -18,7 +19,8 @@ _NAMES = ("q0", "q1", "q2", "q3")
 def _values(matrix: Floats, present: Values) -> Values:
     stored = np.array([float(present.get(name, 1.0 if name == "q0" else 0.0)) for name in _NAMES])
     before = matrix_of(stored) if np.linalg.norm(stored) > 0.5 else np.eye(3)
-    return dict(zip(_NAMES, quaternion_of(matrix @ before).tolist(), strict=True))
+    q = quaternion_of(matrix @ before)
+    return dict(zip(_NAMES, (q if q[0] >= 0 else -q).tolist(), strict=True))
 
 
 MOUNTING = MountingSetting(

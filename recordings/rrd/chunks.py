@@ -16,7 +16,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from imuscope.protocols.euler import quaternion_columns
+from imuscope.protocols.rotations import quaternion_columns
 from imuscope.recordings.column_store import ExactRows
 from imuscope.recordings.rrd.entities import Attitude, Curve, Path, PositionEntity
 from imuscope.recordings.rrd.enu import Origin, enu_of, is_place

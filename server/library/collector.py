@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.euler import euler_columns
 from imuscope.protocols.events import Batch
+from imuscope.protocols.rotations import euler_columns
 from imuscope.protocols.schema import Message
 from imuscope.recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from imuscope.recordings.health_history import HealthHistoryWriter
@@ -190,7 +190,7 @@ class RecordingSink:
         return info
 
     def _angles(self, piece: ChannelRows) -> None:
-        """Euler angles of rotations sent in another form (protocols/euler.py)."""
+        """Euler angles of rotations sent in another form (protocols/rotations.py)."""
         number = self._derived.get(piece.channel)
         if number is None:
             number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from imuscope.recordings.rotations import of_euler
+from imuscope.protocols.rotations import of_euler
 from tests import chromium, conftest
 from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY
@@ -68,8 +68,7 @@ def centre(seen: NDArray[np.bool_]) -> NDArray[np.float64]:
 
 def quaternions(yaw: float) -> bytes:
     """An Xbus stream of one second at rest, at this yaw: what a device would send."""
-    q = of_euler(0.0, 0.0, yaw)
-    assert q is not None
+    q = of_euler(np.radians([0.0, 0.0, yaw]))
     message = bytes.fromhex("201010") + struct.pack(">4f", *q)
     frame = bytes([0xFF, 0x36, len(message)]) + message
     return (b"\xfa" + frame + bytes([-sum(frame) & 0xFF])) * 100

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from imuscope.protocols import rotations
 from imuscope.protocols.events import ClockStep, Event, RejectedFrame, Reply, batches
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.decoder import IsbDecoder
@@ -102,7 +103,7 @@ def test_quaternion_and_angles_are_the_same_attitude() -> None:
     events = decode(run(IsbSimulator(rate=50), 20))
     q = column(events, "qn2b", 5)
     assert np.abs(np.linalg.norm(q, axis=1) - 1).max() < 1e-6
-    assert np.abs(np.degrees(trajectory.euler(q)) - column(events, "theta", 4)).max() < 1e-3
+    assert np.abs(np.degrees(rotations.euler_of(q)) - column(events, "theta", 4)).max() < 1e-3
 
 
 def _tow_at_power_on() -> float:

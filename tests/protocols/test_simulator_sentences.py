@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imuscope.protocols import rotations
 from imuscope.protocols.events import Batch, RejectedFrame, Reply, Text
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.transactions import DeviceContext
@@ -67,7 +68,7 @@ def test_strings_follow_the_trajectory() -> None:
     data = told(in_config("MTi-680G"), word(*HEADINGS))
     found = [event for event in decode(data) if isinstance(event, Text)]
     times = np.arange(101) / 10 + 2
-    axes = trajectory.matrix(trajectory.vehicle_motion(times).q_enu_from_body_wxyz)
+    axes = rotations.matrix_of(trajectory.vehicle_motion(times).q_enu_from_body_wxyz)
     truth = np.degrees(np.arctan2(axes[:, 0, 0], axes[:, 1, 0]))
     for name, key in HEADINGS.items():
         heading = np.array([line.fields[key] for line in found if line.name == name])

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from imuscope.protocols import rotations
 from imuscope.protocols.simulator import trajectory
 
 STEP = 1e-3
@@ -41,14 +42,14 @@ def test_attitude_is_summed_rate_of_turn(drive: trajectory.MotionState) -> None:
     angle = np.linalg.norm(turn, axis=1, keepdims=True)
     steps = np.concatenate([np.cos(angle), turn * np.sinc(angle / np.pi)], axis=1)
     for i, step in enumerate(steps[: int(trajectory.LAP_S / STEP)]):
-        q = trajectory.multiply(q, step)
+        q = rotations.product(q, step)
         if i % 5000 == 0:
             assert abs(abs(q @ drive.q_enu_from_body_wxyz[i + 1]) - 1) < 1e-9
     assert 2 * np.arccos(min(1.0, abs(q @ drive.q_enu_from_body_wxyz[i + 1]))) < 1e-4
 
 
 def test_specific_force_is_acceleration_less_gravity(drive: trajectory.MotionState) -> None:
-    turned = np.einsum("nij,nj->ni", trajectory.matrix(drive.q_enu_from_body_wxyz), drive.force)
+    turned = np.einsum("nij,nj->ni", rotations.matrix_of(drive.q_enu_from_body_wxyz), drive.force)
     derived = np.gradient(drive.velocity, STEP, axis=0)
     off = np.abs(turned - derived - [0, 0, trajectory.GRAVITY])[5:-5].max(axis=1)
     hole = np.abs(np.remainder(TIMES[5:-5], trajectory.LAP_S) - trajectory.POTHOLE_S) < 0.1
@@ -65,7 +66,7 @@ def test_at_rest_only_gravity_is_felt() -> None:
 
 
 def test_the_field_keeps_its_size_and_direction(drive: trajectory.MotionState) -> None:
-    turned = np.einsum("nij,nj->ni", trajectory.matrix(drive.q_enu_from_body_wxyz), drive.field)
+    turned = np.einsum("nij,nj->ni", rotations.matrix_of(drive.q_enu_from_body_wxyz), drive.field)
     assert np.abs(turned - trajectory.FIELD_ENU).max() < 1e-12
     assert abs(np.linalg.norm(trajectory.FIELD_ENU) - 1) < 1e-12
 
@@ -79,7 +80,7 @@ def test_the_trajectory_is_physically_plausible(drive: trajectory.MotionState) -
 
 
 def test_euler_angles_are_those_of_the_quaternion(drive: trajectory.MotionState) -> None:
-    off = trajectory.euler(drive.q_enu_from_body_wxyz[::100]) - drive.euler[::100]
+    off = rotations.euler_of(drive.q_enu_from_body_wxyz[::100]) - drive.euler[::100]
     assert np.abs(np.remainder(off + np.pi, 2 * np.pi) - np.pi).max() < 1e-12
 
 

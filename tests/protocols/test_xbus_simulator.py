@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imuscope.protocols import rotations
 from imuscope.protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, batches
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus.data_identifiers import item
@@ -108,7 +109,7 @@ def attitude(identifier: int) -> np.ndarray[Any, Any]:
     device = in_config()
     ask(device, 0xC0, struct.pack(">HH", identifier, 100))
     ask(device, 0x10)
-    return trajectory.matrix(column(decode(run(device, 1, begin=2)), "Quaternion"))
+    return rotations.matrix_of(column(decode(run(device, 1, begin=2)), "Quaternion"))
 
 
 def test_the_pothole_clips_and_sets_the_flag() -> None:

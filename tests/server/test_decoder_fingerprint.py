@@ -31,7 +31,7 @@ def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
     found = {str(path.relative_to(decoder_fingerprint.PACKAGE)) for path in decoder_fingerprint.decoding_sources()}
     assert found >= {
         *(f"recordings/{name}.py" for name in ("tabular", "importers", "vendor_logs")),
-        "protocols/euler.py",
+        "protocols/rotations.py",
         *(f"recordings/{name}.py" for name in ("messages", "message_source", "health_history")),
         *(f"server/{name}.py" for name in ("wire_codec", "wire/__init__", "library/decode")),
         *(f"server/devices/{name}.py" for name in ("jitter_causes", "decode_options")),

@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols import rotations
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.frames import DATA, FIRST, HEADER, SECOND, TRAILER
 from imuscope.protocols.isb.time_base import GPS_EPOCH, WEEK_S
@@ -212,8 +213,8 @@ class SignalSamples:
         """q_ned_from_body_wxyz, a fraction of a degree off."""
         small = self._error("att", trajectory.ATTITUDE) / 2
         wrong = np.concatenate([np.sqrt(1 - (small**2).sum(axis=1, keepdims=True)), small], axis=1)
-        q = trajectory.multiply(self.motion.q_enu_from_body_wxyz, wrong)
-        q = trajectory.multiply(trajectory.multiply(_NED_FROM_ENU, q), _LEFT_UP_FROM_RIGHT_DOWN)
+        q = rotations.product(self.motion.q_enu_from_body_wxyz, wrong)
+        q = rotations.product(rotations.product(_NED_FROM_ENU, q), _LEFT_UP_FROM_RIGHT_DOWN)
         return np.asarray(q * np.where(q[:, :1] < 0, -1.0, 1.0))
 
     @cached_property
@@ -275,14 +276,14 @@ def _stamp(at: SignalSamples, out: Array) -> None:
 def _ins(at: SignalSamples, out: Array) -> None:
     _stamp(at, out)
     out["insStatus"], out["hdwStatus"] = at.ins_status, at.hdw_status
-    out["uvw"] = trajectory.to_body(at.motion.q_enu_from_body_wxyz, at.velocity) * FLIP
+    out["uvw"] = rotations.to_body(at.motion.q_enu_from_body_wxyz, at.velocity) * FLIP
     out["lla"] = trajectory.geodetic(at.enu)
 
 
 @_fills(4)
 def _ins_1(at: SignalSamples, out: Array) -> None:
     _ins(at, out)
-    out["theta"] = trajectory.euler(at.attitude)
+    out["theta"] = rotations.euler_of(at.attitude)
     out["ned"] = at.enu[:, [1, 0, 2]] * [1, 1, -1]
 
 

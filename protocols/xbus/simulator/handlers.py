@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imuscope.protocols import rotations
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus.enums import CLOCK_BIAS
 from imuscope.protocols.xbus.products import ALL, FILTER, RTK
@@ -237,7 +238,7 @@ def _aligned(stored: bytes, code: int, motion: trajectory.MotionState) -> bytes:
 
 
 def _rotation(roll: float, pitch: float, yaw: float) -> bytes:
-    return struct.pack(">4f", *trajectory.quaternion(np.array([[roll, pitch, yaw]]))[0])
+    return struct.pack(">4f", *rotations.of_euler(np.array([[roll, pitch, yaw]]))[0])
 
 
 def no_rotation(device: XbusSimulator, payload: bytes, now: int) -> bytes:

@@ -22,6 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols import rotations
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 from imuscope.protocols.xbus.output_configuration import OUTPUTS
@@ -239,7 +240,7 @@ class ItemValues:
         """The filter's solution: q_enu_from_body, a fraction of a degree off."""
         small = self._error("att", trajectory.ATTITUDE) / 2
         wrong = np.concatenate([np.sqrt(1 - (small**2).sum(axis=1, keepdims=True)), small], axis=1)
-        return trajectory.multiply(self.motion.q_enu_from_body_wxyz, wrong)
+        return rotations.product(self.motion.q_enu_from_body_wxyz, wrong)
 
     @cached_property
     def place(self) -> Floats:
@@ -290,16 +291,16 @@ class ItemValues:
 
     @_item("Quaternion")
     def quaternion(self, local: str) -> Floats:
-        return trajectory.multiply(_TURN_TO[local], self.attitude)
+        return rotations.product(_TURN_TO[local], self.attitude)
 
     @_item("RotationMatrix")
     def rotation_matrix(self, local: str) -> Floats:
-        turned = trajectory.matrix(self.quaternion(local))
+        turned = rotations.matrix_of(self.quaternion(local))
         return np.swapaxes(turned, 1, 2).reshape(-1, 9)  # column by column
 
     @_item("EulerAngles")
     def euler_angles(self, local: str) -> Floats:
-        return np.degrees(trajectory.euler(self.quaternion(local)))
+        return np.degrees(rotations.euler_of(self.quaternion(local)))
 
     @_item("BaroPressure")
     def baro_pressure(self) -> Array:
@@ -317,7 +318,7 @@ class ItemValues:
 
     @_item("FreeAcceleration")
     def free_acceleration(self) -> Floats:
-        turned = np.einsum("nij,nj->ni", trajectory.matrix(self.attitude), self.force[0])
+        turned = np.einsum("nij,nj->ni", rotations.matrix_of(self.attitude), self.force[0])
         return np.asarray(turned - [0, 0, trajectory.GRAVITY])
 
     @_item("AltitudeEllipsoid")
@@ -348,7 +349,7 @@ class ItemValues:
 
     @_item("VelocityXYZ")
     def velocity_xyz(self, local: str) -> Floats:
-        return np.asarray(self.velocity @ trajectory.matrix(_TURN_TO[local][None])[0].T)
+        return np.asarray(self.velocity @ rotations.matrix_of(_TURN_TO[local][None])[0].T)
 
     @_item("StatusByte")
     def status_byte(self) -> Array:

@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from imuscope.protocols import rotations
 from imuscope.protocols.nmea import checksum
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
@@ -37,11 +38,9 @@ class Moment:
     """Inputs for the lines of one block of ticks, one row per tick."""
 
     def __init__(self, values: ItemValues, run: XbusSignalSource) -> None:
-        forward, port, up = np.moveaxis(trajectory.matrix(values.quaternion("ENU")), 2, 0)  # of the body, in ENU
-        heading = np.degrees(np.arctan2(forward[:, 0], forward[:, 1]))
-        self.heading: Floats = np.round(heading % 360, 2) % 360
-        self.roll = np.degrees(np.arctan2(port[:, 2], up[:, 2]))
-        self.pitch = np.degrees(np.arcsin(np.clip(forward[:, 2], -1, 1)))
+        self.roll, down, yaw = np.degrees(rotations.euler_of(values.quaternion("ENU"))).T
+        self.pitch = -down
+        self.heading: Floats = np.round((90 - yaw) % 360, 2) % 360
         self.force, self.turn, self.field = values.force[0], values.turn[0], values.field[0]
         self.quaternion = values.quaternion("ENU")
         self.temperature = values.temperature()[:, 0]

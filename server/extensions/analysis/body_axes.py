@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuscope.protocols.euler import euler_columns, quaternion_columns
-from imuscope.recordings.rotations import ENU_FROM, conjugate, product
+from imuscope.protocols.rotations import ENU_FROM, conjugate, euler_columns, product, quaternion_columns
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals import Floats, ReadSamples, Signal, SignalColumn
 from imuscope.server.wire import ChannelInfo

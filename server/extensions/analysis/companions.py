@@ -17,8 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.euler import quaternion_columns
-from imuscope.recordings.rotations import of_matrix
+from imuscope.protocols.rotations import quaternions
 from imuscope.server.extensions.analysis.stillness import (
     FORCE_CHANGE,
     FORCE_SPREAD,
@@ -133,13 +132,6 @@ def companions_in(infos: Iterable[ChannelInfo], device: str) -> CompanionChannel
 
 def _attitude(info: ChannelInfo, read: Callable[[ChannelInfo, Sequence[int]], tuple[Floats, list[Floats]]]) -> Samples:
     time, columns = read(info, range(_ATTITUDE[info.kind]))
-    if info.kind == "euler":
-        columns = quaternion_columns(columns)
-    elif info.kind == "matrix":
-        rows = [of_matrix(row) or (np.nan,) * 4 for row in np.stack(columns, axis=1).tolist()]
-        columns = list(np.array(rows).reshape(-1, 4).T)
-    values = np.stack(columns, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        values = values / np.linalg.norm(values, axis=1, keepdims=True)
+    values = quaternions(info.kind, columns)
     is_finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
     return Samples(np.maximum.accumulate(time[is_finite]), values[is_finite])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.plural import counted
-from imuscope.recordings.rotations import angle_of, conjugate, mean_rotation, product, slerp
+from imuscope.protocols.rotations import angle_of, conjugate, mean_rotation, product, slerp
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.sampling import sampling_of, unwrapped
 from imuscope.server.extensions.analysis.signals import Floats, Signal

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.euler import euler_columns
+from imuscope.protocols.rotations import euler_columns
 from imuscope.server.extensions.analysis.expression_syntax import Call, ExpressionError, Node
 from imuscope.server.extensions.analysis.quantities import Quantity, at_times, in_runs, on_one_axis
 from imuscope.server.extensions.analysis.signals import ANGLES, Floats, grouped

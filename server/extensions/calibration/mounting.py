@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from imuscope.protocols.euler import euler_columns
+from imuscope.protocols.rotations import euler_columns
 from imuscope.server.extensions.analysis.stillness import (
     RestRun,
     StepMeans,
@@ -240,5 +240,5 @@ def _refusal(rested: float, best: DriveFit | None, forces: StepMeans) -> Calibra
 
 
 def mounting_angles(matrix: Floats) -> list[float]:
-    """Roll, pitch and yaw of a rotation, °, as everywhere (protocols/euler.py)."""
-    return [float(angle[0]) for angle in euler_columns(list(matrix.reshape(9, 1)))]
+    """Roll, pitch and yaw of a rotation, °, as everywhere (protocols/rotations.py)."""
+    return [float(angle) for angle in euler_columns(list(matrix.ravel()))]

@@ -11,13 +11,12 @@ At rest and level a device reports an acceleration of +g upwards: z is +9.81 in 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.euler import quaternion_columns
-from imuscope.recordings.rotations import ENU_FROM, READ, Quaternion, product
+from imuscope.protocols.rotations import ENU_FROM, Quaternion, product
 
 Floats = NDArray[np.float64]
 BodyAxes = Literal["FLU", "FRD"]
@@ -42,23 +41,6 @@ def world_vectors(vectors: Floats, frame: str) -> Floats:
     order, signs = _ENU_ROWS[frame]
     turned: Floats = vectors[:, order] * np.array(signs)
     return turned
-
-
-def attitudes(columns: Sequence[NDArray[Any]], kind: str) -> Floats:
-    """Quaternions (n, 4), scalar first, of an attitude channel; a row of NaN where it is invalid.
-
-    Args:
-        columns: of the channel.
-        kind: "quaternion", "matrix" or "euler" (roll, pitch, yaw in °).
-    """
-    values = np.column_stack(columns).astype(np.float64)
-    if kind == "quaternion":
-        lengths = np.linalg.norm(values, axis=1, keepdims=True)
-        return np.where((lengths > 1e-6) & (lengths < 1e6), values / np.where(lengths > 0, lengths, 1.0), np.nan)
-    if kind == "euler":
-        return np.column_stack(quaternion_columns(list(values.T)))
-    nothing = (np.nan,) * 4
-    return np.array([READ[kind](row) or nothing for row in values.tolist()]).reshape(-1, 4)
 
 
 def enu_from_flu(quaternions: Floats, frame: str, axes: str) -> Floats:

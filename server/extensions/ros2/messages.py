@@ -26,9 +26,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.rotations import quaternions
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.rrd.enu import is_place
-from imuscope.server.extensions.ros2.axes import Floats, attitudes, body_vectors, enu_from_flu, world_vectors
+from imuscope.server.extensions.ros2.axes import Floats, body_vectors, enu_from_flu, world_vectors
 from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin, Times
 from imuscope.server.extensions.ros2.quantities import WORLD_FRAMES, DeviceQuantities, GnssPlaces, Place, UtcPlaces
@@ -167,7 +168,7 @@ def _imu(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties, *, o
         return fields
 
     def keep(block: RowBlock) -> Mask:
-        values = attitudes(list(block.values.T), of.attitude.kind) if oriented and of.attitude else block.values
+        values = quaternions(of.attitude.kind, list(block.values.T)) if oriented and of.attitude else block.values
         return np.asarray(np.isfinite(values).all(axis=1))
 
     return MessageBuilder(
@@ -324,7 +325,7 @@ def _transform(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties
 
     def keep(block: RowBlock) -> Mask:
         assert of.attitude is not None
-        return np.asarray(np.isfinite(attitudes(list(block.values.T), of.attitude.kind)).all(axis=1))
+        return np.asarray(np.isfinite(quaternions(of.attitude.kind, list(block.values.T))).all(axis=1))
 
     return MessageBuilder(
         TRANSFORM,
@@ -340,8 +341,8 @@ def _transform(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties
 
 def _attitudes(of: DeviceQuantities, frames: FrameNames, noise: SensorProperties, values: Floats) -> Floats:
     assert of.attitude is not None
-    quaternions = attitudes(list(values.T), of.attitude.kind)
-    return enu_from_flu(quaternions, of.attitude.frame, noise.axes) if frames.rep103 else quaternions
+    attitudes = quaternions(of.attitude.kind, list(values.T))
+    return enu_from_flu(attitudes, of.attitude.frame, noise.axes) if frames.rep103 else attitudes
 
 
 def _body(vectors: Floats, frames: FrameNames, noise: SensorProperties) -> Floats:

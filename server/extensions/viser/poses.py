@@ -1,7 +1,7 @@
 """Pose of each device: attitude, track, gravity and magnetic field. Pure; used by the 3D scene.
 
 Everything is converted to one world frame, ENU (x east, y north, z up), whatever the frame of a device
-(recordings/rotations.py).
+(protocols/rotations.py).
 
 Gravity is the opposite of the acceleration measured at rest; gravity and field are vectors in body axes.
 recordings/rrd/entities.py chooses the channels of attitude and position, so that all views agree.
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.rotations import ENU_FROM, READ, Quaternion, Vector, multiply
+from imuscope.protocols.rotations import ENU_FROM, Quaternion, Vector, multiply, quaternions
 from imuscope.recordings.rrd import entities, enu
 from imuscope.server.extensions.viser.playout_buffer import PlayoutBuffer
 from imuscope.server.wire_codec import SampleFrame
@@ -107,7 +107,9 @@ class DeviceView:
 
     def _rotation(self, values: Sequence[float]) -> None:
         assert self.attitude is not None
-        self.q_frame_from_body = READ[self.attitude.kind](values) or self.q_frame_from_body
+        w, x, y, z = quaternions(self.attitude.kind, list(np.reshape(values, (-1, 1))))[0].tolist()
+        if not math.isnan(w):
+            self.q_frame_from_body = (w, x, y, z)
 
     def track(self, seconds: float) -> Floats:
         """Track of the last seconds.

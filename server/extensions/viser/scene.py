@@ -29,7 +29,7 @@ import numpy as np
 import viser
 from viser import _messages
 
-from imuscope.recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
+from imuscope.protocols.rotations import ENU_FROM, Quaternion, Vector, euler_of, from_x, multiply
 from imuscope.server.extensions.viser.meshes import MAX_BYTES, Mesh, MeshError, read
 from imuscope.server.extensions.viser.poses import DeviceView
 from imuscope.server.integrations.shared_secret import require_secret
@@ -155,7 +155,7 @@ class Scene:
         q = view.q_frame_from_body
         if q is not None and q != scene_device.shown:
             scene_device.shown = q
-            _turn(scene_device.body, multiply(ENU_FROM[view.frame], multiply(about_z(-scene_device.heading), q)))
+            _turn(scene_device.body, multiply(ENU_FROM[view.frame], multiply(_about_z(-scene_device.heading), q)))
         if slow:
             scene_device.gravity.point(view.gravity if self._vectors.value else None)
             scene_device.field.point(view.field if self._vectors.value else None)
@@ -269,7 +269,7 @@ class Scene:
                     scene_device = self._device_nodes.get(view.id)
                     if scene_device is not None:
                         q: Quaternion | None = view.q_frame_from_body
-                        scene_device.heading = yaw_of(q) if reset and q is not None else 0.0
+                        scene_device.heading = float(euler_of(np.array(q))[2]) if reset and q is not None else 0.0
                         scene_device.shown = None
                 true.visible = reset
             self.show(time.monotonic())
@@ -305,6 +305,10 @@ class Scene:
 def _turn(node: viser.SceneNodeHandle, wxyz: Quaternion) -> None:
     """Same as `node.wxyz = wxyz`, without its arrays, which take two thirds of the time."""
     node._impl.api._queue_scene_message(_messages.SetOrientationMessage(node._impl.name, wxyz))
+
+
+def _about_z(angle: float) -> Quaternion:
+    return (math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
 
 
 def _angle(a: Vector, b: Vector) -> float:

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from imuscope.protocols.euler import quaternion_columns
-from imuscope.recordings.rotations import slerp
+from imuscope.protocols.rotations import quaternion_columns, slerp
 from imuscope.server import wire
 from imuscope.server.config import Config
 from imuscope.server.errors import DomainError

@@ -13,13 +13,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from imuscope.protocols.euler import euler_columns, quaternion_columns
-from imuscope.protocols.mounting import frame_angles, matrix_of, quaternion_of
-from imuscope.protocols.simulator import trajectory
-from imuscope.recordings.rotations import READ, angle_of, conjugate, product
+from imuscope.protocols.isb.mounting import frame_angles
+from imuscope.protocols.rotations import (
+    angle_of,
+    conjugate,
+    euler_columns,
+    euler_of,
+    matrix_of,
+    of_euler,
+    product,
+    quaternion_columns,
+    quaternion_of,
+    quaternions,
+)
 from imuscope.server.extensions.analysis.signal_request import requested_signals
 from imuscope.server.extensions.calibration.mounting import mounting_angles
-from imuscope.server.extensions.ros2.axes import attitudes
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 from tests.source_files import ROOT
@@ -47,7 +55,7 @@ def test_every_place_shows_the_same_angles(row: dict[str, Any]) -> None:
         "values and exports, of a matrix": [float(one[0]) for one in euler_columns(matrix.reshape(9, 1))],
         "expressions": by_an_expression(q),
         "calibration": mounting_angles(matrix),
-        "simulators": np.degrees(trajectory.euler(q.reshape(1, 4))[0]).tolist(),
+        "simulators": np.degrees(euler_of(q.reshape(1, 4))[0]).tolist(),
         "settings of devices": np.degrees(frame_angles(matrix.T)).tolist(),
     }
     for place, angles in places.items():
@@ -55,9 +63,9 @@ def test_every_place_shows_the_same_angles(row: dict[str, Any]) -> None:
         assert off == pytest.approx([0, 0, 0], abs=1e-4), place
     back = {
         "comparison": np.stack(quaternion_columns([np.array([angle]) for angle in row["euler"]]), -1)[0],
-        "other programs": np.array(READ["euler"](row["euler"])),
-        "of a matrix, for other programs": np.array(READ["matrix"](matrix.ravel().tolist())),
-        "ROS": attitudes([np.array([angle]) for angle in row["euler"]], "euler")[0],
+        "simulators": of_euler(np.radians(row["euler"])),
+        "ROS and other programs": quaternions("euler", [np.array([angle]) for angle in row["euler"]])[0],
+        "of a matrix, for other programs": quaternions("matrix", list(matrix.reshape(9, 1)))[0],
         "settings of devices": quaternion_of(matrix),
     }
     for place, other in back.items():

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import optimize
 
+from imuscope.protocols import rotations
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import GYRO_BIAS, HARD_IRON, MOTIONS, SOFT_IRON, SensorSetup
 from imuscope.server.extensions.analysis.stillness import step_means, stillness
@@ -300,11 +301,11 @@ def test_a_motion_turns_as_its_gyroscope_says(name: str) -> None:
     t = np.arange(0, 20, 0.001)
     truth = MOTIONS[name](t)
     q = truth.q_enu_from_body_wxyz
-    step = trajectory.multiply(q[:-1] * [1, -1, -1, -1], q[1:])
+    step = rotations.product(q[:-1] * [1, -1, -1, -1], q[1:])
     turned = 2 * step[:, 1:] * np.sign(step[:, :1]) / 0.001
     assert np.abs(turned - (truth.rate[1:] + truth.rate[:-1]) / 2).max() < 2e-3
     assert np.linalg.norm(truth.field, axis=1) == pytest.approx(1.0)
-    felt = truth.force - trajectory.to_body(q, truth.acceleration)
+    felt = truth.force - rotations.to_body(q, truth.acceleration)
     assert np.linalg.norm(felt, axis=1) == pytest.approx(trajectory.GRAVITY)
     assert np.abs(np.gradient(truth.velocity, 0.001, axis=0) - truth.acceleration)[1:-1].max() < 1e-3
 

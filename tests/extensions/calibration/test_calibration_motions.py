@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from imuscope.protocols import rotations
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import ACC_BIAS, ACC_SCALE, SensorSetup
 from imuscope.server.extensions.analysis.triads import NO_SAMPLES, Floats, Samples, Triad
@@ -129,7 +130,7 @@ def test_the_rotation_is_found_within_its_uncertainty(seed: int, mount: float, n
     force, turn = sampled(setup, 30, noise, seed)
     report = mounting_rotation(force, turn)
     assert report.correction is not None, report.refusal
-    truth = trajectory.matrix(setup.q_vehicle_from_sensor[None])[0]
+    truth = rotations.matrix_of(setup.q_vehicle_from_sensor[None])[0]
     sigma = max(one.uncertainty or 0 for one in report.figures)
     assert angle_between(np.array(report.correction.matrix), truth) < 6 * sigma + 0.1
     assert sigma < 1

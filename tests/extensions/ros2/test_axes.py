@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from imuscope.recordings.rotations import READ
-from imuscope.server.extensions.ros2.axes import attitudes, body_vectors, enu_from_flu, world_vectors
+from imuscope.protocols.rotations import quaternions
+from imuscope.server.extensions.ros2.axes import body_vectors, enu_from_flu, world_vectors
 from tests.each_row import each_row
 
 FRAMES = {  # columns: the axes of the frame in ENU
@@ -29,7 +30,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
 @each_row("axes", BODIES)
 def test_attitudes_and_vectors_agree(frame: str, axes: str) -> None:
     source = np.random.default_rng(7)
-    q_frame_from_body = attitudes(list(source.normal(size=(4, 20))), "quaternion")
+    q_frame_from_body = quaternions("quaternion", list(source.normal(size=(4, 20))))
     in_body = source.normal(size=(20, 3))
     found = enu_from_flu(q_frame_from_body, frame, axes)
     for q, expected, vector in zip(found, q_frame_from_body, in_body, strict=True):
@@ -42,7 +43,7 @@ def test_attitudes_and_vectors_agree(frame: str, axes: str) -> None:
 
 
 def test_level_and_north_in_ned_is_a_quarter_turn_in_enu() -> None:
-    (q,) = enu_from_flu(attitudes([np.array([0.0]), np.array([0.0]), np.array([0.0])], "euler"), "NED", "FRD")
+    (q,) = enu_from_flu(quaternions("euler", [np.array([0.0]), np.array([0.0]), np.array([0.0])]), "NED", "FRD")
     assert matrix(q) @ [1, 0, 0] == pytest.approx([0, 1, 0])  # forward is north
     assert matrix(q) @ [0, 0, 1] == pytest.approx([0, 0, 1])  # up is up
 
@@ -50,13 +51,16 @@ def test_level_and_north_in_ned_is_a_quarter_turn_in_enu() -> None:
 @each_row(("kind", "width"), [("euler", 3), ("matrix", 9), ("quaternion", 4)])
 def test_attitudes_are_those_of_the_other_views(kind: str, width: int) -> None:
     source = np.random.default_rng(3)
+    rows = source.normal(size=(10, width)) * (60 if kind == "euler" else 1)
     if kind == "matrix":
-        q = attitudes(list(source.normal(size=(4, 10))), "quaternion")
-        rows = np.array([matrix(one).ravel() for one in q])
-    else:
-        rows = source.normal(size=(10, width)) * (60 if kind == "euler" else 1)
-    found = attitudes(list(rows.T), kind)
-    assert found == pytest.approx(np.array([READ[kind](row) for row in rows.tolist()]))
+        rows = Rotation.from_quat(source.normal(size=(10, 4))).as_matrix().reshape(10, 9)
+    expected = {
+        "euler": lambda: Rotation.from_euler("ZYX", rows[:, ::-1], degrees=True),
+        "matrix": lambda: Rotation.from_matrix(rows.reshape(10, 3, 3)),
+        "quaternion": lambda: Rotation.from_quat(rows[:, [1, 2, 3, 0]]),
+    }[kind]()
+    for q, turned in zip(quaternions(kind, list(rows.T)), expected.as_matrix(), strict=True):
+        assert matrix(q) == pytest.approx(turned)
 
 
 @each_row("kind", ["quaternion", "matrix"])
@@ -65,4 +69,4 @@ def test_invalid_attitudes_are_not_numbers(kind: str) -> None:
     rows = np.array([np.zeros(width), np.full(width, np.nan)])
     if kind == "matrix":
         rows = rows[1:]
-    assert np.isnan(attitudes(list(rows.T), kind)).all()
+    assert np.isnan(quaternions(kind, list(rows.T))).all()

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.plugin import trajectory
+from imuscope.plugin import rotations, trajectory
 from imuscope_mip.messages import (
     ACK,
     BASE,
@@ -127,9 +127,9 @@ class MipSimulator:
         force = FRD * truth.force / G + 1e-4 * chance.standard_normal(truth.force.shape)
         turn = FRD * truth.rate + 1e-4 * chance.standard_normal(truth.rate.shape)
         field = EARTH_GAUSS * FRD * truth.field
-        q_ned_from_body = trajectory.multiply(NED_FROM_ENU, truth.q_enu_from_body_wxyz)
-        q = trajectory.multiply(q_ned_from_body, BODY_FROM_FRD)
-        angles = trajectory.euler(q)
+        q_ned_from_body = rotations.product(NED_FROM_ENU, truth.q_enu_from_body_wxyz)
+        q = rotations.product(q_ned_from_body, BODY_FROM_FRD)
+        angles = rotations.euler_of(q)
         place = trajectory.geodetic(truth.position)
         packets = []
         for i, time in enumerate(times.tolist()):

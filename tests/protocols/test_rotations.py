@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.euler import euler_columns
+from imuscope.protocols.rotations import euler_columns
 from tests.each_row import each_row
 
 VECTORS = json.loads((Path(__file__).parents[1] / "golden" / "xbus" / "orientation.json").read_text())
