@@ -42,14 +42,14 @@ from __future__ import annotations
 import ipaddress
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 from urllib.parse import urlsplit
 
 import platformdirs
+from annotated_types import Interval, Unit
 
 from imuscope.server import previous_names
 from imuscope.server.devices.decode_options import (
@@ -63,13 +63,12 @@ from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
 from imuscope.server.holder.shares import ShareAddress, ShareError
 from imuscope.server.logging_setup import LEVELS, STYLES
 from imuscope.server.ros2_settings import DEFAULT_ROUTER, MAX_DOMAIN, is_name, is_router_address, usual_domain
-from imuscope.server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings, hours_of
+from imuscope.server.setting_types import Form, allowed_by, empty_or, one_of, refusal_of, zero_or
+from imuscope.server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
 MAX_MEMORY_MB = 65_536
-RELIABILITIES = ("reliable", "best_effort")
-ROS2_AXES = ("rep103", "device")
 SECRETS = ("view_token", "control_token", "password")
 
 
@@ -82,6 +81,31 @@ def default_data() -> Path:
     return Path(platformdirs.user_data_dir("imuscope", appauthor=False))
 
 
+def _is_tile_address(text: str) -> bool:
+    parts = urlsplit(text)
+    has_place = all(part in text for part in ("{z}", "{x}", "{y}"))
+    return has_place and parts.scheme in ("http", "https") and bool(parts.netloc) and "{" not in parts.netloc
+
+
+def _is_token(text: str) -> bool:
+    return not text or (len(text) >= 8 and text.isascii() and text.isprintable() and " " not in text)
+
+
+def _is_frame(text: str) -> bool:
+    return bool(re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}", text))
+
+
+def _is_namespace(text: str) -> bool:
+    return text in ("", "/") or is_name(text)
+
+
+_Namespace = Annotated[
+    str,
+    Form(_is_namespace, "is not a namespace such as /robot: letters, digits and single underscores after each slash"),
+]
+_Token = Annotated[str, Form(_is_token, "must have at least 8 printable ASCII characters without spaces")]
+
+
 @dataclass(frozen=True, slots=True)
 class MapTiles:
     """A tile server.
@@ -91,7 +115,7 @@ class MapTiles:
         attribution: source of the tiles, as shown on the map.
     """
 
-    tiles: str = ""
+    tiles: Annotated[str, empty_or(_is_tile_address, "must be an http address with {z}, {x} and {y} in its path")] = ""
     attribution: str = ""
 
 
@@ -158,19 +182,19 @@ class Config:
     """
 
     host: str = DEFAULT_HOST
-    port: int = DEFAULT_PORT
+    port: Annotated[int, Interval(ge=0, le=65_535)] = DEFAULT_PORT
     data: Path = field(default_factory=default_data)
     sources: tuple[str, ...] = ()
     protocol: str = ""
     decode_options: Mapping[str, str | bool] = field(default_factory=dict, repr=False)
-    rollback_s: float = 20.0
-    history_s: float = 600.0
-    memory_mb: int = 256
-    bytes_mb: int = 64
-    analysis_s: float = 60.0
-    analysis_mb: int = 1024
-    view_token: str = field(default="", repr=False)
-    control_token: str = field(default="", repr=False)
+    rollback_s: Annotated[float, Interval(ge=1, le=600), Unit("s")] = 20.0
+    history_s: Annotated[float, Interval(gt=0, le=86_400), Unit("s")] = 600.0
+    memory_mb: Annotated[int, Interval(ge=1, le=MAX_MEMORY_MB), Unit("MB")] = 256
+    bytes_mb: Annotated[int, Interval(ge=0, le=MAX_MEMORY_MB), Unit("MB")] = 64
+    analysis_s: Annotated[float, Interval(ge=1, le=86_400), Unit("s")] = 60.0
+    analysis_mb: Annotated[int, Interval(ge=MIN_QUERY_MB, le=MAX_QUERY_MB), Unit("MB")] = 1024
+    view_token: _Token = field(default="", repr=False)
+    control_token: _Token = field(default="", repr=False)
     tls: bool = False
     tls_cert: str = ""
     tls_key: str = ""
@@ -179,26 +203,41 @@ class Config:
     webhook_hosts: tuple[str, ...] = ()
     source_folders: tuple[str, ...] = ()
     record: bool = False
-    recordings_quota_gb: float = 0.0
-    split_mb: float = 0.0
-    split_min: float = 0.0
+    recordings_quota_gb: Annotated[float, zero_or(0.001, 1e6, "GB")] = 0.0
+    split_mb: Annotated[float, zero_or(0.1, 1e6, "MB")] = 0.0
+    split_min: Annotated[float, zero_or(0.01, 1e6, "min")] = 0.0
     record_head: bool = True
     shares: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    upload_gb: float = 16.0
-    foxglove: int = -1
-    rerun_connect: str = ""
+    upload_gb: Annotated[float, Interval(gt=0, le=1e6)] = 16.0
+    foxglove: Annotated[
+        int, Form(lambda port: -1 <= port <= 65_535, "is neither a port, 0 … 65535, nor −1 for none")
+    ] = -1
+    rerun_connect: Annotated[
+        str,
+        empty_or(
+            re.compile(r"rerun(\+https?)?://[^/\s]+/proxy").fullmatch,
+            "is not a valid address such as rerun+http://host:9876/proxy",
+        ),
+    ] = ""
     ros2: bool = False
-    ros2_domain: int = 0
-    ros2_router: str = DEFAULT_ROUTER
-    ros2_namespace: str = ""
-    ros2_reliability: str = "reliable"
-    ros2_depth: int = 10
-    ros2_axes: str = "rep103"
+    ros2_domain: Annotated[int, Interval(ge=0, le=MAX_DOMAIN)] = 0
+    ros2_router: Annotated[str, Form(is_router_address, "is not an address such as tcp/localhost:7447")] = (
+        DEFAULT_ROUTER
+    )
+    ros2_namespace: Annotated[
+        str,
+        Form(
+            _is_namespace, "is not a namespace such as /robot: letters, digits and single underscores after each slash"
+        ),
+    ] = ""
+    ros2_reliability: Annotated[str, one_of("reliable", "best_effort")] = "reliable"
+    ros2_depth: Annotated[int, Interval(ge=1, le=10_000)] = 10
+    ros2_axes: Annotated[str, one_of("rep103", "device")] = "rep103"
     ros2_frames: dict[str, str] = field(default_factory=dict)
-    ros2_map_frame: str = "map"
+    ros2_map_frame: Annotated[str, Form(_is_frame, "is not the name of a frame, such as imu_link")] = "map"
     ros2_tf: bool = False
-    log_format: str = "text"
-    log_level: str = "info"
+    log_format: Annotated[str, one_of(*STYLES)] = "text"
+    log_level: Annotated[str, one_of(*LEVELS)] = "info"
     map: MapTiles = MapTiles()
     store: StoreSettings = field(default_factory=StoreSettings)
     fleet: FleetSettings = field(default_factory=FleetSettings)
@@ -237,102 +276,6 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return False
-
-
-def _is_tile_address(text: str) -> bool:
-    parts = urlsplit(text)
-    has_place = all(part in text for part in ("{z}", "{x}", "{y}"))
-    return has_place and parts.scheme in ("http", "https") and bool(parts.netloc) and "{" not in parts.netloc
-
-
-def _is_token(text: str) -> bool:
-    return not text or (len(text) >= 8 and text.isascii() and text.isprintable() and " " not in text)
-
-
-def _is_frame(text: str) -> bool:
-    return bool(re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}", text))
-
-
-_FRAME = "is not the name of a frame, such as imu_link"
-_TOKEN = "must have at least 8 printable ASCII characters without spaces"
-_ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whether a value is allowed, error text if not
-    "port": (lambda port: 0 <= port <= 65_535, "is outside 0 … 65535"),
-    "foxglove": (lambda port: -1 <= port <= 65_535, "is neither a port, 0 … 65535, nor −1 for none"),
-    "rerun_connect": (
-        re.compile(r"(rerun(\+https?)?://[^/\s]+/proxy)?").fullmatch,
-        "is not a valid address such as rerun+http://host:9876/proxy",
-    ),
-    "ros2_domain": (lambda domain: 0 <= domain <= MAX_DOMAIN, f"is outside 0 … {MAX_DOMAIN}"),
-    "ros2_router": (is_router_address, "is not an address such as tcp/localhost:7447"),
-    "ros2_namespace": (
-        lambda text: text in ("", "/") or is_name(text),
-        "is not a namespace such as /robot: letters, digits and single underscores after each slash",
-    ),
-    "ros2_reliability": (RELIABILITIES.__contains__, f"is not valid; allowed: {', '.join(RELIABILITIES)}"),
-    "ros2_depth": (lambda depth: 1 <= depth <= 10_000, "is outside 1 … 10 000"),
-    "ros2_axes": (ROS2_AXES.__contains__, f"is not valid; allowed: {', '.join(ROS2_AXES)}"),
-    "ros2_map_frame": (_is_frame, _FRAME),
-    "log_format": (STYLES.__contains__, f"is not valid; allowed: {', '.join(STYLES)}"),
-    "log_level": (LEVELS.__contains__, f"is not valid; allowed: {', '.join(LEVELS)}"),
-    "rollback_s": (lambda seconds: 1 <= seconds <= 600, "is outside 1 … 600 s"),
-    "history_s": (lambda seconds: 0 < seconds <= 86_400, "is outside 0 … 86 400 s"),
-    "recordings_quota_gb": (
-        lambda size: size == 0 or 0.001 <= size <= 1e6,
-        "is neither 0 (no limit) nor 0.001 … 1 000 000 GB",
-    ),
-    "split_mb": (lambda size: size == 0 or 0.1 <= size <= 1e6, "is neither 0 (no limit) nor 0.1 … 1 000 000 MB"),
-    "split_min": (lambda age: age == 0 or 0.01 <= age <= 1e6, "is neither 0 (no limit) nor 0.01 … 1 000 000 min"),
-    "memory_mb": (lambda size: 1 <= size <= MAX_MEMORY_MB, f"is outside 1 … {MAX_MEMORY_MB} MB"),
-    "bytes_mb": (lambda size: 0 <= size <= MAX_MEMORY_MB, f"is outside 0 … {MAX_MEMORY_MB} MB"),
-    "analysis_s": (lambda seconds: 1 <= seconds <= 86_400, "is outside 1 … 86 400 s"),
-    "analysis_mb": (
-        lambda size: MIN_QUERY_MB <= size <= MAX_QUERY_MB,
-        f"is outside {MIN_QUERY_MB} … {MAX_QUERY_MB} MB",
-    ),
-    "upload_gb": (lambda size: 0 < size <= 1e6, "is outside 0 … 1 000 000"),
-    "view_token": (_is_token, _TOKEN),
-    "control_token": (_is_token, _TOKEN),
-    "store.query_s": (lambda seconds: 1 <= seconds <= 86_400, "is outside 1 … 86 400 s"),
-    "store.query_mb": (
-        lambda size: MIN_QUERY_MB <= size <= MAX_QUERY_MB,
-        f"is outside {MIN_QUERY_MB} … {MAX_QUERY_MB} MB",
-    ),
-    "store.upload_min_s": (lambda seconds: 0 <= seconds <= 1e6, "is outside 0 … 1 000 000 s"),
-    "store.upload_max_mb": (
-        lambda size: size == 0 or 0.001 <= size <= 1e9,
-        "is neither 0 (no limit) nor 0.001 … 1 000 000 000 MB",
-    ),
-    "store.upload_hours": (lambda text: not text or hours_of(text), "is not a span of time such as 22:00-06:00"),
-    "store.upload_kb_s": (
-        lambda rate: rate == 0 or 10 <= rate <= 1e6,
-        "is neither 0 (no limit) nor 10 … 1 000 000 kB/s",
-    ),
-    "store.keep_days": (lambda days: 0 <= days <= 36_500, "is outside 0 … 36 500 days"),
-    "store.keep_gb": (lambda size: 0 <= size <= 1e6, "is outside 0 … 1 000 000 GB"),
-    "map.tiles": (
-        lambda text: not text or _is_tile_address(text),
-        "must be an http address with {z}, {x} and {y} in its path",
-    ),
-    "fleet.router": (
-        lambda text: not text or is_router_address(text),
-        "is not an address such as tcp/fleet.example:7447 or tls/fleet.example:7447",
-    ),
-    **{
-        f"fleet_server.{name}": (
-            lambda text: not text or is_router_address(text),
-            "is not an address such as tcp/127.0.0.1:7447 or tls/0.0.0.0:7447",
-        )
-        for name in ("listen", "router")
-    },
-    "fleet.pages": (lambda text: text in ("off", "view", "control"), "is not off, view or control"),
-    "fleet_server.alarm_lost_s": (lambda time: 0 <= time <= 1e7, "is outside 0 … 10 000 000 s"),
-    "fleet_server.alarm_loss_percent": (lambda share: 0 <= share <= 100, "is outside 0 … 100 %"),
-    "fleet_server.alarm_disk_gb": (lambda size: 0 <= size <= 1e6, "is outside 0 … 1 000 000 GB"),
-    "fleet.limit_kb_s": (
-        lambda rate: rate == 0 or 0.1 <= rate <= 1e6,
-        "is neither 0 (no limit) nor 0.1 … 1 000 000 kB/s",
-    ),
-}
 
 
 def load(toml: Path | None = None, **values: Any) -> Config:
@@ -374,11 +317,6 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     config = replace(
         _typed(Config(), {name: settings[name] for name in settings if name in _NAMES}), decode_options=options
     )
-    for name, (is_allowed, words) in _ALLOWED.items():
-        value = attrgetter(name)(config)
-        if not is_allowed(value):
-            shown = "" if name in SECRETS else f" {value!r}" if isinstance(value, str) else f" {value:g}"
-            raise ConfigError(f"{name}{shown} {words}.")
     config = replace(config, data=config.data.expanduser().absolute())  # our subprocesses work in other folders
     if config.data.exists() and not config.data.is_dir():
         raise ConfigError(f"data {str(config.data)!r} is a file; name a folder with --data.")
@@ -447,10 +385,10 @@ T = TypeVar("T", Config, MapTiles, StoreSettings, FleetSettings, FleetServerSett
 
 
 def _typed(default: T, settings: Any, table: str = "") -> T:
-    """`default` with these settings, each strictly of its field's type: neither text nor true is a number."""
+    """`default` with these settings, each allowed and strictly of its type: neither text nor true is a number."""
     from pydantic import TypeAdapter, ValidationError  # here, so that commands without a server start faster
 
-    types = get_type_hints(type(default))
+    types, annotated = (get_type_hints(type(default), include_extras=extras) for extras in (False, True))
     changes = {}
     for name, value in settings.items():
         if name not in types:
@@ -461,8 +399,20 @@ def _typed(default: T, settings: Any, table: str = "") -> T:
             value = Path(value)
         try:
             checked = _as_tuples(value)
-            changes[name] = TypeAdapter(types[name]).validate_python(checked, strict=True)
-        except ValidationError:
+            changes[name] = TypeAdapter(annotated[name]).validate_python(checked, strict=True)
+        except ValidationError as error:
+            if error.errors()[0]["type"].startswith(("greater", "less", "predicate")):
+                shown = "" if name in SECRETS else f" {value!r}" if isinstance(value, str) else f" {value:g}"
+                raise ConfigError(f"{table}{name}{shown} {refusal_of(annotated[name])}.") from None
             shown = "…" if name in SECRETS else repr(value)  # as written
             raise ConfigError(f"{table}{name} must be {_TYPES[types[name]]}, not {shown}.") from None
     return replace(default, **changes)
+
+
+def allowed_values() -> Iterator[tuple[str, str]]:
+    """Name of each setting whose values are limited, with the table that it is in, and its allowed values."""
+    tables = {name: type(getattr(Config(), name)) for name in _TABLE_NAMES}
+    for table, kind in {"": Config, **tables}.items():
+        for name, hint in get_type_hints(kind, include_extras=True).items():
+            if words := allowed_by(hint):
+                yield f"[{table}] {name}".removeprefix("[] "), words

@@ -9,6 +9,20 @@ password = "@/etc/imuscope/fleet-password"
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
+
+from annotated_types import Interval, Unit
+
+from imuscope.server.ros2_settings import is_router_address
+from imuscope.server.setting_types import Form, empty_or, zero_or
+
+_RouterOfRobot = Annotated[
+    str,
+    empty_or(is_router_address, "is not an address such as tcp/fleet.example:7447 or tls/fleet.example:7447"),
+]
+_Address = Annotated[
+    str, empty_or(is_router_address, "is not an address such as tcp/127.0.0.1:7447 or tls/0.0.0.0:7447")
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +39,7 @@ class FleetSettings:
         pages: what the fleet server may do with the pages of this robot: "off", "view" or "control".
     """
 
-    router: str = ""
+    router: _RouterOfRobot = ""
     name: str = ""
     group: str = ""
     address: str = ""
@@ -34,8 +48,8 @@ class FleetSettings:
     ca: str = ""
     certificate: str = ""
     key: str = ""
-    limit_kb_s: float = 0.0
-    pages: str = "view"
+    limit_kb_s: Annotated[float, zero_or(0.1, 1e6, "kB/s")] = 0.0
+    pages: Annotated[str, Form(("off", "view", "control").__contains__, "is not off, view or control")] = "view"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +71,8 @@ class FleetServerSettings:
         alarm_webhook: address to which changes of these alarms are posted; "" for none.
     """
 
-    listen: str = ""
-    router: str = ""
+    listen: _Address = ""
+    router: _Address = ""
     robots: str = ""
     operators: str = ""
     anyone: bool = False
@@ -67,8 +81,8 @@ class FleetServerSettings:
     ca: str = ""
     user: str = ""
     password: str = field(default="", repr=False)
-    alarm_lost_s: float = 60.0
-    alarm_loss_percent: float = 1.0
+    alarm_lost_s: Annotated[float, Interval(ge=0, le=1e7), Unit("s")] = 60.0
+    alarm_loss_percent: Annotated[float, Interval(ge=0, le=100), Unit("%")] = 1.0
     alarm_settings: bool = True
-    alarm_disk_gb: float = 2.0
+    alarm_disk_gb: Annotated[float, Interval(ge=0, le=1e6), Unit("GB")] = 2.0
     alarm_webhook: str = field(default="", repr=False)

@@ -1,0 +1,73 @@
+"""Types of settings that say which values are allowed: standard annotations, which pydantic checks.
+
+    rollback_s: Annotated[float, Interval(ge=1, le=600), Unit("s")] = 20.0
+    log_format: Annotated[str, one_of("text", "json")] = "text"
+
+Errors and the table of the guide take their words from here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from annotated_types import Interval, Predicate, Unit
+
+
+@dataclass(frozen=True)
+class Form(Predicate):
+    """A condition on a setting.
+
+    Args:
+        func: whether a value is allowed.
+        words: error text after the value if it is not.
+    """
+
+    words: str = ""
+
+
+def zero_or(low: float, high: float, unit: str) -> Form:
+    """Zero for no limit, or a value in a range."""
+    words = f"is neither 0 (no limit) nor {_span(low, high)} {unit}"
+    return Form(lambda value: value == 0 or low <= value <= high, words)
+
+
+def one_of(*names: str) -> Form:
+    """One of some words."""
+    return Form(names.__contains__, f"is not valid; allowed: {', '.join(names)}")
+
+
+def empty_or(is_allowed: Callable[[str], object], words: str) -> Form:
+    """Nothing, or a text of a certain form."""
+    return Form(lambda text: not text or bool(is_allowed(text)), words)
+
+
+def refusal_of(annotated: Any) -> str:
+    """Error text after a value that is not allowed; "" of a type that allows all of its values."""
+    constraints = get_args(annotated)[1:]
+    unit = next((f" {one.unit}" for one in constraints if isinstance(one, Unit)), "")
+    for one in constraints:
+        if isinstance(one, Form):
+            return one.words
+        if isinstance(one, Interval):
+            return f"is outside {_span(one.gt if one.ge is None else one.ge, one.le)}{unit}"
+    return ""
+
+
+def allowed_by(annotated: Any) -> str:
+    """Allowed values of a setting, for a table; "" if its type allows all of its values."""
+    words = re.sub(
+        r"^(is outside|is not valid; allowed:|is neither|is not|must be|must have) ", "", refusal_of(annotated)
+    )
+    return words.replace(" nor ", " or ")
+
+
+def _span(low: Any, high: Any) -> str:
+    return f"{_number(low)} … {_number(high)}"
+
+
+def _number(value: float) -> str:
+    """A round number in groups of three digits; a port or a power of two as people write it."""
+    return f"{value:_.0f}".replace("_", " ") if value >= 10_000 and value % 100 == 0 else f"{value:.10g}"
