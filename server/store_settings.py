@@ -27,10 +27,10 @@ _HOURS = re.compile(r"([01]\d|2[0-3]):([0-5]\d)\s*-\s*([01]\d|2[0-3]):([0-5]\d)"
 
 def hours_of(text: str) -> tuple[int, int] | None:
     """First and last minute of the day of a span such as "22:00-06:00"; None if it is not one."""
-    found = _HOURS.fullmatch(text.strip())
-    if found is None:
+    match = _HOURS.fullmatch(text.strip())
+    if match is None:
         return None
-    first_h, first_min, last_h, last_min = map(int, found.groups())
+    first_h, first_min, last_h, last_min = map(int, match.groups())
     begin, end = first_h * 60 + first_min, last_h * 60 + last_min
     return None if begin == end else (begin, end)
 
