@@ -27,10 +27,10 @@
     tiles = "http://maps.local/{z}/{x}/{y}.png"
     attribution = "© OpenStreetMap contributors"
 
-    [store]  # recordings of many robots (server/store_settings.py)
+    [store]  # recordings of many robots (server/extensions/fleet/store_settings.py)
     url = "s3://bucket/prefix"
 
-    [fleet]  # this robot on the page of many (server/fleet_settings.py)
+    [fleet]  # this robot on the page of many (server/extensions/fleet/fleet_settings.py)
     router = "tls/fleet.example:7447"
 
 An unknown name in the file is an error, because a mistyped token that is silently ignored is worse than a server that
@@ -40,10 +40,9 @@ does not start.
 from __future__ import annotations
 
 import ipaddress
-import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 from urllib.parse import urlsplit
@@ -59,17 +58,19 @@ from imuscope.server.devices.decode_options import (
     option_text,
     source_options,
 )
-from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.extension_settings import ExtensionSettings, extension_settings
 from imuscope.server.holder.shares import ShareAddress, ShareError
 from imuscope.server.logging_setup import LEVELS, STYLES
-from imuscope.server.ros2_settings import DEFAULT_ROUTER, MAX_DOMAIN, is_name, is_router_address, usual_domain
 from imuscope.server.setting_types import Form, allowed_by, empty_or, one_of, refusal_of, zero_or
-from imuscope.server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
 MAX_MEMORY_MB = 65_536
 SECRETS = ("view_token", "control_token", "password")
+
+
+S = TypeVar("S", bound=ExtensionSettings)
+T = TypeVar("T", bound=Any)
 
 
 class ConfigError(ValueError):
@@ -91,18 +92,6 @@ def _is_token(text: str) -> bool:
     return not text or (len(text) >= 8 and text.isascii() and text.isprintable() and " " not in text)
 
 
-def _is_frame(text: str) -> bool:
-    return bool(re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}", text))
-
-
-def _is_namespace(text: str) -> bool:
-    return text in ("", "/") or is_name(text)
-
-
-_Namespace = Annotated[
-    str,
-    Form(_is_namespace, "is not a namespace such as /robot: letters, digits and single underscores after each slash"),
-]
 _Token = Annotated[str, Form(_is_token, "must have at least 8 printable ASCII characters without spaces")]
 
 
@@ -128,10 +117,6 @@ _TYPES = {
     tuple[str, ...]: "a list of strings",
     dict[str, tuple[str, ...]]: "a table of lists of strings",
     dict[str, str]: "a table of strings",
-    MapTiles: "a table with tiles and attribution",
-    StoreSettings: "a table with url",
-    FleetSettings: "a table with router, name, group and the like",
-    FleetServerSettings: "a table with listen, robots and the like",
 }
 
 
@@ -149,12 +134,10 @@ class Config:
         rollback_s: time to confirm settings that could have cut the link, before they are rolled back.
         history_s, memory_mb: limits of the sample history, whichever is reached first.
         bytes_mb: of memory_mb, for the bytes of live links (server/devices/byte_memory.py); at most a quarter of it.
-        analysis_s, analysis_mb: longest time and most memory of an analysis over HTTP (extensions/analysis/limits.py).
         view_token, control_token: "" to generate one when it is needed.
         tls: serve https with a self-signed certificate; tls_cert, tls_key: PEM files of another certificate.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
         allowed_origins: pages of other servers that may use this one.
-        webhook_hosts: hosts that webhooks of alarms may reach though they are this machine or its link.
         source_folders: folders, besides the library, from which files may be opened as sources over HTTP; sources given
             at start may be anywhere.
         record: record all devices from the start.
@@ -164,21 +147,9 @@ class Config:
         shares: addresses at which the port of a source is offered to other programs, by source
             (server/holder/shares.py).
         upload_gb: maximum size of an uploaded recording, 10⁹ bytes.
-        foxglove: loopback port of the Foxglove protocol (server/extensions/foxglove); 0 for any free one, −1 for
-            none.
-        rerun_connect: address of a Rerun viewer on another machine to stream to; "" for none.
-        ros2: publish devices as nodes of ROS 2 (server/extensions/ros2/service.py).
-        ros2_domain, ros2_router, ros2_namespace: ROS domain, address of the Zenoh router, namespace of the nodes.
-        ros2_reliability, ros2_depth: quality of service of the publishers.
-        ros2_axes: "rep103": ENU and FLU; "device": as the device sends them.
-        ros2_frames: frame_id by name of a device, or of its node; otherwise the name of its node.
-        ros2_map_frame: frame_id of the world.
-        ros2_tf: publish the attitude as a transform from that frame to the device's, too.
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
-        store: recordings of many robots, for questions (server/extensions/fleet).
-        fleet: the fleet that this robot belongs to.
-        fleet_server: the bus of `imuscope fleet`; `serve` does not use it.
+        extensions: settings of extensions, each of its type (server/extension_settings.py).
     """
 
     host: str = DEFAULT_HOST
@@ -191,8 +162,6 @@ class Config:
     history_s: Annotated[float, Interval(gt=0, le=86_400), Unit("s")] = 600.0
     memory_mb: Annotated[int, Interval(ge=1, le=MAX_MEMORY_MB), Unit("MB")] = 256
     bytes_mb: Annotated[int, Interval(ge=0, le=MAX_MEMORY_MB), Unit("MB")] = 64
-    analysis_s: Annotated[float, Interval(ge=1, le=86_400), Unit("s")] = 60.0
-    analysis_mb: Annotated[int, Interval(ge=MIN_QUERY_MB, le=MAX_QUERY_MB), Unit("MB")] = 1024
     view_token: _Token = field(default="", repr=False)
     control_token: _Token = field(default="", repr=False)
     tls: bool = False
@@ -200,7 +169,6 @@ class Config:
     tls_key: str = ""
     allowed_hosts: tuple[str, ...] = ()
     allowed_origins: tuple[str, ...] = ()
-    webhook_hosts: tuple[str, ...] = ()
     source_folders: tuple[str, ...] = ()
     record: bool = False
     recordings_quota_gb: Annotated[float, zero_or(0.001, 1e6, "GB")] = 0.0
@@ -209,39 +177,19 @@ class Config:
     record_head: bool = True
     shares: dict[str, tuple[str, ...]] = field(default_factory=dict)
     upload_gb: Annotated[float, Interval(gt=0, le=1e6)] = 16.0
-    foxglove: Annotated[
-        int, Form(lambda port: -1 <= port <= 65_535, "is neither a port, 0 … 65535, nor −1 for none")
-    ] = -1
-    rerun_connect: Annotated[
-        str,
-        empty_or(
-            re.compile(r"rerun(\+https?)?://[^/\s]+/proxy").fullmatch,
-            "is not a valid address such as rerun+http://host:9876/proxy",
-        ),
-    ] = ""
-    ros2: bool = False
-    ros2_domain: Annotated[int, Interval(ge=0, le=MAX_DOMAIN)] = 0
-    ros2_router: Annotated[str, Form(is_router_address, "is not an address such as tcp/localhost:7447")] = (
-        DEFAULT_ROUTER
-    )
-    ros2_namespace: Annotated[
-        str,
-        Form(
-            _is_namespace, "is not a namespace such as /robot: letters, digits and single underscores after each slash"
-        ),
-    ] = ""
-    ros2_reliability: Annotated[str, one_of("reliable", "best_effort")] = "reliable"
-    ros2_depth: Annotated[int, Interval(ge=1, le=10_000)] = 10
-    ros2_axes: Annotated[str, one_of("rep103", "device")] = "rep103"
-    ros2_frames: dict[str, str] = field(default_factory=dict)
-    ros2_map_frame: Annotated[str, Form(_is_frame, "is not the name of a frame, such as imu_link")] = "map"
-    ros2_tf: bool = False
     log_format: Annotated[str, one_of(*STYLES)] = "text"
     log_level: Annotated[str, one_of(*LEVELS)] = "info"
     map: MapTiles = MapTiles()
-    store: StoreSettings = field(default_factory=StoreSettings)
-    fleet: FleetSettings = field(default_factory=FleetSettings)
-    fleet_server: FleetServerSettings = field(default_factory=FleetServerSettings)
+    extensions: tuple[ExtensionSettings, ...] = ()
+
+    def of(self, kind: type[S]) -> S:
+        """The settings of an extension."""
+        return next((one for one in self.extensions if isinstance(one, kind)), None) or kind()
+
+    def having(self, settings: ExtensionSettings) -> Config:
+        """This configuration with other settings of an extension."""
+        others = [one for one in self.extensions if not isinstance(one, type(settings))]
+        return replace(self, extensions=(*others, settings))
 
     def reading(self) -> DecodeOptions:
         """Decode options of the sources.
@@ -299,46 +247,48 @@ def load(toml: Path | None = None, **values: Any) -> Config:
     values = {name: value for name, value in values.items() if value is not None}
     for name, value in values.items():
         table = settings.get(name, {})
-        if name in _TABLE_NAMES and isinstance(value, Mapping):
+        if name in tables() and isinstance(value, Mapping):
             value = {**table, **value} if isinstance(table, dict) else table
         settings[name] = value
-    if settings.get("ros2") and "ros2_domain" not in settings:
-        try:
-            settings["ros2_domain"] = usual_domain()
-        except ValueError as error:
-            raise ConfigError(str(error)) from None
+    try:
+        for kind in extension_settings():
+            kind.complete(settings)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
     return _checked(settings)
 
 
 def _checked(settings: Mapping[str, Any]) -> Config:
     settings = {previous_names.SETTINGS.get(name, name): value for name, value in settings.items()}
-    own = {name: value for name, value in settings.items() if name not in _NAMES}
+    own = {name: value for name, value in settings.items() if name not in setting_names()}
     options = _decode_options(own) if own else {}
-    config = replace(
-        _typed(Config(), {name: settings[name] for name in settings if name in _NAMES}), decode_options=options
-    )
+    config = replace(_chosen(Config(), settings), decode_options=options)
+    config = replace(config, extensions=tuple(_chosen(kind(), settings) for kind in extension_settings()))
     config = replace(config, data=config.data.expanduser().absolute())  # our subprocesses work in other folders
     if config.data.exists() and not config.data.is_dir():
         raise ConfigError(f"data {str(config.data)!r} is a file; name a folder with --data.")
-    if config.store.upload and not config.store.url:
-        raise ConfigError("store.upload needs store.url: the store to upload to.")
-    if (config.store.keep_days or config.store.keep_gb) and not config.store.upload:
-        raise ConfigError("store.keep_days and store.keep_gb need store.upload: only uploaded recordings are deleted.")
     if bool(config.tls_cert) != bool(config.tls_key):
         present, other = ("tls_cert", "tls_key") if config.tls_cert else ("tls_key", "tls_cert")
         raise ConfigError(f"{present} needs {other}: the files of a certificate and of its key.")
     if config.tls and config.tls_cert:
         raise ConfigError("tls creates a certificate and tls_cert names one: give one of the two.")
     _check_shares(config)
-    for name, frame in config.ros2_frames.items():
-        if not _is_frame(frame):
-            raise ConfigError(f"frame {frame!r} of {name} in ros2_frames is not a name such as imu_link.")
+    try:
+        for one in config.extensions:
+            one.check()
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
     if config.view_token and config.view_token == config.control_token:
         raise ConfigError("view_token and control_token must differ, otherwise every viewer could control.")
     return config
 
 
-_NAMES = {one.name for one in fields(Config)} - {"decode_options"}
+_NAMES = {one.name for one in fields(Config)} - {"decode_options", "extensions"}
+
+
+def setting_names() -> set[str]:
+    """Names of all settings and tables of the file, besides decode options."""
+    return _NAMES | {one.name for kind in extension_settings() for one in fields(kind)}  # type: ignore[arg-type]
 
 
 def _decode_options(settings: Mapping[str, Any]) -> dict[str, str | bool]:
@@ -347,7 +297,7 @@ def _decode_options(settings: Mapping[str, Any]) -> dict[str, str | bool]:
     for name, value in settings.items():
         option = declared.get(name)
         if option is None:
-            known = ", ".join(sorted((*_NAMES, *declared)))
+            known = ", ".join(sorted((*setting_names(), *declared)))
             raise ConfigError(f"{name} is not a valid setting; valid settings: {known}.")
         kind = bool if option.kind == "flag" else str
         if not isinstance(value, kind):
@@ -377,11 +327,18 @@ def _as_tuples(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-_TABLES: Mapping[Any, Any] = {  # with names of their own
-    kind: kind() for kind in (MapTiles, StoreSettings, FleetSettings, FleetServerSettings)
-}
-_TABLE_NAMES = ("map", "store", "fleet", "fleet_server")
-T = TypeVar("T", Config, MapTiles, StoreSettings, FleetSettings, FleetServerSettings)
+def _type_text(kind: Any) -> str:
+    """A type, in an error."""
+    if not is_dataclass(kind):
+        return _TYPES[kind]
+    names = [one.name for one in fields(kind)]
+    return f"a table with {', '.join(names[:3])}{' and the like' if len(names) > 3 else ''}"
+
+
+def _chosen(default: T, settings: Mapping[str, Any]) -> T:
+    """`default` with those of the settings that are its own."""
+    names = _NAMES if isinstance(default, Config) else {one.name for one in fields(default)}
+    return _typed(default, {name: value for name, value in settings.items() if name in names})
 
 
 def _typed(default: T, settings: Any, table: str = "") -> T:
@@ -393,8 +350,8 @@ def _typed(default: T, settings: Any, table: str = "") -> T:
     for name, value in settings.items():
         if name not in types:
             raise ConfigError(f"{table}{name} is not a valid setting; valid settings: {', '.join(sorted(types))}.")
-        if types[name] in _TABLES and isinstance(value, Mapping):
-            value = _typed(_TABLES[types[name]], value, f"{name}.")
+        if is_dataclass(types[name]) and isinstance(value, Mapping):
+            value = _typed(types[name](), value, f"{name}.")
         elif types[name] is Path and isinstance(value, str):
             value = Path(value)
         try:
@@ -405,14 +362,20 @@ def _typed(default: T, settings: Any, table: str = "") -> T:
                 shown = "" if name in SECRETS else f" {value!r}" if isinstance(value, str) else f" {value:g}"
                 raise ConfigError(f"{table}{name}{shown} {refusal_of(annotated[name])}.") from None
             shown = "…" if name in SECRETS else repr(value)  # as written
-            raise ConfigError(f"{table}{name} must be {_TYPES[types[name]]}, not {shown}.") from None
+            raise ConfigError(f"{table}{name} must be {_type_text(types[name])}, not {shown}.") from None
     return replace(default, **changes)
+
+
+def tables() -> dict[str, type]:
+    """Tables of the file with names of their own: their settings, as a dataclass."""
+    kinds = (Config, *extension_settings())
+    return {name: hint for kind in kinds for name, hint in get_type_hints(kind).items() if is_dataclass(hint)}  # type: ignore[misc]
 
 
 def allowed_values() -> Iterator[tuple[str, str]]:
     """Name of each setting whose values are limited, with the table that it is in, and its allowed values."""
-    tables = {name: type(getattr(Config(), name)) for name in _TABLE_NAMES}
-    for table, kind in {"": Config, **tables}.items():
+    own = [("", kind) for kind in (Config, *extension_settings())]
+    for table, kind in (*own, *tables().items()):
         for name, hint in get_type_hints(kind, include_extras=True).items():
             if words := allowed_by(hint):
                 yield f"[{table}] {name}".removeprefix("[] "), words

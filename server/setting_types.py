@@ -71,3 +71,12 @@ def _span(low: Any, high: Any) -> str:
 def _number(value: float) -> str:
     """A round number in groups of three digits; a port or a power of two as people write it."""
     return f"{value:_.0f}".replace("_", " ") if value >= 10_000 and value % 100 == 0 else f"{value:.10g}"
+
+
+_ADDRESS = re.compile(r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9a-fA-F:.]+\]|[^\s/:\[\]#?]+):(\d{1,5})(?:[?#]\S*)?")
+
+
+def is_router_address(text: str) -> bool:
+    """Whether a text is an address of a router: tcp/HOST:PORT."""
+    match = _ADDRESS.fullmatch(text)
+    return match is not None and 0 < int(match[1]) <= 65_535

@@ -50,9 +50,7 @@ SERVER: dict[str, set[str]] = {
     "timings": set(),
     "workspaces": set(),
     "fair_queue": set(),
-    **{part: set() for part in ("logging_setup", "setting_types", "ros2_settings", "holder")},
-    "store_settings": {"setting_types"},
-    "fleet_settings": {"setting_types", "ros2_settings"},
+    **{part: set() for part in ("logging_setup", "setting_types", "extension_settings", "holder")},
     "handshakes": {"connections"},
     "links": {"holder"},
     "jit_cache": {"links"},
@@ -61,7 +59,7 @@ SERVER: dict[str, set[str]] = {
     "streaming": {"wire_codec"},
     "devices": {"wire_codec", "links", "streaming"},
     "config": {
-        *("fleet_settings", "logging_setup", "devices", "holder", "ros2_settings", "setting_types", "store_settings"),
+        *("extension_settings", "logging_setup", "devices", "holder", "setting_types"),
     },
     "tls": {"config"},
     "login_throttle": {"config"},
@@ -124,7 +122,7 @@ SERVER: dict[str, set[str]] = {
     },
     "commands": {
         *("app", "auth", "config", "configuration", "devices", "diagnostics"),
-        *("extension", "fleet_settings", "holder", "store_settings"),
+        *("extension", "extension_settings", "holder"),
         *(
             "http_server",
             "jit_cache",
@@ -132,7 +130,6 @@ SERVER: dict[str, set[str]] = {
             "links",
             "logging_setup",
             "login_throttle",
-            "ros2_settings",
             "streaming",
         ),
     },

@@ -18,8 +18,7 @@ from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
 from imuscope.server.extension import add_commands, extension_commands
-from imuscope.server.ros2_settings import DEFAULT_ROUTER
-from imuscope.server.store_settings import STORE_FORMS
+from imuscope.server.extension_settings import extension_settings
 from imuscope.server.version import described
 
 COMMANDS = (
@@ -29,7 +28,6 @@ COMMANDS = (
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
 SHELLS = ("bash", "zsh", "fish")
-FOXGLOVE_PORT = 8765
 SENDING = """Without fields, a setting is read. With fields, it is written and read back, and the value that the device
 stored (it may round rates) is printed. Commands that lose settings, stop output or cut the link are refused, with the
 reason, unless --yes is given. `imuscope commands` lists commands and settings, `imuscope commands NAME` their
@@ -38,18 +36,14 @@ fields."""
 CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sources, and:
   view_token, control_token       tokens to use, at least 20 characters each
   allowed_hosts, allowed_origins  lists of host names and page origins that may use this server
-  webhook_hosts                   hosts that webhooks may reach though they are this machine or its link
   rollback_s                      time to confirm settings that could cut the link, s (default 20)
   history_s, memory_mb            limits of the sample history, whichever is reached first (default 600 s, 256 MB)
   bytes_mb                        of memory_mb, for the bytes of live links, at most a quarter (default 64 MB)
-  analysis_s, analysis_mb         limits of an analysis over HTTP (default 60 s, 1024 MB)
   recordings_quota_gb             disk quota; the oldest recordings that are not pinned are deleted (0: none)
   split_mb, split_min             size or duration at which a recording continues in a new file (0: never)
   record_head                     request the header of the vendor log format from the device (default true)
   upload_gb                       maximum size of an uploaded recording (default 16)
   [map] tiles, attribution        tile server for the map under the track
-  [store] url, query_s, query_mb  store of recordings, and limits of a question over HTTP (default 60 s, 1024 MB)
-  [fleet] name, group, user, …    this robot in a fleet; see docs/fleet.md
 """
 ENVIRONMENT_HELP = """environment variables, used if the option is not given:
   IMUSCOPE_DATA                   --data
@@ -138,9 +132,11 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     if command is None:
         return root.parse_args(list(words))
     rest = list(words[1:])
-    for at, word in enumerate(rest):  # its port may be left out, and then no source is one
-        if word == "--foxglove" and not (at + 1 < len(rest) and rest[at + 1].lstrip("-").isdigit()):
-            rest[at] = f"--foxglove={FOXGLOVE_PORT}"
+    actions = command._actions  # noqa: SLF001 - argparse has no list of them
+    bare = {flag: one.const for one in actions if one.nargs == "?" and one.const for flag in one.option_strings}
+    for at, word in enumerate(rest):  # the number of such an option may be left out, and then no source is one
+        if word in bare and not (at + 1 < len(rest) and rest[at + 1].lstrip("-").isdigit()):
+            rest[at] = f"{word}={bare[word]}"
     owners = _owners_of_shares(command, rest) if words[0] == "serve" else []
     options = command.parse_intermixed_args(rest)
     options.share_owners = owners
@@ -212,10 +208,11 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
 
 
 def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
+    config_help = CONFIG_HELP + "".join(kind.config_help for kind in extension_settings())
     command = add_parser(
         "serve",
         help="serve the page (the default command)",
-        epilog="\n".join(filter(None, (about.source_options, about.details, CONFIG_HELP, about.environment))),
+        epilog="\n".join(filter(None, (about.source_options, about.details, config_help, about.environment))),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("sources", nargs="*", metavar="SOURCE", help=about.sources)
@@ -229,33 +226,8 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
         "udp://HOST:PORT, each with ?mode=read to forbid writing; may be repeated",
     )
     command.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
-    command.add_argument("--store", metavar="URL", help=f"store of recordings to answer questions about: {STORE_FORMS}")
-    command.add_argument(
-        "--foxglove",
-        type=int,
-        nargs="?",
-        const=FOXGLOVE_PORT,
-        metavar="PORT",
-        help="serve the Foxglove protocol on this local port (default 8765) and at /foxglove on the port of the page",
-    )
-    command.add_argument(
-        "--rerun-connect", metavar="URL", help="stream to a Rerun viewer: rerun+http://host:9876/proxy"
-    )
-    command.add_argument(
-        "--ros2", action="store_true", default=None, help="publish each device as a node of ROS 2, over Zenoh"
-    )
-    command.add_argument("--ros2-domain", type=int, metavar="N", help="ROS domain (default: ROS_DOMAIN_ID, else 0)")
-    command.add_argument(
-        "--ros2-router", metavar="ADDRESS", help=f"Zenoh router: tcp/HOST:PORT (default {DEFAULT_ROUTER})"
-    )
-    command.add_argument(
-        "--fleet", metavar="ADDRESS", help="join the fleet at tcp/HOST:PORT or tls/HOST:PORT (`imuscope fleet`)"
-    )
-    command.add_argument(
-        "--fleet-name",
-        metavar="NAME",
-        help="name of this robot in its fleet and in the store, which no other robot may have (default: host name)",
-    )
+    for kind in extension_settings():
+        kind.add_options(command)
     command.add_argument(
         "--log-format", choices=logging_setup.STYLES, help="format of the log on standard error (default text)"
     )

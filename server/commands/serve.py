@@ -7,7 +7,7 @@ import errno
 import socket
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from imuscope.server import logging_setup
 from imuscope.server.commands.common import (
@@ -22,6 +22,7 @@ from imuscope.server.config import Config, load
 from imuscope.server.devices.decode_options import declared_options, option_text
 from imuscope.server.devices.protocol_set import problems
 from imuscope.server.extension import extension_problems, extensions
+from imuscope.server.extension_settings import extension_settings
 from imuscope.server.links.simulated_device import simulators
 from imuscope.server.version import VERSION
 
@@ -92,6 +93,9 @@ def _config(options: argparse.Namespace) -> Config:
         name: option_text(declared[name], value) if declared[name].kind == "secret" else value
         for name, value in given_options(options).items()
     }
+    of_extensions: dict[str, Any] = {}
+    for kind in extension_settings():
+        of_extensions |= kind.from_options(options)
     sources = normalized_sources(options.sources)
     return load(
         options.config,
@@ -105,23 +109,11 @@ def _config(options: argparse.Namespace) -> Config:
         tls_key=options.tls_key,
         shares=shares_by_source(options.shares or (), options.share_owners, sources) or None,
         record=options.record,
-        foxglove=options.foxglove,
-        rerun_connect=options.rerun_connect,
-        store=None if options.store is None else {"url": options.store},
-        ros2=options.ros2,
-        ros2_domain=options.ros2_domain,
-        ros2_router=options.ros2_router,
-        fleet=_fleet(options),
         log_format=options.log_format,
         log_level=options.log_level,
+        **of_extensions,
         **values,
     )
-
-
-def _fleet(options: argparse.Namespace) -> dict[str, str] | None:
-    """Settings of the fleet that options give; those of the file stay beside them."""
-    values = {"router": options.fleet, "name": options.fleet_name}
-    return {name: text for name, text in values.items() if text is not None} or None
 
 
 def _check_extensions(config: Config) -> None:

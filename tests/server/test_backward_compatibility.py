@@ -30,11 +30,9 @@ from imuscope.recordings.mcap_records import bytes_of
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.probe import probe
 from imuscope.server.commands.decode import DecodeError, decode_file
-from imuscope.server.config import MapTiles, load
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.snapshots import SnapshotError, from_text, to_text
 from imuscope.server.devices.decode_options import DecodeOptions
-from tests.decode_options import decode_options
 from tests.server_process import ROOT
 
 KEPT = ROOT / "tests" / "golden" / "previous_formats"
@@ -124,18 +122,6 @@ def test_a_rollback_record_is_found(kept: Path, tmp_path: Path) -> None:
     assert record.old == {"Baudrate": {"baudrate": 2}}
     assert (record.old_baud, record.new_baud, record.restart, record.state) == (115_200, 921_600, True, "pending")
     assert (record.serial_number, record.deadline) == ("0080A1B2", 1795252300.5)
-
-
-def test_a_configuration_file_is_read(kept: Path) -> None:
-    config = load(kept / "imuscope.toml")
-    assert (config.host, config.port, config.data) == ("0.0.0.0", 8081, Path("/var/lib/imuscope"))
-    assert config.sources == ("/dev/ttyUSB0", "tcp://10.0.0.7:4000")
-    assert config.reading() == decode_options("xbus", key=bytes(range(16)), min_mode="safety")
-    assert (config.rollback_s, config.history_s, config.memory_mb) == (30, 300, 128)
-    assert (config.view_token, config.control_token) == ("look-but-do-not-touch", "touch-if-you-must")
-    assert (config.record, config.recordings_quota_gb, config.split_mb, config.split_min) == (True, 20, 2000, 60)
-    assert (config.foxglove, config.rerun_connect) == (8765, "rerun+http://desk.local:9876/proxy")
-    assert config.map == MapTiles("http://maps.local/{z}/{x}/{y}.png", "© OpenStreetMap contributors")
 
 
 # ── what is only a cache ─────────────────────────────────────────────────────────────────────────────────────────────

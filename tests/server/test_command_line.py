@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import functools
 import json
 import os
@@ -22,7 +21,7 @@ from imuscope.protocols.decode_options import DecodeOption
 from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
 from imuscope.server.commands import arguments
 from imuscope.server.commands.completion import script
-from imuscope.server.config import Config
+from imuscope.server.config import setting_names
 from imuscope.server.devices.decode_options import source_options
 from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, imuscope
@@ -153,8 +152,7 @@ def test_the_guide_names_every_command_variable_and_setting() -> None:
         assert re.search(rf"imuscope {name}\b", commands), name
     settings = (ROOT / "docs" / "guide" / "settings.md").read_text()
     variables = [*arguments.ENVIRONMENT.values(), *map(arguments.variable_of, secrets())]
-    fields = {field.name for field in dataclasses.fields(Config)} - {"decode_options"}
-    for name in [*variables, *fields, *(option.name for option in source_options())]:
+    for name in [*variables, *setting_names(), *(option.name for option in source_options())]:
         assert f"`{name}`" in settings or f"`[{name}]`" in settings, name
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,7 @@ from imuscope.protocols.schema import Field, Message
 from imuscope.server.api.decode_options_body import DecodeOptionsBody
 from imuscope.server.commands import arguments as options
 from imuscope.server.commands.common import decode_options_of
-from imuscope.server.config import Config, ConfigError, load
+from imuscope.server.config import ConfigError, load, setting_names
 from imuscope.server.devices.decode_options import (
     DecodeOptionError,
     DecodeOptions,
@@ -105,11 +105,10 @@ def test_the_names_of_the_program_are_reserved() -> None:
     """No option of a family can stand for one of the program: all flags, settings and source options are listed."""
     commands = options.parser(with_help=False).commands.values()
     flags = {action.dest for command in commands for action in command._actions} - declared_options().keys()
-    settings = {one.name for one in fields(Config)} - {"decode_options"}
     forms = " ".join(text for kind in link_kinds() for usage in kind.usage for text in usage)
     of_families = {one.name for family in simulators().values() for one in family.options}
     queries = {*re.findall(r"([a-z_]+)=", forms)} - of_families
-    assert not (flags | settings | queries) - RESERVED
+    assert not (flags | setting_names() | queries) - RESERVED
 
 
 @each_row(

@@ -23,6 +23,7 @@ from imuscope.server.extensions.alarms.conditions import Rows, checked
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from imuscope.server.extensions.alarms.instance import AlarmInstance, AlarmState, compiled
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
+from imuscope.server.extensions.alarms.settings import AlarmSettings
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url, shown_url
 from imuscope.server.extensions.analysis.channel_rates import ChannelRates, have_changed
 from imuscope.server.extensions.analysis.live_expression import RateUnknownError
@@ -431,7 +432,8 @@ class AlarmService:
 def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
     telemetry, config = services.telemetry, services.config
-    alarms = AlarmService(telemetry.bus, telemetry.store, config.data, services.recorder, config.webhook_hosts)
+    hosts = config.of(AlarmSettings).webhook_hosts
+    alarms = AlarmService(telemetry.bus, telemetry.store, config.data, services.recorder, hosts)
     yield ServicePart(
         "the alarms",
         alarms,

@@ -22,6 +22,7 @@ from imuscope.server.extensions.analysis.derived_channels import DerivedChannels
 from imuscope.server.extensions.analysis.fork_server import ForkServer, JobLostError
 from imuscope.server.extensions.analysis.jobs import AnalysisJob, Content
 from imuscope.server.extensions.analysis.limits import LESS, AnalysisLimits
+from imuscope.server.extensions.analysis.settings import AnalysisSettings
 from imuscope.server.fair_queue import FairQueue, QueueFullError
 from imuscope.server.parts import ServicePart
 
@@ -130,8 +131,9 @@ def _processors() -> int:
 
 def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
-    telemetry, config = services.telemetry, services.config
-    limits = AnalysisLimits(config.analysis_mb, config.analysis_s)
+    telemetry = services.telemetry
+    settings = services.config.of(AnalysisSettings)
+    limits = AnalysisLimits(settings.analysis_mb, settings.analysis_s)
     analyses = AnalysisService(limits, lambda: telemetry.clients.browsers > 0)
     yield ServicePart("an analysis", analyses, analyses.close, viewed=analyses.viewed)
     definitions = services.recorder.signals

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 
 from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import Finding
+from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store import PACKAGES
 
 ABOUT = "store"
@@ -14,7 +15,7 @@ ABOUT = "store"
 
 def findings(config: Config) -> Iterator[Finding]:
     """Whether the packages that a store needs are installed; nothing without a store."""
-    if not config.store.url:
+    if not config.of(FleetTables).store.url:
         return
     missing = [name for name in PACKAGES if find_spec(name) is None]
     if missing:

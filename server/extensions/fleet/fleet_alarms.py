@@ -35,9 +35,9 @@ from imuscope.server.extensions.alarms.machine import (
     AlarmTransition,
 )
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url
+from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings
 from imuscope.server.extensions.fleet.operator_name import operator_name
 from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
-from imuscope.server.fleet_settings import FleetServerSettings
 
 log = logging.getLogger("imuscope.fleet")
 

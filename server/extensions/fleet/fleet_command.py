@@ -20,12 +20,13 @@ from imuscope.server.extensions.fleet.bus import BusCredentials, FleetBusError, 
 from imuscope.server.extensions.fleet.database import FleetDatabase, FleetDatabaseError
 from imuscope.server.extensions.fleet.fleet_alarms import FleetAlarms
 from imuscope.server.extensions.fleet.fleet_server import FleetServer
+from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings, FleetSettings
 from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
 from imuscope.server.extensions.fleet.operators import Operators
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
 from imuscope.server.extensions.fleet.rollouts import RolloutFiles
-from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.logging_setup import print_or_log
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def serve_fleet(options: argparse.Namespace) -> None:
         ConfigError, DecodeOptionError: invalid options or configuration file.
     """
     config = _config(options)
-    settings = config.fleet_server
+    settings = config.of(FleetTables).fleet_server
     if settings.listen and settings.router:
         raise UsageError("--listen and --router exclude each other: give the one that robots connect to")
     try:
@@ -72,7 +73,8 @@ def serve_fleet(options: argparse.Namespace) -> None:
         )
         return create_app(config, access, brought=(server,), has_devices=False)
 
-    run(replace(config, sources=(), fleet=FleetSettings()), create, is_robot=False)
+    tables = replace(config.of(FleetTables), fleet=FleetSettings())
+    run(replace(config, sources=()).having(tables), create, is_robot=False)
 
 
 def create_fleet_server(config: Config, timing: RolloutTiming | None = None) -> FleetServer:
@@ -84,7 +86,7 @@ def create_fleet_server(config: Config, timing: RolloutTiming | None = None) -> 
     Raises:
         DomainError, FleetDatabaseError: its stored state cannot be used.
     """
-    folder, server_settings = config.data / "fleet", config.fleet_server
+    folder, server_settings = config.data / "fleet", config.of(FleetTables).fleet_server
     profiles = GroupProfiles(folder)
     return FleetServer(
         Robots(),

@@ -11,6 +11,7 @@ from imuscope.server.extensions.fleet.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.publisher import FleetPublisher
 from imuscope.server.extensions.fleet.query_service import QueryService
 from imuscope.server.extensions.fleet.robots import Robots
+from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.uploads import UploadService
 from imuscope.server.parts import ServicePart
 from imuscope.server.services import Services
@@ -29,7 +30,7 @@ def parts(services: Services) -> Iterator[ServicePart]:
             uploads.start()
 
     yield ServicePart("an upload", uploads, uploads.close, start_uploads, metrics=uploads.add_metrics)
-    yield ServicePart("questions", QueryService(config.store))
+    yield ServicePart("questions", QueryService(config.of(FleetTables).store))
     alarms = services.parts.get(AlarmService)
     known = KnownSettings(config.data / "fleet", services.controllers.get)
     publisher = FleetPublisher(services.telemetry, config, lambda: active_alarms(alarms), known)

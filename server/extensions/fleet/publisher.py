@@ -34,13 +34,14 @@ from imuscope.server.extensions.fleet.bus import (
     open_bus,
 )
 from imuscope.server.extensions.fleet.device_figures import DeviceFigures, clipped
+from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
 from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.extensions.fleet.journal import ANSWER_BYTES, FOLDER, Journal
 from imuscope.server.extensions.fleet.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
+from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, with_hysteresis
-from imuscope.server.fleet_settings import FleetSettings
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.version import VERSION
@@ -142,7 +143,7 @@ class FleetPublisher:
         alarms: Callable[[], Iterable[ReportedAlarm]],
         settings: KnownSettings,
     ) -> None:
-        self._settings = config.fleet
+        self._settings = config.of(FleetTables).fleet
         self._data = config.data
         self._bus = telemetry.bus
         self._alarms = alarms

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.fair_queue import FairQueue, QueueFullError, Turn
-from imuscope.server.store_settings import StoreSettings
 from imuscope.server.workers import Worker
 
 EACH = 1  # questions of one user that run at once

@@ -24,7 +24,8 @@ from urllib.parse import unquote, urlsplit
 
 from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.bandwidth_proxy import LimitedLine
-from imuscope.server.store_settings import STORE_FORMS
+from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.extensions.fleet.store_settings import STORE_FORMS
 
 RETRY_S = 60
 MAX_RETRIES = 8
@@ -262,11 +263,11 @@ def check_store(config: Config) -> None:
     Raises:
         ValueError: it cannot; the text is for a user.
     """
-    if not config.store.url:
+    if not config.of(FleetTables).store.url:
         return
     if not is_installed():
         raise ValueError(MISSING)
     try:
-        location(config.store.url)
+        location(config.of(FleetTables).store.url)
     except StoreError as error:
         raise ValueError(f"{error.message.rstrip('.')}. {error.hint}".strip()) from None

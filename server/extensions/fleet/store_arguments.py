@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
-from imuscope.server.store_settings import STORE_FORMS
+from imuscope.server.extensions.fleet.store_settings import STORE_FORMS
 
 
 def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:

@@ -10,8 +10,8 @@ from collections.abc import Callable, Collection
 
 from imuscope.recordings import sidecar
 from imuscope.recordings.library import LibraryEntry
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.extensions.fleet.upload_log import UploadOutcome
-from imuscope.server.store_settings import StoreSettings
 
 DAY_S = 86_400.0
 

@@ -1,4 +1,4 @@
-"""Rules for uploads: which finished recordings go to the store, and when (server/store_settings.py).
+"""Rules for uploads: which finished recordings go to the store, and when (server/extensions/fleet/store_settings.py).
 
 The reason for refusing a recording is a text. The rules are evaluated at each check, so a tag that is added later
 counts.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from datetime import datetime
 
 from imuscope.recordings.library import LibraryEntry
-from imuscope.server.store_settings import StoreSettings, hours_of
+from imuscope.server.extensions.fleet.store_settings import StoreSettings, hours_of
 
 ALARM_TITLE, ALARM_MARKER = "Alarm ", "Alarm “"  # as server/extensions/alarms/recording_trigger.py writes them
 

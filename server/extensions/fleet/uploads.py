@@ -28,6 +28,7 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.publisher import robot_name
+from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.upload_cleanup import edits_of, next_to_go
 from imuscope.server.extensions.fleet.upload_log import UploadLog, UploadOutcome
 from imuscope.server.extensions.fleet.upload_rules import pause_until, refusal
@@ -81,8 +82,8 @@ class UploadService:
     """
 
     def __init__(self, config: Config, catalogue: Catalogue, compactor: CompactionWorker, bus: TelemetryBus) -> None:
-        self.settings = config.store
-        self.robot = robot_name(config.fleet) if self.settings.upload else ""
+        self.settings = config.of(FleetTables).store
+        self.robot = robot_name(config.of(FleetTables).fleet) if self.settings.upload else ""
         self.problem = ""  # of the last attempt, if the store failed
         self._config = config
         self._catalogue, self._compactor, self._bus = catalogue, compactor, bus

@@ -21,6 +21,7 @@ from typing import Any
 
 from imuscope.server.auth import Access
 from imuscope.server.backoff import Backoff
+from imuscope.server.extensions.foxglove.settings import FoxgloveSettings
 from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
 from imuscope.server.integrations.viewer_process import ViewerProcess
@@ -133,5 +134,5 @@ class Foxglove:
 
 def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
-    service = Foxglove(services.telemetry, services.config.foxglove, services.access)
+    service = Foxglove(services.telemetry, services.config.of(FoxgloveSettings).foxglove, services.access)
     yield ServicePart("Foxglove", service, service.close, service.start)

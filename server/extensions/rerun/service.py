@@ -24,6 +24,7 @@ from typing import Any
 
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.remote import RemoteRerun
+from imuscope.server.extensions.rerun.settings import RerunSettings
 from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.viewer_process import ViewerProcess
 from imuscope.server.parts import ServicePart
@@ -263,5 +264,5 @@ class Rerun:
 
 def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
-    service = Rerun(services.telemetry, services.config.rerun_connect)
+    service = Rerun(services.telemetry, services.config.of(RerunSettings).rerun_connect)
     yield ServicePart("Rerun", service, service.close, service.start)

@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from imuscope.server.ros2_settings import NAME
+from imuscope.server.extensions.ros2.settings import NAME
 
 ADMIN_SPACE = "@ros2_lv"
 DEFAULT_DEPTH = 42  # the depth that is left out of a token

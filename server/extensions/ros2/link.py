@@ -35,13 +35,13 @@ from imuscope.server.extensions.ros2.key_expressions import (
     topic_key,
 )
 from imuscope.server.extensions.ros2.session import ZenohSessionError, open_session
+from imuscope.server.extensions.ros2.settings import MAX_DOMAIN, is_name, usual_domain
 from imuscope.server.extensions.ros2.type_support import TypeSupportError, definition, is_known, type_hash
 from imuscope.server.links.base import Link, LinkError, LinkSettings, Progress
 from imuscope.server.links.message_link import MessageLink, SeenTopic, TopicSource, listed, missing_topic, other_type
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl, bad
 from imuscope.server.links.text import progress_line
-from imuscope.server.ros2_settings import MAX_DOMAIN, is_name, usual_domain
 
 if TYPE_CHECKING:
     import zenoh

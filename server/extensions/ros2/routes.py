@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.extensions.ros2.service import Ros2
+from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/ros2", tags=["ros2"])
@@ -64,12 +65,12 @@ class RosState(BaseModel):
 
 
 def _state(services: Services) -> RosState:
-    config, state = services.config, services.parts.get(Ros2).state
+    settings, state = services.config.of(Ros2Settings), services.parts.get(Ros2).state
     return RosState(
         enabled=services.parts.get(Ros2).is_enabled,
-        router=config.ros2_router,
-        domain=config.ros2_domain,
-        namespace=config.ros2_namespace,
+        router=settings.ros2_router,
+        domain=settings.ros2_domain,
+        namespace=settings.ros2_namespace,
         connected=bool(state.routers),
         peers=state.peers,
         dropped=state.dropped,

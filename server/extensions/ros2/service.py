@@ -23,6 +23,7 @@ from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.integrations.viewer_process import ViewerProcess
 from imuscope.server.parts import ServicePart
@@ -66,7 +67,7 @@ class Ros2:
         self, telemetry: Telemetry, config: Config, properties: Callable[[str, str], SensorProperties]
     ) -> None:
         self._bus, self._clients = telemetry.bus, telemetry.clients
-        self._config = config
+        self._own = config.of(Ros2Settings)
         self._properties = properties
         self._known: dict[str, SensorProperties] = {}
         self._task: asyncio.Task[None] | None = None
@@ -78,7 +79,7 @@ class Ros2:
 
     @property
     def is_enabled(self) -> bool:
-        return self._config.ros2
+        return self._own.ros2
 
     @property
     def pid(self) -> int | None:
@@ -146,17 +147,17 @@ class Ros2:
             await asyncio.sleep(backoff.next())
 
     def _settings(self) -> dict[str, Any]:
-        config = self._config
+        own = self._own
         return {
-            "router": config.ros2_router,
-            "domain": config.ros2_domain,
-            "namespace": config.ros2_namespace.rstrip("/"),
-            "reliability": config.ros2_reliability,
-            "depth": config.ros2_depth,
-            "axes": config.ros2_axes,
-            "frames": dict(config.ros2_frames),
-            "map_frame": config.ros2_map_frame,
-            "tf": config.ros2_tf,
+            "router": own.ros2_router,
+            "domain": own.ros2_domain,
+            "namespace": own.ros2_namespace.rstrip("/"),
+            "reliability": own.ros2_reliability,
+            "depth": own.ros2_depth,
+            "axes": own.ros2_axes,
+            "frames": dict(own.ros2_frames),
+            "map_frame": own.ros2_map_frame,
+            "tf": own.ros2_tf,
             "disabled": sorted(self._switches.off),
         }
 
@@ -181,10 +182,10 @@ class Ros2:
             self._has_ended.set()
 
     def _on_router(self, state: str) -> None:
-        address = self._config.ros2_router
+        address = self._own.ros2_router
         if state == "reached":
             self.state.problem = self.state.hint = ""
-            domain = self._config.ros2_domain
+            domain = self._own.ros2_domain
             self._event("info", f"ROS 2: devices are published in domain {domain}, through the Zenoh router {address}.")
         elif state == "lost":
             self._problem(

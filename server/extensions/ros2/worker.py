@@ -1,6 +1,6 @@
 """`python -m imuscope.server.extensions.ros2.worker`: the process in which devices are nodes of ROS 2.
 
-    input:   {"op": "serve", settings of Ros2Settings}     open the session and announce the devices
+    input:   {"op": "serve", settings of Ros2WorkerSettings}     open the session and announce the devices
              {"op": "sensors", "device": …, values of SensorProperties}
              {"op": "switch", "topic": …, "enabled": …}    announce or withdraw a topic
     output:  {"op": "state", "routers": […], "peers": …, "topics": […]}     once a second, and when topics change
@@ -40,7 +40,7 @@ DIAGNOSTICS_TOPIC, TRANSFORM_TOPIC = "/diagnostics", "/tf"
 
 
 @dataclass(frozen=True, slots=True)
-class Ros2Settings:
+class Ros2WorkerSettings:
     """Settings of the publisher (server/config.py)."""
 
     router: str
@@ -77,7 +77,7 @@ class Ros2Bridge:
         self._client = client
         self._lock = threading.RLock()
         self._graph: RosGraph | None = None
-        self._settings = Ros2Settings("")
+        self._settings = Ros2WorkerSettings("")
         self._nodes: dict[str, DeviceNode] = {}
         self._noise: dict[str, SensorProperties] = {}
         self._disabled: set[str] = set()
@@ -95,7 +95,7 @@ class Ros2Bridge:
 
     def serve(self, settings: Mapping[str, Any]) -> None:
         """Open the session."""
-        self._settings = Ros2Settings(**settings)
+        self._settings = Ros2WorkerSettings(**settings)
         self._disabled = set(self._settings.disabled)
         self._opened = time.monotonic()
         threading.Thread(target=self._open, daemon=True).start()

@@ -18,6 +18,7 @@ from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.alarm_file import AlarmFile
 from imuscope.server.extensions.alarms.service import FILE
+from imuscope.server.extensions.alarms.settings import AlarmSettings
 from imuscope.server.extensions.alarms.webhooks import (
     MAX_QUEUE,
     UndeliveredError,
@@ -190,7 +191,7 @@ def test_an_alarm_is_posted_with_its_address_hidden_and_kept(receiver: Receiver,
         "missing_s": 3600,
         "webhook": url,
     }
-    config = Config(sources=("/dev/one",), protocol="fake", data=tmp_path, webhook_hosts=HERE)
+    config = Config(sources=("/dev/one",), protocol="fake", data=tmp_path, extensions=(AlarmSettings(HERE),))
     with InProcessServer(config, links.open) as running:
         answer = running.client.post("/api/alarms", json=body)
         assert answer.status_code == 201, answer.text

@@ -22,8 +22,9 @@ from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.fleet import fleet_server, publisher
 from imuscope.server.extensions.fleet.fleet_command import create_fleet_server
+from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings, FleetSettings
 from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
-from imuscope.server.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.links import open_link
 from tests.free_ports import free_port
 from tests.server.in_process_server import InProcessServer
@@ -81,7 +82,7 @@ class Robot(InProcessServer):
 
     def __init__(self, name: str, port: int, data: Path) -> None:
         settings = FleetSettings(router=f"tcp/127.0.0.1:{port}", name=name, group="otters", pages="control")
-        config = Config(port=0, data=data, sources=(SOURCE,), fleet=settings)
+        config = Config(port=0, data=data, sources=(SOURCE,)).having(FleetTables(fleet=settings))
         super().__init__(config, open_link, all_protocols(), loop=TurnedLoop)
 
     def turn(self, seconds: float) -> None:
@@ -147,7 +148,7 @@ class RolloutFleet:
             self._open.callback(self._process.stop)
             self._server = self._open.enter_context(http_client(base_url=self._process.url))
             return
-        config = Config(port=0, data=data, fleet_server=FleetServerSettings(listen=listen))
+        config = Config(port=0, data=data).having(FleetTables(fleet_server=FleetServerSettings(listen=listen)))
         server = create_fleet_server(config, BRIEF)
         server.open()
         self.rollouts = server.rollouts

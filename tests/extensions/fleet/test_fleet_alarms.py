@@ -15,10 +15,10 @@ import pytest
 
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.fleet_alarms import FILE, FleetAlarms
+from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings
 from imuscope.server.extensions.fleet.reports import ReportedDevice, RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
-from imuscope.server.fleet_settings import FleetServerSettings
 from tests.each_row import each_row
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port

@@ -8,8 +8,9 @@ import pytest
 
 from imuscope.server.cli import main
 from imuscope.server.config import Config
+from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
 from imuscope.server.extensions.fleet.publisher import FleetSettingsError, credentials_of, report_budget, robot_name
-from imuscope.server.fleet_settings import FleetSettings
+from imuscope.server.extensions.fleet.settings import FleetTables
 from tests.each_row import each_row
 
 
@@ -47,8 +48,8 @@ def test_a_name_on_the_command_line_leaves_the_settings_of_the_file(
     monkeypatch.setattr("imuscope.server.commands.serve.run", lambda config, *_, **__: configs.append(config))
     assert main(["serve", "sim:xbus", "--config", str(file), "--fleet-name", "otter-7"]) in (0, None)
     assert main(["serve", "sim:xbus", "--fleet", "tcp/other:7447", "--fleet-name", "otter-8"]) in (0, None)
-    assert configs[0].fleet == FleetSettings(router="tcp/fleet:7447", name="otter-7", group="otters")
-    assert configs[1].fleet == FleetSettings(router="tcp/other:7447", name="otter-8")
+    assert configs[0].of(FleetTables).fleet == FleetSettings(router="tcp/fleet:7447", name="otter-7", group="otters")
+    assert configs[1].of(FleetTables).fleet == FleetSettings(router="tcp/other:7447", name="otter-8")
 
 
 def test_the_password_may_be_in_a_file(tmp_path: Path) -> None:

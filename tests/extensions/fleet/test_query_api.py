@@ -20,10 +20,11 @@ from deltalake import DeltaTable
 from imuscope.server.config import Config
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
+from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store import location
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.extensions.fleet.tables import TABLES
 from imuscope.server.extensions.fleet.upload import upload
-from imuscope.server.store_settings import StoreSettings
 from imuscope.server.workers import Worker
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import ENDLESS
@@ -74,7 +75,7 @@ def server(
 
 
 def _server(url: str, data: Path) -> InProcessServer:
-    config = Config(port=0, data=data, sources=("/dev/ttyUSB9",), store=StoreSettings(url, 600.0))
+    config = Config(port=0, data=data, sources=("/dev/ttyUSB9",)).having(FleetTables(StoreSettings(url, 600.0)))
     return InProcessServer(config, FakeLinks().open)
 
 

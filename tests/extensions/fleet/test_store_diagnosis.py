@@ -6,11 +6,12 @@ import pytest
 
 from imuscope.server.config import Config
 from imuscope.server.extensions.fleet import diagnosis
-from imuscope.server.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 
 
 def test_packages_that_are_missing_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    config = Config(store=StoreSettings(url="s3://bucket/prefix"))
+    config = Config().having(FleetTables(store=StoreSettings(url="s3://bucket/prefix")))
     assert [one.status for one in diagnosis.findings(config)] == ["ok"]
     monkeypatch.setattr(diagnosis, "PACKAGES", ("deltalake", "imuscope_of_nobody"))
     [finding] = diagnosis.findings(config)

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.config import ConfigError, load
-from imuscope.server.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import Commands
 
@@ -15,10 +16,10 @@ from tests.extensions.fleet.store_fixtures import Commands
 def test_the_command_line_outdoes_the_url_of_the_file(tmp_path: Path) -> None:
     file = tmp_path / "imuscope.toml"
     file.write_text('[store]\nurl = "/srv/drives"\nquery_s = 5.0\nquery_mb = 128\n')
-    assert load(file).store == StoreSettings("/srv/drives", 5.0, 128)
-    assert load(file, store={"url": "/srv/others"}).store == StoreSettings("/srv/others", 5.0, 128)
-    assert load(store={"url": "/srv/others"}).store == StoreSettings("/srv/others")
-    assert load().store.url == ""
+    assert load(file).of(FleetTables).store == StoreSettings("/srv/drives", 5.0, 128)
+    assert load(file, store={"url": "/srv/others"}).of(FleetTables).store == StoreSettings("/srv/others", 5.0, 128)
+    assert load(store={"url": "/srv/others"}).of(FleetTables).store == StoreSettings("/srv/others")
+    assert load().of(FleetTables).store.url == ""
 
 
 @each_row(

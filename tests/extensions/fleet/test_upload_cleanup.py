@@ -13,9 +13,9 @@ from imuscope.recordings.library import LibraryEntry
 from imuscope.recordings.probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
 from imuscope.server.config import ConfigError, load
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.extensions.fleet.upload_cleanup import DAY_S, edits_of, next_to_go
 from imuscope.server.extensions.fleet.upload_log import UploadLog, UploadOutcome
-from imuscope.server.store_settings import StoreSettings
 from tests.each_row import each_row
 
 NOW = 1_760_000_000.0

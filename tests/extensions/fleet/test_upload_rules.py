@@ -12,8 +12,9 @@ from imuscope.recordings.library import LibraryEntry
 from imuscope.recordings.probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
 from imuscope.server.config import ConfigError, load
+from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.extensions.fleet.upload_rules import pause_until, refusal
-from imuscope.server.store_settings import StoreSettings
 from tests.each_row import each_row
 
 
@@ -92,4 +93,4 @@ def test_what_is_not_a_rule(text: str, words: str, tmp_path: Path) -> None:
 def test_rules_of_a_file(tmp_path: Path) -> None:
     file = tmp_path / "imuscope.toml"
     file.write_text('[store]\nurl = "/srv"\nupload = true\nskip_tags = ["a"]\nupload_min_s = 10\n')
-    assert load(file).store == StoreSettings("/srv", upload=True, skip_tags=("a",), upload_min_s=10)
+    assert load(file).of(FleetTables).store == StoreSettings("/srv", upload=True, skip_tags=("a",), upload_min_s=10)

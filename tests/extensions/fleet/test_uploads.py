@@ -17,9 +17,10 @@ import pytest
 from imuscope.recordings import sidecar
 from imuscope.server.config import Config
 from imuscope.server.extensions.fleet import uploads
-from imuscope.server.fleet_settings import FleetSettings
+from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
+from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.library.compaction_worker import CompactionWorker
-from imuscope.server.store_settings import StoreSettings
 from imuscope.server.workers import Worker
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import delta
@@ -47,7 +48,9 @@ def folder_of(data: Path) -> Path:
 
 def serving(data: Path, store: Path, **rules: Any) -> InProcessServer:
     settings = StoreSettings(str(store), upload=True, **rules)
-    config = Config(port=0, data=data, sources=("/dev/ttyUSB9",), store=settings, fleet=FleetSettings(name="otter"))
+    config = Config(port=0, data=data, sources=("/dev/ttyUSB9",)).having(
+        FleetTables(settings, FleetSettings(name="otter"))
+    )
     return InProcessServer(config, FakeLinks().open)
 
 
@@ -77,7 +80,9 @@ def events(server: InProcessServer) -> list[str]:
 
 
 def test_without_the_setting_nothing_is_uploaded(tmp_path: Path) -> None:
-    config = Config(port=0, data=tmp_path / "data", sources=("/dev/ttyUSB9",), store=StoreSettings(str(tmp_path / "s")))
+    config = Config(port=0, data=tmp_path / "data", sources=("/dev/ttyUSB9",)).having(
+        FleetTables(StoreSettings(str(tmp_path / "s")))
+    )
     drive(folder_of(tmp_path / "data") / "a.mcap")
     with InProcessServer(config, FakeLinks().open) as server:
         answer = server.client.get("/api/uploads").json()
@@ -167,9 +172,8 @@ def test_a_backlog_that_fills_the_quota_is_told_once(tmp_path: Path) -> None:
         port=0,
         data=data,
         sources=("/dev/ttyUSB9",),
-        store=settings,
-        fleet=FleetSettings(name="otter"),
         recordings_quota_gb=1.1 * size / 1e9,
+        extensions=(FleetTables(settings, FleetSettings(name="otter")),),
     )
     with InProcessServer(config, FakeLinks().open) as server:
         block_until(lambda: sum("cannot be uploaded at present" in text for text in events(server)), "it was tried")

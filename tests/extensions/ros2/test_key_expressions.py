@@ -17,7 +17,7 @@ from imuscope.server.extensions.ros2.key_expressions import (
     ros_type,
     topic_key,
 )
-from imuscope.server.ros2_settings import is_name
+from imuscope.server.extensions.ros2.settings import is_name
 from tests.each_row import each_row
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

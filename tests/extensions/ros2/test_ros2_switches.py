@@ -10,6 +10,7 @@ from imuscope.recordings import atomic_write
 from imuscope.server.config import ConfigError, load
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2 import switches as ros2_switches
+from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import FILE, TopicSwitches
 from tests.each_row import each_row
 
@@ -56,10 +57,10 @@ def test_their_number_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 def test_the_domain_is_that_of_the_environment_unless_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "42")
-    assert load(ros2=True, data=tmp_path).ros2_domain == 42
-    assert load(ros2=True, data=tmp_path, ros2_domain=5).ros2_domain == 5
+    assert load(ros2=True, data=tmp_path).of(Ros2Settings).ros2_domain == 42
+    assert load(ros2=True, data=tmp_path, ros2_domain=5).of(Ros2Settings).ros2_domain == 5
     for text in ("400", "-1", "robot"):
         monkeypatch.setenv("ROS_DOMAIN_ID", text)
         with pytest.raises(ConfigError, match=f"ROS_DOMAIN_ID '{text}' of the environment is not a number"):
             load(ros2=True, data=tmp_path)
-        assert load(data=tmp_path).ros2_domain == 0  # of no interest without ROS
+        assert load(data=tmp_path).of(Ros2Settings).ros2_domain == 0  # of no interest without ROS

@@ -186,8 +186,8 @@ def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     code = (
         "import sys; import imuscope.server.cli; import imuscope.server.extensions.fleet.publisher; "
         "from imuscope.server.app import create_app; "
-        "from imuscope.server.auth import Access; from imuscope.server.config import Config; "
-        "config = Config(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
+        "from imuscope.server.auth import Access; from imuscope.server.config import load; "
+        "config = load(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
         "create_app(config, Access(config)); print(*{name.split('.')[0] for name in sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)

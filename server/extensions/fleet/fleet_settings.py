@@ -13,8 +13,7 @@ from typing import Annotated
 
 from annotated_types import Interval, Unit
 
-from imuscope.server.ros2_settings import is_router_address
-from imuscope.server.setting_types import Form, empty_or, zero_or
+from imuscope.server.setting_types import Form, empty_or, is_router_address, zero_or
 
 _RouterOfRobot = Annotated[
     str,

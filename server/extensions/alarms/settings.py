@@ -1,0 +1,22 @@
+"""Settings of alarms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from imuscope.server.extension_settings import ExtensionSettings
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmSettings(ExtensionSettings):
+    """Settings of alarms.
+
+    Args:
+        webhook_hosts: hosts that webhooks may reach although they are this machine or its link.
+    """
+
+    config_help: ClassVar[str] = (
+        "  webhook_hosts                   hosts that webhooks may reach though they are this machine or its link\n"
+    )
+    webhook_hosts: tuple[str, ...] = ()
