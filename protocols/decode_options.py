@@ -101,7 +101,6 @@ class DecodeOption:
 
     @property
     def values(self) -> tuple[str, ...]:
-        """The values of a choice."""
         return tuple(value for value, _ in self.choices)
 
     def checked(self, text: str) -> str:

@@ -71,7 +71,6 @@ class ProtocolPlugin:
 
     @property
     def module(self) -> str:
-        """The module to import."""
         return self.value.partition(":")[0]
 
     def load(self, kind: type[T]) -> T:

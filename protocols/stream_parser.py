@@ -210,7 +210,7 @@ class StreamParser:
 
 
 class FrameParser(Protocol):
-    """Interface of a frame parser."""
+    """Parser of one protocol's frames, driven by StreamParser."""
 
     def feed(self, data: bytes, arrival_ns: int) -> None: ...
     def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None: ...

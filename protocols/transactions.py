@@ -192,7 +192,7 @@ class ByteRange:
 
 @dataclass(frozen=True, slots=True)
 class OutputLoad:
-    """Load of one output."""
+    """Bytes and messages per second that one output adds to the link."""
 
     path: str  # the output in its setting: "outputs.3"; "" for what belongs to none
     title: str

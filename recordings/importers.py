@@ -301,5 +301,4 @@ class _Generated:
         return data
 
     def close(self) -> None:
-        """Stop generating."""
         self._pieces = iter(())

@@ -340,7 +340,6 @@ class McapReader:
         return known
 
     def _chunk(self, at: int, end: int) -> Iterator[MessageBlock]:
-        """The messages of one MCAP chunk."""
         data = self._unpacked(at, end)
         if data is not None:
             yield from self._walk(memoryview(data), 0, end)

@@ -206,7 +206,6 @@ class McapWriter:
         return [*out, head + record[MESSAGE_HEAD.size :]]
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
-        """Write an event."""
         self._json(EVENTS, "imuscope.Event", _EVENT_SCHEMA, event, time_ns)
 
     def write_note(self, kind: Literal["marker", "note"], text: str, time_ns: int, device: str = "") -> None:

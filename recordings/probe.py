@@ -27,7 +27,7 @@ TORN = "It was torn off, or is still being written; all that is there opens."
 
 @dataclass(slots=True)
 class RecordedDevice:
-    """A device in a recording."""
+    """Identity of a recorded device, as far as the probed part contains it."""
 
     id: str
     name: str = ""

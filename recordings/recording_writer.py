@@ -167,7 +167,6 @@ class RecordingWriter:
             time.sleep(HOLD_S)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
-        """Queue an event."""
         self._put("event", time_ns, event)
 
     def note(self, kind: Literal["marker", "note"], text: str, time_ns: int, device: str = "") -> None:

@@ -16,7 +16,6 @@ MARKER_BYTES = 16  # at most
 
 
 def log_suffixes() -> tuple[str, ...]:
-    """Suffixes of all formats."""
     return tuple(one.suffix for _, one in log_formats())
 
 

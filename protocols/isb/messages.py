@@ -101,7 +101,6 @@ def clock_of(dataset: DataSet) -> int:
 
 
 def clock_field(dataset: DataSet) -> str:
-    """The field of the clock."""
     return dataset.clock.rpartition("+")[2]
 
 

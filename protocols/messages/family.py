@@ -39,7 +39,7 @@ def _position(batch: Batch) -> PositionFix | None:
 
 
 def _utc(batch: Batch) -> Ints | None:
-    """Stamps are UTC."""
+    """Stamps of messages are UTC already."""
     return batch.time_ns
 
 

@@ -51,7 +51,7 @@ class StructField:
 
 @dataclass(slots=True)
 class StructType:
-    """One message type."""
+    """Fields of a message type, in the order of its definition."""
 
     name: str
     fields: tuple[StructField, ...] = field(default_factory=tuple)

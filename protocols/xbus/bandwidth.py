@@ -61,7 +61,7 @@ def pairs_of(values: Setting, model: Model | None) -> list[Pair]:
 
 
 def load(settings: Mapping[str, Setting], model: Model | None) -> LinkLoad:
-    """Load of these settings."""
+    """Bytes per second of each output, at the rates of these settings."""
     model = as_built(model, settings.get("HardwareVersion", {}))
     strings = settings.get("StringOutputType", {})
     if strings.get("string_types"):

@@ -349,7 +349,6 @@ _BY_SERIES = ("ReqDID", "ReqStringOutputType", "ReqFilterProfile", "ReqConfigura
 
 @lru_cache(maxsize=64)
 def settings(product: str) -> tuple[Setting, ...]:
-    """The settings of a product."""
     model = model_of(product)
     return tuple(_setting(one, model) for one in stored_settings(model).values())
 

@@ -312,7 +312,6 @@ def _frame(row: CommandRow, values: Values, model: Model | None, *, held: bool =
 
 
 def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, held: bool = False) -> bytes:
-    """The frame that writes a setting."""
     row = commands.write_row(one, model)
     if row is None:
         raise EncodeError(f"{one.name} is reported by the device and cannot be written")

@@ -54,7 +54,6 @@ _PLAIN = pa.csv.WriteOptions(include_header=False, quoting_style="none", batch_s
 
 
 def lines(file: BinaryIO, batch: pa.RecordBatch) -> None:
-    """Rows as lines."""
     if any(pa.types.is_binary(column.type) for column in batch.columns):
         batch = pa.RecordBatch.from_arrays([_hex(column) for column in batch.columns], names=batch.schema.names)
     pa.csv.write_csv(batch, file, _PLAIN)

@@ -76,7 +76,6 @@ def name_of(path: Path) -> str:
 
 
 def send(stream: rr.RecordingStream, path: Path, times: Times, columns: Iterable[rr.ComponentColumn]) -> None:
-    """Send one chunk."""
     rr.send_columns(name_of(path), times.columns(), columns, recording=stream, strict=True)
 
 
