@@ -146,7 +146,6 @@ class RouterSettings:
             raise FleetAccessError("Robots without passwords show certificates: give bus_ca, which signed them")
 
     def settings(self) -> dict[str, Any]:
-        """Settings of Zenoh."""
         robots = self.robots
         settings: Mapping[str, Any] = {
             **SETTINGS,

@@ -99,7 +99,6 @@ class FleetDatabase:
             raise FleetDatabaseError(f"{folder / FILE} cannot be opened: {error}.") from None
 
     def robots(self) -> list[StoredRobot]:
-        """All robots."""
         with self._lock:
             rows = self._file.execute(
                 "SELECT name, boot, number, is_live, since, status, received, missed FROM robots ORDER BY name"
@@ -179,6 +178,5 @@ class FleetDatabase:
         return int(row[0] or 0)
 
     def close(self) -> None:
-        """Close the file."""
         with self._lock:
             self._file.close()

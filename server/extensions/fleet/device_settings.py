@@ -40,7 +40,7 @@ class SettingsAnswer(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class DeviceSettings:
-    """Settings of a device."""
+    """Writable settings of a device, with the product and firmware that define their meaning."""
 
     protocol: str
     product: str

@@ -253,7 +253,6 @@ class FleetAlarms:
         self.is_changed = True
 
     def title_of(self, condition: str) -> str:
-        """Name of an alarm."""
         return self._conditions[condition].title
 
     def saved_text(self) -> str:

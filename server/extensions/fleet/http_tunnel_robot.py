@@ -388,7 +388,6 @@ class RobotStream:
         return self._window.under_way
 
     def abort(self) -> None:
-        """End the stream."""
         self.stop()
 
 

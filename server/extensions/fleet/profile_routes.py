@@ -20,7 +20,7 @@ router = APIRouter(prefix="/api/fleet/robots", tags=["fleet"])
 
 
 class SettingDifference(BaseModel):
-    """A setting that differs."""
+    """A setting whose value differs from the profile, with both values."""
 
     title: str = Field(description="as on the page Configure")
     unit: str

@@ -34,7 +34,7 @@ RECORDING = re.compile(r"[0-9a-f]{24}")
 
 
 class AnswerColumn(BaseModel):
-    """A column of an answer."""
+    """Name and type of a column in the result."""
 
     name: str
     kind: Literal["integer", "number", "text", "time", "date", "boolean", "other"] = Field(
@@ -86,7 +86,7 @@ class QueryState(BaseModel):
 
 
 class PreparedQuestionInfo(BaseModel):
-    """A prepared question."""
+    """SQL that is offered by name, with its description."""
 
     name: str
     title: str
@@ -94,7 +94,7 @@ class PreparedQuestionInfo(BaseModel):
 
 
 class TableColumnInfo(BaseModel):
-    """A column of a table."""
+    """Name, type and meaning of a column of the store."""
 
     name: str
     type: str
@@ -102,7 +102,7 @@ class TableColumnInfo(BaseModel):
 
 
 class TableInfo(BaseModel):
-    """A table of the store."""
+    """A table that queries can use, with its columns."""
 
     name: str
     doc: str
@@ -110,14 +110,14 @@ class TableInfo(BaseModel):
 
 
 class SignalWord(BaseModel):
-    """A signal in `samples`."""
+    """A signal that occurs in the store, for completion in the editor."""
 
     name: str
     unit: str
 
 
 class SqlFunction(BaseModel):
-    """A function of SQL."""
+    """An SQL function that queries may call, for completion in the editor."""
 
     name: str
     form: str

@@ -42,7 +42,7 @@ class ReportError(ValueError):
 
 
 class ReportedAlarm(msgspec.Struct, frozen=True):
-    """An alarm that is raised."""
+    """An active alarm of a robot, as its status reports it."""
 
     name: Name
     level: Word

@@ -80,7 +80,7 @@ async def remove_robot(robot: str, server: TheFleetServer) -> Response:
 
 
 class FleetAcknowledgement(BaseModel):
-    """An acknowledgement."""
+    """Acknowledgement of a fleet alarm by an operator."""
 
     condition: str = Field(max_length=40, description="as in RobotAlarm")
     by: str = Field(max_length=200, description="name of the person")

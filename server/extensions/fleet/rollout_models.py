@@ -35,7 +35,7 @@ UNKNOWN = "The robot rolls back by itself unless the settings were confirmed; co
 
 
 class ProfileOrigin(BaseModel):
-    """Origin of a profile."""
+    """Robot, device and operator from which the profile was taken."""
 
     robot: str
     device: str = Field(description="displayed name")
@@ -44,7 +44,7 @@ class ProfileOrigin(BaseModel):
 
 
 class RolloutChange(BaseModel):
-    """A setting that is changed."""
+    """A setting that the rollout changes, with the old and the new value."""
 
     title: str = Field(description="as on the page Configure")
     now: str = Field(description="value of the device as text; empty if it has none")
@@ -92,7 +92,7 @@ class RolloutPlan(BaseModel):
 
 
 class RolloutDevice(BaseModel):
-    """A device in a rollout."""
+    """Progress of a rollout on one device: its wave, state and last message."""
 
     robot: str
     device: str = Field(description="id")
@@ -126,7 +126,7 @@ class RolloutHead(BaseModel):
 
 
 class Rollout(RolloutHead):
-    """A rollout."""
+    """Application of a profile to the devices of a group, in waves."""
 
     devices: list[RolloutDevice]
     changes: list[RolloutChanges]

@@ -61,7 +61,6 @@ class GroupPlan:
 
     @property
     def origin(self) -> ProfileOrigin:
-        """Origin of the profile."""
         one = self.profile
         return ProfileOrigin(robot=one.robot, device=one.device, by=one.by, time=one.time)
 

@@ -86,7 +86,6 @@ class RolloutFiles:
             raise DomainError("disk", message, "Free space in the data folder, or make it writable.") from None
 
     def remove(self, number: int) -> None:
-        """Delete a rollout."""
         try:
             atomic_write.remove(self._folder / f"{number:06d}.json")
         except OSError as error:

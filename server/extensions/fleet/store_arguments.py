@@ -19,7 +19,6 @@ def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.A
 
 
 def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
-    """Add `imuscope query`."""
     command = add_parser(
         "query",
         help="ask a store of recordings questions, in SQL",
@@ -44,7 +43,6 @@ def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
 
 
 def add_compact(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
-    """Add `imuscope compact`."""
     command = add_parser("compact", help="join the small files that uploads left in a store")
     add_store(command)
     words = "remove files that nothing has needed for a week, those of uploads that were cut off too"

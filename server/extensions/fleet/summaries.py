@@ -31,7 +31,7 @@ class RobotAlarm(BaseModel):
 
 
 class RobotDevice(BaseModel):
-    """A device of a robot."""
+    """Identity, rate and comparison with the profile of one device."""
 
     id: str = Field(description="as on the robot's own page")
     name: str
@@ -54,7 +54,7 @@ class RobotDevice(BaseModel):
 
 
 class RobotSummary(BaseModel):
-    """A robot at a glance."""
+    """Row of the fleet page: link, recorder, disk, alarms and devices of one robot."""
 
     name: str
     group: str = Field(description="empty if it is in none")

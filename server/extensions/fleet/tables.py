@@ -22,7 +22,7 @@ TEXT, REAL, WHOLE, DAY = pa.string(), pa.float64(), pa.int64(), pa.date32()
 
 @dataclass(frozen=True, slots=True)
 class StoreColumn:
-    """A column of a table."""
+    """Name, type and meaning of a column in the store."""
 
     name: str
     type: pa.DataType
@@ -46,7 +46,6 @@ class StoreTable:
 
     @property
     def schema(self) -> pa.Schema:
-        """Its Arrow schema."""
         return pa.schema([pa.field(one.name, one.type, metadata={"doc": one.doc}) for one in self.columns])
 
 
