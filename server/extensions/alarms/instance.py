@@ -111,7 +111,6 @@ class AlarmInstance:
 
     @property
     def definition(self) -> AlarmDefinition:
-        """The definition of the alarm."""
         return self.stored.definition
 
     @property

@@ -63,7 +63,6 @@ class LivePreviewJob:
     rows: Rows
 
     def content(self) -> Content:
-        """The preview."""
         judge = judge_of(self.definition, self.infos, self.rates)
         return json_content(asdict(preview_of(self.definition, judge, [self.rows])))
 
@@ -77,7 +76,6 @@ class RecordedPreviewJob:
     folder: Path
 
     def content(self) -> Content:
-        """The preview."""
         return json_content(asdict(recorded_preview(self.definition, opened_store(self.folder), self.infos)))
 
 

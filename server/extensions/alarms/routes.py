@@ -59,7 +59,7 @@ class AlarmCheck(BaseModel):
 
 
 class AlarmPreviewRequest(BaseModel):
-    """A request for a preview of an alarm."""
+    """Definition to evaluate on stored samples, and their range."""
 
     definition: AlarmDefinition
     source: str = Field(max_length=200, description="id of a live device, or of a recording")
@@ -147,7 +147,7 @@ async def change_alarm(alarm: str, body: AlarmDefinition, alarms: TheAlarms) -> 
 
 @router.delete("/{alarm}", status_code=204, responses=responses(404, 422, 507))
 async def delete_alarm(alarm: str, alarms: TheAlarms) -> Response:
-    """Delete an alarm."""
+    """Delete an alarm with its states."""
     await alarms.delete(alarm)
     return Response(status_code=204)
 

@@ -89,7 +89,6 @@ def analysis_list() -> str:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Run it."""
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
     prepare_decoders(options.data, size_of(file))

@@ -70,7 +70,7 @@ class AnalysisInfo(BaseModel):
 
 
 class AnalysisRequest(BaseModel):
-    """A request for an analysis."""
+    """Signals, range and options of an analysis."""
 
     source: str = Field(description="id of a live device or of a recording")
     signals: list[str] = Field(
@@ -102,7 +102,7 @@ class SignalFigures(BaseModel):
 
 
 class PairsSignal(BaseModel):
-    """A signal of a pair."""
+    """One axis of a plot of pairs."""
 
     signal: str = Field(description="`CHANNEL.COLUMN` or an expression; `DEVICE/…` if there are several")
     part: int = Field(0, ge=0, le=MAX_SIGNALS, description="which one, if that names several, from 0")

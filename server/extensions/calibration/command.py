@@ -50,7 +50,6 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
 
 
 def run(options: argparse.Namespace) -> None:
-    """Run it."""
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
     for name, most in (("field", 1e6), ("gravity", 20.0)):

@@ -18,7 +18,7 @@ _EQUATION = "corrected = matrix * (measured - bias)"
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFormat:
-    """A format of export."""
+    """Writer of a calibration in one file format."""
 
     write: Callable[[CalibrationReport, str], str]
     media_type: str

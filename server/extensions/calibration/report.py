@@ -88,7 +88,7 @@ class RestPosition(BaseModel):
 
 
 class SixPositions(BaseModel):
-    """Progress of the six positions."""
+    """Rest in each of the six positions, and the present position."""
 
     positions: list[RestPosition]
     now: str = Field(description='the position that the sensor is in: "+x" …; "" between two')

@@ -98,7 +98,7 @@ class CalibrationOptionsBody(BaseModel):
 
 
 class StartCalibrationRequest(CalibrationOptionsBody):
-    """A calibration to be started."""
+    """Kind and options of a live calibration."""
 
     kind: CalibrationKind
 

@@ -77,7 +77,7 @@ class CorrectionTarget(Protocol):
 
 
 class CorrectionSource(Protocol):
-    """Source of corrections."""
+    """Interface of sources of corrections, such as an NTRIP caster."""
 
     async def open(self, gga: bytes) -> None: ...
 
@@ -310,7 +310,6 @@ class CorrectionForwarder:
         )
 
     async def close(self) -> None:
-        """Stop forwarding."""
         self._unsubscribe()
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)

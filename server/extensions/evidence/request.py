@@ -31,7 +31,7 @@ class EvidenceSeries:
 
 @dataclass(slots=True)
 class EvidencePlot:
-    """One plot."""
+    """Curves that share one plot and its axes."""
 
     title: Text
     unit: Text

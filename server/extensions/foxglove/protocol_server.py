@@ -45,7 +45,7 @@ Admit = Callable[[ServerConnection, Request], Response | None]
 
 @dataclass(eq=False)
 class FoxgloveClient:
-    """A connected client."""
+    """WebSocket connection of a Foxglove client, with its subscriptions."""
 
     words: deque[str] = field(default_factory=deque)  # never dropped
     data: deque[bytes] = field(default_factory=lambda: deque(maxlen=BACKLOG))

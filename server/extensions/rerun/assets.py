@@ -31,7 +31,6 @@ MAX_BYTES = 200 << 20  # of one file: several times what it is today
 
 
 def folder_of(data: Path) -> Path:
-    """Folder of the files."""
     return data / "cache" / "rerun" / version("rerun-sdk")
 
 

@@ -40,7 +40,6 @@ class Attachment:
     gid: bytes
 
     def encode(self) -> bytes:
-        """The attachment as bytes."""
         return LAYOUT.pack(self.sequence, self.time_ns, GID_SIZE, self.gid)
 
     @classmethod

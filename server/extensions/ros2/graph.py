@@ -100,7 +100,6 @@ class RosGraph:
         return len(list(self._session.info.peers_zid()))
 
     def add_node(self, namespace: str, name: str) -> RosNode:
-        """Announce a node."""
         node = RosNode(self._domain, self._id, self._number(), namespace, name)
         self._tokens[node.number] = self._session.liveliness().declare_token(node.token)
         return node
@@ -122,7 +121,6 @@ class RosGraph:
         return len(matches) - len(other), other
 
     def close(self) -> None:
-        """Leave the graph."""
         self._watch.undeclare()
         for token in self._tokens.values():
             token.undeclare()

@@ -24,7 +24,7 @@ class SwitchTopicRequest(BaseModel):
 
 
 class RosTopic(BaseModel):
-    """A topic of a device."""
+    """Published topic of a device: its type, rate, subscribers and switch."""
 
     key: str = Field(description="identifies the topic; devices share the names /diagnostics and /tf")
     device: str
@@ -49,7 +49,7 @@ class MissingTopic(BaseModel):
 
 
 class RosState(BaseModel):
-    """State of the publisher."""
+    """Connection to the router, and the published topics."""
 
     enabled: bool = Field(description="whether the server was started with --ros2")
     router: str = Field(description="address of the Zenoh router")

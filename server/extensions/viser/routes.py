@@ -39,7 +39,7 @@ PAGE_HEADERS = {**HEADERS, "content-security-policy": "; ".join(VIEWER_POLICY), 
 
 
 class SceneAddress(BaseModel):
-    """Address of a 3D scene."""
+    """Path of a 3D scene that was opened for this client."""
 
     address: str = Field(description="path on this server")
 

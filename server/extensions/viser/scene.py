@@ -78,7 +78,7 @@ class Arrow:
 
 @dataclass(slots=True)
 class SceneDevice:
-    """The nodes of one device."""
+    """Scene nodes of one device: frame, mesh, track and label."""
 
     base: tuple[float, float, float]
     root: viser.FrameHandle
