@@ -43,7 +43,7 @@ class PayloadNumber:
 
 @dataclass(slots=True)
 class ProtocolCapability:
-    """A protocol family."""
+    """Registered protocol family: its names, options and simulator."""
 
     name: str  # "xbus"
     title: str  # "Xsens MTi (Xbus)"
@@ -85,7 +85,7 @@ class SourceExample:
 
 @dataclass(slots=True)
 class LinkCapability:
-    """A kind of link."""
+    """Registered kind of link, with the form of its addresses."""
 
     name: str  # DeviceInfo.link: "tcp"
     title: str  # as displayed: "TCP"

@@ -53,7 +53,7 @@ class TokenBuckets:
         return len(self._buckets)
 
     def wait_s(self, key: str, now: float) -> float:
-        """As TokenBucket.wait_s."""
+        """Seconds until the bucket of this key has a token; 0 if it has one."""
         bucket = self._buckets.get(key)
         return 0.0 if bucket is None else bucket.wait_s(now)
 

@@ -25,13 +25,11 @@ class ProblemBody(BaseModel):
 
 
 def unknown_recording(recording: str) -> DomainError:
-    """Error for an unknown recording."""
     hint = "It may have been deleted; choose one of the list."
     return DomainError("not-found", f"Recording {recording:.80} not found.", hint)
 
 
 def unknown_device(device: str) -> DomainError:
-    """Error for an unknown device."""
     hint = "It may have been removed; choose one of the list."
     return DomainError("not-found", f"Device {device:.40} not found.", hint)
 

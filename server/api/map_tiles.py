@@ -20,7 +20,7 @@ router = APIRouter(prefix="/api", tags=["map"])
 
 
 class MapInfo(BaseModel):
-    """Availability of a map."""
+    """Whether a map is configured, and its attribution."""
 
     tiles: bool
     attribution: str

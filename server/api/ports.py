@@ -16,7 +16,7 @@ router = APIRouter(prefix="/api/ports", tags=["ports"])
 
 
 class ScanPortsRequest(BaseModel):
-    """Ports to scan."""
+    """Choice of serial ports to scan for devices."""
 
     model_config = ConfigDict(extra="forbid")
 

@@ -19,7 +19,7 @@ router = APIRouter(prefix="/api/devices/{device}/shares", tags=["shares"])
 
 
 class AddShareRequest(BaseModel):
-    """A share to offer."""
+    """Address at which the port of a device is shared."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -32,7 +32,7 @@ class AddShareRequest(BaseModel):
 
 
 class ShareClient(BaseModel):
-    """A client of a share."""
+    """A program that is connected to a share, with its counts of bytes."""
 
     number: int
     peer: str = Field(description="address, or path of the terminal")
@@ -50,7 +50,7 @@ class ShareClient(BaseModel):
 
 
 class PortShare(BaseModel):
-    """A share and its clients."""
+    """A shared address, its state, and its connected clients."""
 
     name: str
     kind: Literal["pty", "tcp", "udp"]

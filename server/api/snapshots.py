@@ -127,7 +127,7 @@ async def keep_snapshot(body: SaveRequest, controller: OneController, controller
 
 @router.delete("/snapshots/{name}", status_code=204, responses=responses(404, 409, 422))
 async def delete_snapshot(name: str, controller: OneController, controllers: AllControllers) -> Response:
-    """Delete a snapshot."""
+    """Delete a snapshot and its file."""
     try:
         await asyncio.to_thread(controllers.snapshots.delete, *_identity(controller), name)
     except KeyError:

@@ -18,7 +18,7 @@ IfMatch = Annotated[str | None, Header(description="revision that is replaced, a
 
 
 class WorkspaceInfo(BaseModel):
-    """A stored workspace."""
+    """Name, revision and time of a stored workspace, without its content."""
 
     name: str
     modified: float = Field(description="unix seconds")
@@ -39,13 +39,13 @@ class WorkspaceList(BaseModel):
 
 
 class SaveWorkspaceRequest(BaseModel):
-    """A workspace to be stored."""
+    """Content to store under the name of a workspace."""
 
     workspace: dict[str, Any] = Field(description="format, version and parts, as the page exports it")
 
 
 class DefaultWorkspaceRequest(BaseModel):
-    """The workspace of a family."""
+    """Choice of the workspace in which devices of a family open."""
 
     name: str | None = Field(description="null: the page's own layout")
 

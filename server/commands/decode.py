@@ -55,7 +55,6 @@ class Bar:
             self._out.flush()
 
     def clear(self) -> None:
-        """Clear the line."""
         if self._drawn:
             self._out.write(f"\r{' ' * (_CELLS + 6)}\r")
             self._out.flush()

@@ -108,7 +108,6 @@ class UnclaimedBytes:
 
     @property
     def total(self) -> int:
-        """Number of the bytes."""
         return self._size - self._claimed
 
     def count(self, pieces: Iterable[TimedPiece]) -> Iterator[TimedPiece]:

@@ -205,7 +205,6 @@ async def _until_end(
 
 
 def progress(sessions: Sequence[Session], status: RecordStatus, state: wire.RecorderState) -> str:
-    """Progress in one line."""
     parts = [f"{status.seconds:.1f} s", amount(state.bytes)]
     for session in sessions:
         info = session.info

@@ -95,7 +95,6 @@ class LinkChannel:
         self._task = asyncio.get_running_loop().create_task(self._read())
 
     async def close(self) -> None:
-        """Stop, and close the link."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError, LinkError):

@@ -47,7 +47,7 @@ class MeaningForm:
 
 @dataclass(slots=True)
 class FieldForm:
-    """One field to fill in."""
+    """Input of one field: its type, range, unit and help."""
 
     name: str
     title: str
@@ -98,7 +98,7 @@ class SettingForm:
 
 @dataclass(slots=True)
 class CommandForm:
-    """A command of the device."""
+    """Form of a command: its arguments and its caution."""
 
     name: str
     title: str
@@ -149,7 +149,7 @@ class FieldProblem:
 
 @dataclass(slots=True)
 class LoadInfo:
-    """Load on the link."""
+    """Bytes per second of the outputs, and the capacity of the link."""
 
     parts: list[OutputLoad]
     total: float  # bytes/s

@@ -102,7 +102,6 @@ def setting_form(setting: Setting, table: RateTable | None = None) -> SettingFor
 
 
 def command_form(command: Command, writes: str = "") -> CommandForm:
-    """Form of a command."""
     return CommandForm(
         name=command.name,
         title=command.title or command.name,
@@ -168,7 +167,6 @@ def field_form(field: Field) -> FieldForm:
 
 
 def editor_of(field: Field) -> Editor:
-    """Editor of a field."""
     if field.fields:
         return "list" if field.shape else "record"
     if field.dtype in ("bytes", "ascii"):

@@ -63,7 +63,6 @@ class ByteRun:
 
     @property
     def nbytes(self) -> int:
-        """Memory of the run."""
         return len(self.data) + self.ends.nbytes + self.arrival_ns.nbytes + BLOCK_COST
 
     def between(self, since_ns: int, until_ns: int) -> ByteRun | None:
@@ -281,7 +280,7 @@ class ByteMemory:
 
     @property
     def nbytes(self) -> int:
-        """Memory of all links."""
+        """Bytes used by the stored chunks of all links, with their objects."""
         return sum(link.nbytes for link in tuple(self._links.values()))
 
     def watch(self, session: Session) -> None:

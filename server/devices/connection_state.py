@@ -84,7 +84,6 @@ class Connection:
 
     @property
     def is_open(self) -> bool:
-        """The link is open."""
         return self._state in OPEN_STATES
 
     def allows(self, event: ConnectionEvent) -> bool:

@@ -110,7 +110,6 @@ class Slices:
             await self._has_room.wait()
 
     def begin(self) -> None:
-        """Begin to decode a slice."""
         self._began = self._clock()
 
     def end(self) -> None:

@@ -53,7 +53,7 @@ class DecodeOptions:
 
     @property
     def secrets(self) -> dict[str, str]:
-        """The secret ones."""
+        """Keys of encrypted protocols and other values that no client may read."""
         return {name: text for name, text in self._declared() if _option(name).kind == "secret"}
 
     @property
@@ -82,7 +82,6 @@ def _option(name: str) -> DecodeOption:
 
 
 def source_options() -> list[DecodeOption]:
-    """Options of a source."""
     return [option for option in declared_options().values() if "source" in option.scopes]
 
 

@@ -159,7 +159,6 @@ class DecodePipeline:
         await self._slices.wait_for_room()
 
     def begin_slice(self) -> None:
-        """Begin to decode a slice."""
         self._slices.begin()
 
     def end_slice(self) -> None:

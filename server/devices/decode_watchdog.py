@@ -16,7 +16,7 @@ MIN_BYTES = 100  # fewer may be one long frame that is still incomplete
 
 
 class DecodeWatchdog:
-    """Decode watchdog of one link."""
+    """Detector of bytes that no longer decode, for one link."""
 
     def __init__(self) -> None:
         self._frames = -1  # frames so far

@@ -15,7 +15,7 @@ NOTICE = "Bytes arrive faster than this host can decode them: the oldest are lef
 
 
 class DroppedBytes:
-    """Dropped bytes of one session."""
+    """Report of bytes that one session drops, as one event for each overload."""
 
     def __init__(self, incidents: EventReporter, figures: LinkStatistics, source: str) -> None:
         self._events = incidents

@@ -54,7 +54,7 @@ class LossCause:
 
 
 class EventReporter:
-    """Reports the events of one device."""
+    """Log entries from the decoder events of one device, rate limited."""
 
     def __init__(self, sink: TelemetrySink, device: str) -> None:
         self._sink = sink

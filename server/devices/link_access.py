@@ -99,7 +99,6 @@ class LinkAccess:
 
     @property
     def link(self) -> Link:
-        """The present link."""
         return self._link
 
     async def use_link(self, link: Link) -> None:

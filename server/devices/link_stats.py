@@ -18,7 +18,7 @@ LATENCIES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # a f
 
 
 class LinkStatistics:
-    """The statistics of one session."""
+    """Counters and rate meters of one session, for its health report."""
 
     def __init__(self) -> None:
         self.bytes = RateMeter()
@@ -38,7 +38,6 @@ class LinkStatistics:
         self._waiting_since: float | None = None
 
     def count_bytes(self, size: int, arrival: float) -> None:
-        """Count received bytes."""
         self.bytes.add(size, arrival)
         self.last_arrival = arrival
         if self._waiting_since is None:

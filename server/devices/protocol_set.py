@@ -59,8 +59,6 @@ def problems() -> list[str]:
 
 
 def all_protocols() -> ProtocolSet:
-    """All protocols of the registry."""
-
     def decoder(name: str, reading: DecodeOptions, link_kind: str) -> Decoder:
         row = _family(name)
         datagrams = {"datagrams": True} if row.stream.datagrams and link_kind == "udp" else {}

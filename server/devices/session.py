@@ -148,7 +148,7 @@ class Session:
     # ── lifecycle ────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def start(self) -> None:
-        """Start the session; returns at once."""
+        """Start reading in the background; returns at once."""
         self._connection.apply(ConnectionEvent.START)
         self.start_reading()
 

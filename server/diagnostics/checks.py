@@ -312,7 +312,7 @@ def kernel_clock() -> bool | None:
 
 
 def memory(machine: Machine) -> Iterator[Finding]:
-    """Free memory."""
+    """Warn when little memory is free."""
     match = re.search(r"^MemAvailable:\s+(\d+) kB", machine.text("/proc/meminfo"), re.MULTILINE)
     if match is None:
         return

@@ -41,12 +41,12 @@ class MessageKind(IntEnum):
 
 
 def message(kind: MessageKind, body: bytes) -> bytes:
-    """One message."""
+    """Header and body of a message as bytes."""
     return HEADER.pack(kind, len(body)) + body
 
 
 def json_message(kind: MessageKind, body: Any) -> bytes:
-    """One message with a JSON body."""
+    """A message whose body is JSON, as bytes."""
     return message(kind, json.dumps(body, separators=(",", ":")).encode())
 
 

@@ -117,7 +117,6 @@ class Sharing:
             self.withdraw(share)
 
     def remove(self, name: str) -> None:
-        """End a share."""
         for share in [one for one in self.shares if one.address.text == name]:
             self.withdraw(share)
             self.shares.remove(share)

@@ -16,7 +16,7 @@ from imuscope.server.wire import ChannelInfo, DeviceInfo, EventInfo
 
 @dataclass(slots=True)
 class RecordingInfo:
-    """One recording in the list."""
+    """Row of the library: file, size, times, devices and notes."""
 
     id: str  # the file's name without suffix
     title: str

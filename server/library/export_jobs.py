@@ -74,7 +74,7 @@ class _Job:
 
 
 class ExportJobs:
-    """All exports of a server."""
+    """Queue of exports, which run one at a time in subprocesses."""
 
     def __init__(self, bus: TelemetryBus, catalogue: Catalogue, columns: ColumnCache, data: Path) -> None:
         self._bus = bus

@@ -96,7 +96,6 @@ class SharedPortLink(ThreadedLink):
 
     @property
     def is_connected(self) -> bool:
-        """Whether the holder is connected."""
         return self._connection is not None
 
     @property

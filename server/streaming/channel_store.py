@@ -25,7 +25,7 @@ BUDGET = 256 * 1024 * 1024
 
 @dataclass(frozen=True, slots=True)
 class StoredChannel:
-    """A channel and its memory."""
+    """Description of a channel, and the ring buffer of its samples."""
 
     info: wire.ChannelInfo
     ring: RingBuffer
@@ -78,7 +78,6 @@ class ChannelStore:
         return touched
 
     def remove_device(self, device: str) -> None:
-        """Remove the channels of a device."""
         self._channels = {number: one for number, one in self._channels.items() if one.info.device != device}
 
     def remove_channel(self, channel: int) -> None:

@@ -242,7 +242,6 @@ class SendQueue:
 
     @property
     def live_bytes(self) -> int:
-        """Bytes of queued live samples."""
         return self._live_bytes
 
     @property

@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(slots=True)
 class RecorderState:
-    """State of the recorder."""
+    """Whether a recording runs, its file, size and problem."""
 
     running: bool
     id: str = ""  # RecordingInfo.id of the file being written
@@ -26,7 +26,7 @@ class RecorderState:
 
 @dataclass(slots=True)
 class ExportJob:
-    """One export."""
+    """State, progress and result of an export."""
 
     id: int
     recording: str

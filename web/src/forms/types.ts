@@ -22,7 +22,7 @@ export interface ByteRange {
   readonly path: string;
 }
 
-/** Load of one output. */
+/** Bytes and messages per second that one output adds to the link. */
 export interface OutputLoad {
   /** the output in its setting: "outputs.3"; "" for what belongs to none */
   readonly path: string;
@@ -113,7 +113,7 @@ export interface MeaningForm {
   readonly doc: string;
 }
 
-/** One field to fill in. */
+/** Input of one field: its type, range, unit and help. */
 export interface FieldForm {
   readonly name: string;
   readonly title: string;
@@ -175,7 +175,7 @@ export interface SettingForm {
   readonly source: string;
 }
 
-/** A command of the device. */
+/** Form of a command: its arguments and its caution. */
 export interface CommandForm {
   readonly name: string;
   readonly title: string;
@@ -225,7 +225,7 @@ export interface FieldProblem {
   readonly hint: string;
 }
 
-/** Load on the link. */
+/** Bytes per second of the outputs, and the capacity of the link. */
 export interface LoadInfo {
   readonly parts: readonly OutputLoad[];
   /** bytes/s */

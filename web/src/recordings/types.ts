@@ -2,7 +2,7 @@
 
 import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
 
-/** A device in a recording. */
+/** Identity of a recorded device, as far as the probed part contains it. */
 export interface RecordedDevice {
   readonly id: string;
   readonly name: string;
@@ -15,7 +15,7 @@ export interface RecordedDevice {
   readonly rejects: number;
 }
 
-/** One recording in the list. */
+/** Row of the library: file, size, times, devices and notes. */
 export interface RecordingInfo {
   /** the file's name without suffix */
   readonly id: string;

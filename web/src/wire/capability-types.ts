@@ -36,7 +36,7 @@ export interface PayloadNumber {
   readonly size: number;
 }
 
-/** A protocol family. */
+/** Registered protocol family: its names, options and simulator. */
 export interface ProtocolCapability {
   /** "xbus" */
   readonly name: string;
@@ -95,7 +95,7 @@ export interface SourceExample {
   readonly words: string;
 }
 
-/** A kind of link. */
+/** Registered kind of link, with the form of its addresses. */
 export interface LinkCapability {
   /** DeviceInfo.link: "tcp" */
   readonly name: string;

@@ -36,7 +36,7 @@ export interface AddDeviceRequest {
   readonly source: string;
 }
 
-/** A share to offer. */
+/** Address at which the port of a device is shared. */
 export interface AddShareRequest {
   /** `/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` no client may write through it */
   readonly address: string;
@@ -94,7 +94,7 @@ export interface AlarmPreview {
   readonly intervals: readonly RaisedInterval[];
 }
 
-/** A request for a preview of an alarm. */
+/** Definition to evaluate on stored samples, and their range. */
 export interface AlarmPreviewRequest {
   readonly definition: AlarmDefinition;
   /** id of a live device, or of a recording */
@@ -135,7 +135,7 @@ export interface AnalysisInfo {
   readonly formats: readonly string[];
 }
 
-/** A request for an analysis. */
+/** Signals, range and options of an analysis. */
 export interface AnalysisRequest {
   /** id of a live device or of a recording */
   readonly source: string;
@@ -154,7 +154,7 @@ export interface AnalysisRequest {
   readonly format?: string;
 }
 
-/** A column of an answer. */
+/** Name and type of a column in the result. */
 export interface AnswerColumn {
   readonly name: string;
   /** times are ISO 8601 in UTC; integers beyond 2⁵³ are text */
@@ -402,7 +402,7 @@ export interface DecodeOptionsBody {
   readonly unverified?: boolean;
 }
 
-/** The workspace of a family. */
+/** Choice of the workspace in which devices of a family open. */
 export interface DefaultWorkspaceRequest {
   /** null: the page's own layout */
   readonly name: string | null;
@@ -476,7 +476,7 @@ export interface DriveProgress {
   readonly turn_allowed: number;
 }
 
-/** One plot. */
+/** Curves that share one plot and its axes. */
 export interface EvidencePlot {
   readonly title: string;
   readonly unit: string;
@@ -552,7 +552,7 @@ export interface FlagCondition {
   readonly is_set: boolean;
 }
 
-/** An acknowledgement. */
+/** Acknowledgement of a fleet alarm by an operator. */
 export interface FleetAcknowledgement {
   /** as in RobotAlarm */
   readonly condition: string;
@@ -627,7 +627,7 @@ export interface InstalledExtension {
   readonly module: string;
 }
 
-/** Availability of a map. */
+/** Whether a map is configured, and its attribution. */
 export interface MapInfo {
   readonly tiles: boolean;
   readonly attribution: string;
@@ -729,7 +729,7 @@ export interface PairsRequest {
   readonly points?: number;
 }
 
-/** A signal of a pair. */
+/** One axis of a plot of pairs. */
 export interface PairsSignal {
   /** `CHANNEL.COLUMN` or an expression; `DEVICE/…` if there are several */
   readonly signal: string;
@@ -757,7 +757,7 @@ export interface PortInfo {
   readonly heard: readonly Attempt[];
 }
 
-/** A share and its clients. */
+/** A shared address, its state, and its connected clients. */
 export interface PortShare {
   readonly name: string;
   readonly kind: "pty" | "tcp" | "udp";
@@ -765,7 +765,7 @@ export interface PortShare {
   readonly clients: readonly ShareClient[];
 }
 
-/** A prepared question. */
+/** SQL that is offered by name, with its description. */
 export interface PreparedQuestionInfo {
   readonly name: string;
   readonly title: string;
@@ -782,7 +782,7 @@ export interface ProblemBody {
   readonly hint: string;
 }
 
-/** Origin of a profile. */
+/** Robot, device and operator from which the profile was taken. */
 export interface ProfileOrigin {
   readonly robot: string;
   /** displayed name */
@@ -945,7 +945,7 @@ export interface RobotAlarm {
   readonly acknowledged_by: string;
 }
 
-/** A device of a robot. */
+/** Identity, rate and comparison with the profile of one device. */
 export interface RobotDevice {
   /** as on the robot's own page */
   readonly id: string;
@@ -981,7 +981,7 @@ export interface RobotDevice {
   readonly more: Readonly<Record<string, string>>;
 }
 
-/** A robot at a glance. */
+/** Row of the fleet page: link, recorder, disk, alarms and devices of one robot. */
 export interface RobotSummary {
   readonly name: string;
   /** empty if it is in none */
@@ -1013,7 +1013,7 @@ export interface RobotSummary {
   readonly more: Readonly<Record<string, string>>;
 }
 
-/** A rollout. */
+/** Application of a profile to the devices of a group, in waves. */
 export interface Rollout {
   readonly id: number;
   readonly group: string;
@@ -1040,7 +1040,7 @@ export interface Rollout {
   readonly changes: readonly RolloutChanges[];
 }
 
-/** A setting that is changed. */
+/** A setting that the rollout changes, with the old and the new value. */
 export interface RolloutChange {
   /** as on the page Configure */
   readonly title: string;
@@ -1057,7 +1057,7 @@ export interface RolloutChanges {
   readonly risks: readonly string[];
 }
 
-/** A device in a rollout. */
+/** Progress of a rollout on one device: its wave, state and last message. */
 export interface RolloutDevice {
   readonly robot: string;
   /** id */
@@ -1138,7 +1138,7 @@ export interface RolloutStopRequest {
   readonly by: string;
 }
 
-/** State of the publisher. */
+/** Connection to the router, and the published topics. */
 export interface RosState {
   /** whether the server was started with --ros2 */
   readonly enabled: boolean;
@@ -1159,7 +1159,7 @@ export interface RosState {
   readonly missing: readonly MissingTopic[];
 }
 
-/** A topic of a device. */
+/** Published topic of a device: its type, rate, subscribers and switch. */
 export interface RosTopic {
   /** identifies the topic; devices share the names /diagnostics and /tf */
   readonly key: string;
@@ -1184,19 +1184,19 @@ export interface RosTopic {
   readonly problem: string;
 }
 
-/** A workspace to be stored. */
+/** Content to store under the name of a workspace. */
 export interface SaveWorkspaceRequest {
   /** format, version and parts, as the page exports it */
   readonly workspace: Readonly<Record<string, unknown>>;
 }
 
-/** Ports to scan. */
+/** Choice of serial ports to scan for devices. */
 export interface ScanPortsRequest {
   /** paths; null for every port that is present */
   readonly ports?: readonly string[] | null;
 }
 
-/** Address of a 3D scene. */
+/** Path of a 3D scene that was opened for this client. */
 export interface SceneAddress {
   /** path on this server */
   readonly address: string;
@@ -1215,7 +1215,7 @@ export interface SensorCorrection {
   readonly matrix_uncertainty: number;
 }
 
-/** A setting that differs. */
+/** A setting whose value differs from the profile, with both values. */
 export interface SettingDifference {
   /** as on the page Configure */
   readonly title: string;
@@ -1244,7 +1244,7 @@ export interface SettingsRequest {
   readonly b: ComparedSide;
 }
 
-/** A client of a share. */
+/** A program that is connected to a share, with its counts of bytes. */
 export interface ShareClient {
   readonly number: number;
   /** address, or path of the terminal */
@@ -1300,13 +1300,13 @@ export interface SignalText {
   readonly expression: string;
 }
 
-/** A signal in `samples`. */
+/** A signal that occurs in the store, for completion in the editor. */
 export interface SignalWord {
   readonly name: string;
   readonly unit: string;
 }
 
-/** Progress of the six positions. */
+/** Rest in each of the six positions, and the present position. */
 export interface SixPositions {
   readonly positions: readonly RestPosition[];
   /** the position that the sensor is in: "+x" …; "" between two */
@@ -1315,14 +1315,14 @@ export interface SixPositions {
   readonly seconds: number;
 }
 
-/** A function of SQL. */
+/** An SQL function that queries may call, for completion in the editor. */
 export interface SqlFunction {
   readonly name: string;
   readonly form: string;
   readonly doc: string;
 }
 
-/** A calibration to be started. */
+/** Kind and options of a live calibration. */
 export interface StartCalibrationRequest {
   /** strength of the magnetic field there, in the unit of the signal; 0: unknown */
   readonly field?: number;
@@ -1342,14 +1342,14 @@ export interface SwitchTopicRequest {
   readonly enabled: boolean;
 }
 
-/** A column of a table. */
+/** Name, type and meaning of a column of the store. */
 export interface TableColumnInfo {
   readonly name: string;
   readonly type: string;
   readonly doc: string;
 }
 
-/** A table of the store. */
+/** A table that queries can use, with its columns. */
 export interface TableInfo {
   readonly name: string;
   readonly doc: string;
@@ -1396,7 +1396,7 @@ export interface WorkspaceBody {
   readonly workspace: Readonly<Record<string, unknown>>;
 }
 
-/** A stored workspace. */
+/** Name, revision and time of a stored workspace, without its content. */
 export interface WorkspaceInfo {
   readonly name: string;
   /** unix seconds */
@@ -1549,7 +1549,7 @@ export interface Routes {
     readonly query?: { readonly format?: "yaml" | "json" | undefined };
     readonly answer: SnapshotBody | string;
   };
-  /** Delete a snapshot. */
+  /** Delete a snapshot and its file. */
   "DELETE /api/devices/{device}/snapshots/{name}": {
     readonly path: { readonly name: string; readonly device: string };
     readonly answer: undefined;
@@ -1894,7 +1894,7 @@ export interface Routes {
     readonly body: AlarmDefinition;
     readonly answer: AlarmInfo;
   };
-  /** Delete an alarm. */
+  /** Delete an alarm with its states. */
   "DELETE /api/alarms/{alarm}": {
     readonly path: { readonly alarm: string };
     readonly answer: undefined;

@@ -346,7 +346,7 @@ export interface DeviceJobs {
   readonly unfinished: string;
 }
 
-/** State of the recorder. */
+/** Whether a recording runs, its file, size and problem. */
 export interface RecorderState {
   readonly running: boolean;
   /** RecordingInfo.id of the file being written */
@@ -369,7 +369,7 @@ export interface RecorderState {
   readonly op: "recorder";
 }
 
-/** One export. */
+/** State, progress and result of an export. */
 export interface ExportJob {
   readonly id: number;
   readonly recording: string;
