@@ -145,7 +145,7 @@ def _power(node: Call, base: Quantity, exponent: Quantity) -> Quantity:
 def _logic(node: Call, arguments: list[Quantity]) -> Quantity:
     for one, argument in zip(node.arguments, arguments, strict=True):
         if argument.unit.dimensions:
-            message = f"{node.name} takes a truth value, not a value in {argument.unit}."
+            message = f"{node.name} takes a condition (true or false), not a value in {argument.unit}."
             raise ExpressionError(message, one.begin, one.end, "Compare it, for example with > 0.")
     if node.name == "not":
         [only] = arguments
