@@ -7,7 +7,7 @@ One pass over the DATA packets of a scan in stream order, because time and parti
     PART   the offset of a packet with a part of a set whose whole value was received before; else -1. It has the key of
            that value, and its row is the value with the part written over it.
     TIME, TIMED, STEP, BY      see time_base.py. A part has no time: the clock in its row is that of the value it
-           changes, and a device that was asked for parts alone sends no whole value for hours.
+           changes, and a device that streams parts alone sends no whole value for hours.
 
 `variant` separates the meanings of one set: the data type of raw GNSS data, the frame of a GNSS velocity. `count` is
 the number of list elements in use. Rare sets (device information, configuration) have the key -1 - firmware and are

@@ -8,7 +8,7 @@
 Packets of one data set, offset, size and variant have one form (messages.py) and become one batch. A packet with a part
 of a set whose whole value was received gives a row of the whole: the last value with the part written over it. A part
 of a set never received whole gives its own fields. Neither has a device time: the part does not contain the clock, and
-the last value's may be hours old when a device was asked for parts alone.
+the last value's may be hours old when a device streams parts alone.
 
 The structure of a payload depends on its size and on the firmware named by the last device information (DID 1; 93 of an
 EVB, 120 of a GPX). time_base.py computes the time.

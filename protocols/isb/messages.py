@@ -1,6 +1,6 @@
 """Every data set as a row of the schema, and the layout of a payload of a given size.
 
-A payload is rarely the whole structure: a GET may have asked for a part of it, a satellite list has variable length,
+A payload is rarely the whole structure: a GET may have requested a part of it, a satellite list has variable length,
 older firmware has a shorter or another structure, newer firmware a longer one. `places` gives the fields of a payload
 and their offsets, for any offset and size; fields cut in two are left out, bytes beyond the table have no field:
 

@@ -2,7 +2,7 @@
 
     drop_share             an answer is lost
     corrupt_share          a valid message is sent, but not the requested one
-    late_ns                the answer comes after the host has given up or asked again
+    late_ns                the answer comes after the host has given up or repeated the request
     power_cut_at           power fails after a setting was accepted and before it was stored: no answer, a restart, the
                            old value
     ignores_goto_config    GoToConfig is ignored until the device has been Reset, as some devices do
