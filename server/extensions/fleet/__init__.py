@@ -27,7 +27,7 @@ The store needs `imuscope[fleet]`.
     fleet_alarms.py        alarms that a fleet server raises itself
     rollouts.py            a profile, applied to its group in waves: rollout_plan.py, rollout_steps.py for one device
     journal.py             its last events, for when the line was away; journal_files.py has them over restarts
-    fleet_server.py        the other side (`imuscope fleet`): receives, asks, stores
+    fleet_server.py        the other side (`imuscope fleet`): receives, requests, stores
     collector.py           what it makes of tokens and reports
     database.py            what it keeps over restarts
     robots.py              the robots that a fleet server knows, and what changed of them

@@ -4,8 +4,9 @@
     heron-2                        … or the name alone, which is then the common name of its client certificate
 
 From the file follow the access rules of the router: a robot may put its own reports, answer for its own journal and
-announce itself, ask the fleet server for the time, and be asked for its own pages. Everything else is denied: other
-names, reading anything of another robot, and asking another robot for its pages. Removing a line revokes a robot.
+announce itself, request the time of the fleet server, and receive requests for its own pages. Everything else is
+denied: other names, reading anything of another robot, and requests to the pages of another robot. Removing a line
+revokes a robot.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def access_rules(robots: RobotCredentials) -> dict[str, Any]:
         return {"id": id, "flows": [flow], "permission": "allow", "messages": list(messages), "key_exprs": list(keys)}
 
     common = [
-        rule("ask the fleet server", "ingress", ["query"], f"{keys.FLEET}/**"),
+        rule("queries to the fleet server", "ingress", ["query"], f"{keys.FLEET}/**"),
         rule("answers of the fleet server", "egress", ["reply", "declare_queryable"], f"{keys.FLEET}/**"),
         rule("subscribers of reports", "egress", ["declare_subscriber"], keys.ALL_REPORTS, keys.ALL_ANSWERS),
     ]
@@ -87,9 +88,9 @@ def access_rules(robots: RobotCredentials) -> dict[str, Any]:
         requests = keys.request_key(name)
         its = [
             rule(f"{name} writes", "ingress", writes, own),
-            rule(f"{name} is asked", "egress", ["query"], own),
+            rule(f"requests to {name}", "egress", ["query"], own),
             rule(f"{name} listens", "ingress", ["declare_subscriber"], requests),
-            rule(f"{name} is asked for pages", "egress", ["put"], requests),
+            rule(f"requests to the pages of {name}", "egress", ["put"], requests),
         ]
         rules += its
         subjects.append({"id": name, shown: [name]})

@@ -1,9 +1,9 @@
-"""Tokens, reports and journals of robots, made into a state. No I/O: what to ask and to write is returned.
+"""Tokens, reports and journals of robots, made into a state. No I/O: requests and rows to write are returned.
 
     token of NAME, BOOT ──> live, or lost
     report of NAME  ──┬─ the next number          taken
                       ├─ an earlier number        ignored: taken already
-                      └─ a later number           the journal of NAME is asked for those after the last one
+                      └─ a later number           those after the last one are requested from its journal
     journal of NAME ────> reports in order, taken; what NAME had to drop is counted
 
 A robot that was restarted has reports of earlier runs. Those come first, run by run, from the last report that this
@@ -254,7 +254,7 @@ class Collector:
             robot.request_at = self._now() + (0.0 if answer.reports else 1.0)
 
     def questions(self, limit: int) -> Iterator[Question]:
-        """Journals to ask now. Each is asked again if no answer comes."""
+        """Journals to query now. Each query is repeated if no answer comes."""
         now = self._now()
         for name, robot in self._robots.items():
             if limit <= 0:

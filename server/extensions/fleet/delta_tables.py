@@ -1,9 +1,9 @@
 """Delta tables of a store: created when first written, appended to exactly once for each recording.
 
 Each append carries the identifier of its recording as an application transaction of the Delta protocol. Before an
-append the table is asked for it; of two appends at the same moment, the second to commit is refused, asks again and
-finds the first. So an upload that was killed, or that runs twice, adds its rows once. Files of an append that did not
-commit stay in the folder of the table; no reader sees them, and a vacuum removes them.
+append the table is searched for it; of two appends at the same moment, the second to commit is refused, searches again
+and finds the first. So an upload that was killed, or that runs twice, adds its rows once. Files of an append that did
+not commit stay in the folder of the table; no reader sees them, and a vacuum removes them.
 """
 
 from __future__ import annotations

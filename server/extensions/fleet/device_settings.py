@@ -1,7 +1,7 @@
 """Settings of a device as a fleet compares them: a document, and a digest that names its content.
 
     values that a user can write ──> DeviceSettings ──> digest: in every status
-                                            └──> encoded: what a robot answers with when it is asked for the settings
+                                            └──> encoded: the answer of a robot to a request for the settings
 
 What reports itself (temperatures, counters, serial numbers) is left out, so that devices with the same settings have
 the same digest, and a fleet server needs the values of a thousand equal robots once. Values from the bus are trusted as

@@ -1,4 +1,4 @@
-"""The fleet server's end of the bus: receives, asks, stores.
+"""The fleet server's end of the bus: receives, requests, stores.
 
     Zenoh's threads ─> a queue of limited length ─> Collector (event loop, ten times a second) ─> Robots ─> page
                                                         ├─> missing reports are requested from journals
@@ -282,12 +282,12 @@ class FleetServer:
             if robot is None or robot.state == "lost":
                 self.profiles.forget_question(name, device)
                 continue
-            with contextlib.suppress(Exception):  # asked again later
+            with contextlib.suppress(Exception):  # repeated later
                 parameters = zenoh.Parameters({"device": device})
                 selector = zenoh.Selector(keys.settings_key(name), parameters)
                 session.get(selector, partial(on_reply, kind=SETTINGS), timeout=QUERY_TIMEOUT_S)
         for name, boot, after, stored in self.collector.questions(QUESTIONS_PER_TURN):
-            with contextlib.suppress(Exception):  # asked again later
+            with contextlib.suppress(Exception):  # repeated later
                 query = f"{keys.journal_key(name)}?boot={boot};after={after};earlier=1;kept={stored}"
                 session.get(query, on_reply, timeout=QUERY_TIMEOUT_S)
 

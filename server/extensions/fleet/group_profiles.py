@@ -1,6 +1,6 @@
 """Profiles of groups: the settings that the devices of a group should have, and how far each robot is from them.
 
-    digest in a status ──> known here?  no ──> the robot is asked for the settings, once for all robots with this digest
+    digest in a status ──> known here?  no ──> the settings are requested once for all robots with this digest
                              │
     profile of the group ────┴──> difference, kept for the pair of digests ──> "as-profile", "drifted" with a number
 
@@ -141,7 +141,7 @@ class GroupProfiles:
             why = "The robot does not know its settings: read them once on its page Configure."
             return SettingsCheck("unknown", why, profile)
         if device.settings not in self._known:
-            return SettingsCheck("unknown", "The robot was asked for its settings.", profile)
+            return SettingsCheck("unknown", "The settings were requested from the robot.", profile)
         difference = self._difference(device.settings, target)
         if difference is None:
             return SettingsCheck("unknown", "Its settings cannot be compared; the log has details.", profile)
@@ -199,7 +199,9 @@ class GroupProfiles:
         return device if rate is None else device.model_copy(update={"expected_rate": rate})
 
     def questions(self, now: float, limit: int) -> Iterator[tuple[str, str]]:
-        """Robots and devices to ask for their settings now: one for each digest, another one if no answer comes."""
+        """Robots and devices whose settings are to be requested now: one for each digest, another one if no answer
+        comes.
+        """
         for (robot, device), digest in list(self._unknown_digests.items()):
             if digest in self._known:
                 del self._unknown_digests[robot, device]
@@ -214,7 +216,7 @@ class GroupProfiles:
                 yield robot, device
 
     def forget_question(self, robot: str, device: str) -> None:
-        """Drop a question to a robot that is lost; it is asked when it reports again."""
+        """Drop a question to a robot that is lost; it is repeated when the robot reports again."""
         self._unknown_digests.pop((robot, device), None)
 
     def learn(self, data: bytes) -> str:

@@ -118,7 +118,7 @@ class RobotPages:
         return stream
 
     def _absence(self, robot: str) -> DomainError:
-        """Why a robot cannot be asked."""
+        """Reason why requests to a robot are refused."""
         name, summary = printable(robot[:80]), self._summary_of(robot)
         if summary is None:
             hint = "Check the name in the list of robots; one that was removed has to join again."
@@ -146,7 +146,7 @@ class RobotPages:
     def take(self, robot: str, data: bytes) -> None:
         """Take over a message of a robot."""
         if robot not in self._last_messages:
-            return  # nothing was asked
+            return  # nothing was sent
         self.bytes += len(data)
         try:
             answer = decode_answer(data)

@@ -3,7 +3,7 @@
     event ─> report ─┬─> put on the bus
                      └─> in memory ─> fleet-journal/ in the data folder, by a thread (journal_files.py)
 
-The fleet server asks for the reports after the last number that it has stored, first of runs that have ended, then of
+The fleet server requests the reports after the last number that it has stored, first of runs that have ended, then of
 this one. What a report is, is known by its run and its number, so a report that is sent twice is stored once. Of the
 status only the newest is kept; the numbers of the others stay unused. Above the limit the oldest reports are dropped,
 in memory and on disk; those that were never requested are counted.
@@ -61,7 +61,7 @@ class _Run:
     Args:
         dropped_to: reports up to this number are not kept.
         last: number of the newest report.
-        asked: number up to which the fleet server has them.
+        acknowledged: number up to which the fleet server has them.
     """
 
     boot: str
@@ -159,7 +159,7 @@ class Journal:
             data = encode(report)
             try:
                 decode_report(data)
-            except ReportError as error:  # the fleet server would refuse it, and ask for it for ever
+            except ReportError as error:  # the fleet server would reject it, and request it for ever
                 log.error("A report for the fleet is left out. %s", error)
                 self._dropped += 1
                 return encode(RobotReport(self.boot, run.last, time, dropped=self._dropped))

@@ -77,7 +77,7 @@ def parse_token(key: str) -> tuple[str, str]:
 
 
 def request_key(robot: str, server: str = "*") -> str:
-    """Key at which a fleet server asks for pages of a robot; of all fleet servers unless one is given."""
+    """Key of requests of a fleet server to the pages of a robot; of all fleet servers unless one is given."""
     return f"{ROBOTS}/{robot}/pages/ask/{server}"
 
 

@@ -62,7 +62,7 @@ class KnownSettings:
         self._known: dict[str, tuple[object, KnownDeviceSettings]] = {}  # device → what it was made of
 
     def with_settings(self, devices: tuple[ReportedDevice, ...]) -> tuple[ReportedDevice, ...]:
-        """Devices with the digest of their settings and the rate that these ask for."""
+        """Devices with the digest of their settings and the rate that these configure."""
         for gone in self._known.keys() - {one.id for one in devices}:
             del self._known[gone]
         return tuple(self._with_settings(one) for one in devices)

@@ -43,7 +43,7 @@ class DeviceSettingsCheck(BaseModel):
 
 
 class ProfileRequest(BaseModel):
-    """A device, and the user who asks."""
+    """A device, and the name of the operator."""
 
     device: str = Field(max_length=100, description="id of the robot's device")
     by: str = Field(max_length=200, description="name of the person")

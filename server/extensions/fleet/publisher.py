@@ -337,7 +337,7 @@ class FleetPublisher:
         """Answer with the settings of a device."""
         with query, self._budget_lock:
             data = self._known_settings.answer(str(query.selector.parameters.get("device") or ""))
-            if data and self._budget.available(time.monotonic()) > 0:  # else it is asked again
+            if data and self._budget.available(time.monotonic()) > 0:  # else the request is repeated
                 self._budget.acquire(time.monotonic(), len(data))
                 query.reply(keys.settings_key(self.name), data)
 

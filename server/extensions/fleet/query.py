@@ -1,7 +1,7 @@
 """SQL over the tables of a store, by DuckDB: read-only, with limits of memory and time, and cancellable.
 
 Each table is a view over the Parquet files that its Delta log names: DuckDB reads them itself (parquet_files.py) or
-from an Arrow dataset (delta_dataset.py). It asks for the columns and rows that a
+from an Arrow dataset (delta_dataset.py). It requests the columns and rows that a
 question needs; nothing is copied into a database. SQL has no access to files, the network or DuckDB's settings.
 """
 

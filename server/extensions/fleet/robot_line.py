@@ -48,7 +48,7 @@ class RobotLine:
         self._who = who[:MAX_WHO]
 
     async def get(self, path: str, answer: type[T]) -> T:
-        """Ask for something.
+        """Get a resource of the robot.
 
         Raises:
             LineError, DomainError: there is no answer, or a refusal.
