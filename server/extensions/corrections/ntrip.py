@@ -6,9 +6,9 @@
     Authorization: Basic …                               200, gnss/sourcetable: unknown mount point          version 2
                                                          401, "ERROR - Bad Password": name or password
 
-If a caster closes the connection without an answer, or rejects the request, it is asked again as version 1. A caster
-answers a request for an unknown mount point with its source table; the error names the nearest mount points. Virtual
-reference stations need the receiver's position: `report` sends a GGA sentence upstream.
+If a caster closes the connection without an answer, or rejects the request, the request is repeated as version 1. A
+caster answers a request for an unknown mount point with its source table; the error names the nearest mount points.
+Virtual reference stations need the receiver's position: `report` sends a GGA sentence upstream.
 
 Source: RTCM 10410.1 (NTRIP 2.0); RTCM paper 200-2004/SC104-STD (NTRIP 1.0).
 """

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = 7447
 NODE = "imuscope"
-POLL_S = 0.02  # between two looks whether the router is reached
+POLL_S = 0.02  # between two checks whether the router is reached
 HASHED = "RIHS01_"
 ROUTER_HINT = "Start it: ros2 run rmw_zenoh_cpp rmw_zenohd, or zenohd. Check address and port."
 
