@@ -1,6 +1,6 @@
 """Shutdown on SIGTERM or Ctrl-C within two seconds, without loss.
 
-    0 s      no new connections; every browser is asked to close
+    0 s      no new connections; every browser receives a request to close
     GRACE_S  connections still open are closed: a stalled browser, a download of an hour
     CUT_S    running requests are cancelled
              all services close concurrently:

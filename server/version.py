@@ -32,7 +32,7 @@ def commit(folder: Path = _HERE) -> str:
     """Commit in short, with "-dirty" when files differ from it; "" if it is not known.
 
     Args:
-        folder: server/ of a checkout or of an installation. Only its own checkout is asked: an environment may be in a
+        folder: server/ of a checkout or of an installation. Only its own checkout is read: an environment may be in a
             checkout of something else.
     """
     if not (folder.parent / ".git").exists():

@@ -152,7 +152,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 class _PrintVersion(argparse.Action):
-    """--version: git is asked for the commit only when it is to be printed."""
+    """--version: the commit is read from git only when it is to be printed."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(described())

@@ -3,7 +3,7 @@
     way   name                    hex            text                     ms
     tx    SetOutputConfiguration  fa ff c0 30 …  outputs: 12 entries
     rx    SetOutputConfigu…Ack    fa ff c1 30 …  outputs: 12 entries      31     since the request that it answers
-    note                                         12 of 12 entries as asked
+    note                                         12 of 12 entries as requested
 
 The log contains every frame that is sent, and every answer and indication of the device; samples are not logged. Frames
 are decoded by the protocol's own lister (protocols/*/inspect.py). Unsolicited answers are limited to `MAX_A_SECOND`,

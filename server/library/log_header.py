@@ -49,7 +49,7 @@ class LogHeaderRequest:
             self._missing(error.message, header)
 
     def _unasked(self) -> str:
-        """Reason why the device is not asked; "" to ask it."""
+        """Reason why nothing is requested from the device; "" if it may be."""
         others = self._controller.session.access.other_users
         return f"{others} uses the device, and asking would interrupt it." if others else ""
 

@@ -141,7 +141,9 @@ class SharedPortLink(ThreadedLink):
     async def _connected_at_last(
         self, path: Path, progress: Progress | None
     ) -> tuple[socket.socket, Mapping[str, Any]]:
-        """As `_connected`. A holder that ends, or still has an earlier connection of this server, is asked again."""
+        """As `_connected`. A holder that ends, or still has an earlier connection of this server, gets the request
+        again.
+        """
         for _ in range(ATTEMPTS):
             try:
                 return await self._connected(path, progress)
