@@ -157,6 +157,8 @@ export interface Extension {
   readonly keys?: readonly ExtensionKey[];
   /** Viewers that show devices or recordings in a frame. */
   readonly viewers?: readonly Viewer[];
+  /** Dialogs that enlarge the track of a device: the first is opened. */
+  readonly trackDialogs?: readonly ExtensionOverlay[];
   /** What is drawn over the plots. */
   readonly plotMarks?: readonly PlotMarks[];
   /** What the menu of a series in the legend of a plot opens: that of the first that has one. */
@@ -190,6 +192,7 @@ type Kinds =
   | "pages"
   | "plotMarks"
   | "seriesActions"
+  | "trackDialogs"
   | "viewers"
   | "views";
 

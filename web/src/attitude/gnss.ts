@@ -1,4 +1,5 @@
 /** GNSS cell: fix, satellites, position, accuracy, age and the track of the window; shown if the device sends a position. */
+import { fromExtensions } from "../extension";
 import { type Deps, reading, sampleAt } from "../panels/panel-context";
 import { surface } from "../ui/canvas";
 import { el, throttle, LiveText, type Panel, unit } from "../ui/dom";
@@ -25,6 +26,7 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Pa
     ageUnit: new LiveText(),
   };
   const canvas = el("canvas", { "aria-hidden": "true" });
+  const [enlarged] = fromExtensions("trackDialogs");
   const button = el(
     "button",
     {
@@ -32,10 +34,11 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Pa
       class: "enlarge",
       title: TEXT.enlargeTrack,
       "aria-label": TEXT.trackLabel,
+      ...(enlarged ? {} : { disabled: "" }),
     },
     canvas,
   );
-  button.addEventListener("click", deps.open.track);
+  if (enlarged) button.addEventListener("click", () => deps.open.dialog(enlarged, {}));
   const list = el("dl", {}, el("dt", {}, TEXT.lat), el("dd", {}, texts.lat.node, unit("°")));
   list.append(el("dt", {}, TEXT.lon), el("dd", {}, texts.lon.node, unit("°")));
   if (position.horizontal && position.vertical) {

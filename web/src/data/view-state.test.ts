@@ -56,7 +56,7 @@ it("a view made like another one begins with its series, shares its frame, and c
 
 it("no code reads a part of the view through all of it, or it would run with every frame of a drag", () => {
   const sources = import.meta.glob<string>(
-    ["../**/*.{ts,tsx}", "!../**/*.test.*", "!./view-state.ts", "!../plots/bench.ts"],
+    ["../**/*.{ts,tsx}", "!../**/*.test.*", "!./view-state.ts", "!../testing/bench.ts"],
     {
       eager: true,
       query: "?raw",

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { barOf, overWords, ratesOf } from "./budget";
-import { field, forms, setting } from "./fixtures";
+import { field, forms, setting } from "../testing/fixtures";
 import type { LoadInfo } from "./types";
 
 const load = (parts: number[], capacity: number | null = 11_520, baud: number | null = 115_200): LoadInfo => ({

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { changes, changesOf, countOf, sameSetting, toApply, touches, wasAt } from "./edits";
-import { field, forms, OUTPUTS, setting, STREAMS } from "./fixtures";
+import { field, forms, OUTPUTS, setting, STREAMS } from "../testing/fixtures";
 
 const outputs = setting({
   name: "OutputConfiguration",

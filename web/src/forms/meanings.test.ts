@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { field } from "./fixtures";
+import { field } from "../testing/fixtures";
 import type { FormContext } from "./form-context";
 import { hasMeanings, meantFields, signedContext } from "./meanings";
 import type { MeaningForm } from "./types";

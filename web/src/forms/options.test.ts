@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { field, setting } from "./fixtures";
+import { field, setting } from "../testing/fixtures";
 import { optionsOf } from "./options";
 
 const form = setting({

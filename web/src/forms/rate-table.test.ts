@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { OUTPUTS, STREAMS, tableRow } from "./fixtures";
+import { OUTPUTS, STREAMS, tableRow } from "../testing/fixtures";
 import { changed, type Entry, idWords, offeredRates, rateWords, tableRows, toggled, withBits } from "./rate-table";
 import type { RateTable } from "./types";
 

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { field, OUTPUTS, setting } from "./fixtures";
+import { field, OUTPUTS, setting } from "../testing/fixtures";
 import { rebase } from "./rebase";
 
 const outputs = setting({

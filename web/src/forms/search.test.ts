@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { command, field, forms, OUTPUTS, setting, tableRow } from "./fixtures";
+import { command, field, forms, OUTPUTS, setting, tableRow } from "../testing/fixtures";
 import { indexOf, search } from "./search";
 
 const index = indexOf(

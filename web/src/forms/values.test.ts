@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { field, setting } from "./fixtures";
+import { field, setting } from "../testing/fixtures";
 import {
   at,
   big,

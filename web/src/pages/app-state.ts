@@ -15,7 +15,7 @@ import { route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-export type Overlay = "help" | "add" | "track" | "memory" | "packet" | ExtensionOverlay | undefined;
+export type Overlay = "help" | "add" | "memory" | "packet" | ExtensionOverlay | undefined;
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;
 
@@ -132,7 +132,6 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     ...deps,
     open: {
       signals: () => (showsSignals.value = true),
-      track: () => (overlay.value = "track"),
       rows: (name, title) => (openTable.value = { name, title }),
       packet(at) {
         packetAt.value = at;

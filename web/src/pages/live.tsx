@@ -1,12 +1,9 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
-import { mountLargeTrack } from "../attitude/track-dialog";
 import { fromExtensions, Slot } from "../extension";
 import { placesOf } from "../plots/markers";
 import { mountStack } from "../plots/plot-stack";
 import type { UnderPlots } from "../plots/under-plots";
-import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
-import { PanelHost } from "../ui/panel-host";
 import { showsPlots } from "../ui/page-state";
 import { MainColumn } from "../workspace/main-column";
 import { ArrangeTools } from "../workspace/arrange";
@@ -133,17 +130,6 @@ function Overlays({ app }: { readonly app: App }) {
     keyFor.value = undefined;
   };
   if (overlay.value === "help") return <Help onClose={close} />;
-  if (overlay.value === "track") {
-    return (
-      <Dialog
-        title={COMMON.trackOf(app.device.value ? fullName(app.device.value) : COMMON.theDevice)}
-        wide
-        onClose={close}
-      >
-        <PanelHost class="large-track" mount={(host) => mountLargeTrack(host, app)} />
-      </Dialog>
-    );
-  }
   if (overlay.value === "add") {
     const added = (id: string | undefined): void => {
       close();

@@ -50,8 +50,6 @@ export interface PacketAt {
 export interface Openers {
   /** The tree of all signals. */
   signals(): void;
-  /** The enlarged track. */
-  track(): void;
   /** The rows of the table channel of that name. */
   rows(name: string, title: string): void;
   /** The frame at a time, byte by byte. */

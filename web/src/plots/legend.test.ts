@@ -3,7 +3,7 @@ import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import { changeOf } from "./legend";
 import type { Series } from "./plot-selection";
-import { CHANNELS, frameOf } from "./synthetic";
+import { CHANNELS, frameOf } from "../testing/synthetic";
 
 /** A channel whose first column increases by 10° a second from `start`, at `times`, and wraps. */
 function yawAt(times: readonly number[], start: number): Channel {

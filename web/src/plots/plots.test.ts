@@ -10,7 +10,7 @@ import { inPlace, lanesOf, roomFor, runsOf, stateWords } from "./status-lanes";
 import { stripLength } from "./history-strip";
 import { niceStep, Scale, ticks } from "./scale";
 import { plotsOf } from "./plot-selection";
-import { CHANNELS, frameOf, STATUS_BITS } from "./synthetic";
+import { CHANNELS, frameOf, STATUS_BITS } from "../testing/synthetic";
 import { timeAt, timeWindow, xOf, type TimeWindow } from "./time-window";
 
 const windowOf = (end: number, span: number, width = 200): TimeWindow =>

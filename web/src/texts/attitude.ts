@@ -49,18 +49,6 @@ export const TEXT = {
   fromEulerAngles: "from Euler angles",
   fromGroup: (group: Value) => `from ${group}`,
 
-  // track dialog
-  trackHelp: "Track on a metric grid, north up. Arrow keys move it, plus and minus zoom, 0 fits.",
-  fixTypes: "Fix types",
-  zoomIn: "Zoom in",
-  zoomOut: "Zoom out",
-  fit: "Fit",
-  fitHint: "Fit: show the entire window and follow it",
-  noPosition: "no position",
-  mapLabel: "Map under the track",
-  map: "Map",
-  tileServerDown: "The tile server does not respond.",
-
   // track
   rtkFixed: "RTK fixed",
   rtkFloating: "RTK floating",

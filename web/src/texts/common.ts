@@ -31,7 +31,6 @@ export const COMMON = {
   skipToThePlots: "Skip to the plots",
   attitude: "Attitude",
   plots: "Plots",
-  trackOf: (name: Value) => `Track of ${name}`,
   open: "Open",
   rejects: "Rejects",
   markers: "Markers",

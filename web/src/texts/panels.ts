@@ -126,9 +126,6 @@ export const TEXT = {
   noLossInRecording: "No loss in this recording.",
   lossesUnknown: "The publisher does not number its messages: lost ones cannot be counted.",
 
-  // track
-  track: "Track",
-
   // value groups
   otherValues: "Other values",
 

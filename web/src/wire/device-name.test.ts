@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { DEVICE } from "../plots/synthetic";
+import { DEVICE } from "../testing/synthetic";
 import { deviceInLink, distinctName, fullName, linkName, listName, writeName } from "./device-name";
 
 const of = (id: string, serial: string, more = {}) => ({

@@ -2,7 +2,7 @@ import { expect, it, vi } from "vitest";
 import { changeOf } from "../../data/frames";
 import { Ring } from "../../data/ring-buffer";
 import type { Series } from "../../plots/plot-selection";
-import { CHANNELS } from "../../plots/synthetic";
+import { CHANNELS } from "../../testing/synthetic";
 import type { Problem } from "../../ui/http";
 import type { AnalysisRequest } from "../../wire/routes";
 import type { ChannelInfo } from "../../wire/types";

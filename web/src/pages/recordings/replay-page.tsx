@@ -1,6 +1,5 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
 import { useEffect } from "preact/hooks";
-import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
 import { fromExtensions, Slot } from "../../extension";
 import { placesOf } from "../../plots/markers";
@@ -10,7 +9,6 @@ import { readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
 import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
@@ -82,18 +80,6 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
         <PanelHost class="overview" label={TEXT.wholeRecording} mount={(host) => mountOverview(host, replay)} />
       </main>
       <Side app={app} deps={recording.deps} />
-      {overlay.value === "track" && (
-        <Dialog
-          title={COMMON.trackOf(replay.device.value?.name ?? COMMON.theDevice)}
-          wide
-          onClose={() => (overlay.value = undefined)}
-        >
-          <PanelHost
-            class="large-track"
-            mount={(host) => mountLargeTrack(host, { ...recording.deps, store: replay.drawn })}
-          />
-        </Dialog>
-      )}
       {dialog?.Recording && <dialog.Recording recording={recording} onClose={() => (overlay.value = undefined)} />}
       {app.showsSignals.value && (
         <SignalsPanel

@@ -133,7 +133,7 @@ test("keys act on the focused one", async () => {
 test("a dialog over one is not opened over the other", async () => {
   const [left, right] = await both();
   await act(() => {
-    left.app.overlay.value = "track";
+    left.app.overlay.value = "help";
     left.app.sheet.value = "rail";
     left.app.folded.value = true;
   });

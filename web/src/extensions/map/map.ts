@@ -3,16 +3,18 @@
  * + − 0 by keyboard. It follows the window until the user moves it; `Fit` makes it follow again. With a configured tile server a
  * map lies under it, which can be switched off.
  */
-import { channelsOf, type Deps, reading, sampleAt } from "../panels/panel-context";
-import { type Surface, surface } from "../ui/canvas";
-import { el, throttle, LiveText, type Panel } from "../ui/dom";
-import { geographic, NONE } from "../ui/format";
-import { api } from "../ui/http";
-import { pathOf } from "./path";
-import { fixLine, isPlace, positionOf } from "./position";
-import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomed } from "./track";
+import { channelsOf, type Deps, reading, sampleAt } from "../../panels/panel-context";
+import { type Surface, surface } from "../../ui/canvas";
+import { el, throttle, LiveText, type Panel } from "../../ui/dom";
+import { geographic, NONE } from "../../ui/format";
+import { api } from "../../ui/http";
+import { pathOf } from "../../attitude/path";
+import { fixLine, isPlace, positionOf } from "../../attitude/position";
+import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomed } from "../../attitude/track";
 import { type Origin, TileCache, tilesUnder } from "./tiles";
-import { TEXT } from "../texts/attitude";
+
+import "./map.css";
+import { TEXT } from "./texts";
 
 const POINTS = 4000;
 /** Opacity of the map: the track must stand out. */

@@ -3,9 +3,9 @@
  * plain grid about its first point. The corners of each tile are projected onto that grid, so track and map agree along the track.
  * Tiles come through our own port (server/api/map_tiles.py), a few at a time, and recent ones are cached.
  */
-import { serverRoot } from "../ui/server-place";
-import { metresFrom } from "./projection";
-import type { Point, TrackView } from "./track";
+import { serverRoot } from "../../ui/server-place";
+import { metresFrom } from "../../attitude/projection";
+import type { Point, TrackView } from "../../attitude/track";
 
 export const TILE_PX = 256;
 /** Tile servers rarely go deeper; a closer view enlarges these. */

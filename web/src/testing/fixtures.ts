@@ -1,5 +1,5 @@
 /** For the tests of the forms: a field, a setting, a command with everything at its plainest. */
-import type { CommandForm, FieldForm, Forms, RateRow, RateTable, SettingForm } from "./types";
+import type { CommandForm, FieldForm, Forms, RateRow, RateTable, SettingForm } from "../forms/types";
 
 export function field(part: Partial<FieldForm> = {}): FieldForm {
   return {

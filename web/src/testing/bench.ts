@@ -12,7 +12,7 @@ import { onFrame } from "../data/render-loop";
 import { Store } from "../data/store";
 import { createViewState } from "../data/view-state";
 import { localNow } from "../wire/clock";
-import { mountStack } from "./plot-stack";
+import { mountStack } from "../plots/plot-stack";
 import { CHANNELS, DEVICE, frameOf } from "./synthetic";
 import "../ui/tokens.css";
 import "../ui/base.css";
