@@ -8,6 +8,7 @@
  * `extensions.NAME`. A view stands in a slot, in the order of its number.
  */
 import type { FunctionComponent } from "preact";
+import type { Channel } from "./data/channels";
 import type { Forms } from "./forms/types";
 import type { App } from "./pages/app-state";
 import type { ComparisonActionProps } from "./pages/configure/compare";
@@ -19,6 +20,7 @@ import { type PanelDefinition, registerPanel } from "./panels/registry";
 import type { PlotMarks, SeriesAction } from "./plots/plot-additions";
 import type { UnderPlots } from "./plots/under-plots";
 import type { TreeRow } from "./signals/tree-rows";
+import type { Panel } from "./ui/dom";
 import type { Viewer } from "./views/viewer";
 import type { DeviceInfo } from "./wire/types";
 import type { Companion, CompanionProps } from "./workspace/companions";
@@ -127,6 +129,12 @@ export interface ConfigurePlace {
   readonly View: FunctionComponent<{ readonly model: Model }>;
 }
 
+export interface AttitudeCell {
+  /** Whether it has something to show of a device with these channels. */
+  readonly applies: (channels: readonly Channel[]) => boolean;
+  readonly mount: (host: HTMLElement, deps: Deps) => Panel;
+}
+
 /** A key of Live and of open recordings. */
 export interface ExtensionKey {
   /** A letter, in lower case. */
@@ -157,8 +165,8 @@ export interface Extension {
   readonly keys?: readonly ExtensionKey[];
   /** Viewers that show devices or recordings in a frame. */
   readonly viewers?: readonly Viewer[];
-  /** Dialogs that enlarge the track of a device: the first is opened. */
-  readonly trackDialogs?: readonly ExtensionOverlay[];
+  /** Cells beside the attitude. */
+  readonly attitudeCells?: readonly AttitudeCell[];
   /** What is drawn over the plots. */
   readonly plotMarks?: readonly PlotMarks[];
   /** What the menu of a series in the legend of a plot opens: that of the first that has one. */
@@ -185,6 +193,7 @@ export function registerExtension(extension: Extension): void {
 
 type Kinds =
   | "addresses"
+  | "attitudeCells"
   | "companions"
   | "configurePlaces"
   | "dialogs"
@@ -192,7 +201,6 @@ type Kinds =
   | "pages"
   | "plotMarks"
   | "seriesActions"
-  | "trackDialogs"
   | "viewers"
   | "views";
 

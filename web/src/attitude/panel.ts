@@ -4,6 +4,7 @@
  * the output to switch on instead of an empty instrument.
  */
 import { effect } from "@preact/signals";
+import { type AttitudeCell, fromExtensions } from "../extension";
 import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/rotations";
 import { bodyOf, pairIn } from "../data/frames";
 import type { Channel } from "../data/channels";
@@ -15,10 +16,8 @@ import { el, throttle, LiveText, type Panel, unit } from "../ui/dom";
 import { number } from "../ui/format";
 import { protocolOf } from "../wire/capabilities";
 import { drawBody } from "./body";
-import { mountGnss } from "./gnss";
 import { drawHorizon } from "./horizon";
 import { FRAMES, headingOf, horizonOf, pitchSign } from "./projection";
-import { positionOf } from "./position";
 import { type Source, sourceOf } from "./source";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/attitude";
@@ -38,14 +37,27 @@ export function mountAttitude(host: HTMLElement, deps: Deps): Panel {
         shown = channels;
         clear();
         const source = sourceOf(channels);
-        const position = positionOf(channels);
-        host.classList.toggle("with-gnss", position !== undefined);
+        const cells = fromExtensions("attitudeCells").filter(({ applies }) => applies(channels));
+        host.classList.toggle("with-cell", cells.length > 0);
         parts = [source ? mountInstruments(host, deps, source) : mountNone(host, deps)];
-        if (position) parts = [...parts, mountGnss(host, deps, position)];
+        parts = [...parts, ...cells.map((cell) => mountCell(host, deps, cell))];
       }
       for (const part of parts) part.update(now);
     },
     dispose: clear,
+  };
+}
+
+function mountCell(host: HTMLElement, deps: Deps, { mount }: AttitudeCell): Panel {
+  const box = el("div", { class: "attitude-cell" });
+  host.append(box);
+  const panel = mount(box, deps);
+  return {
+    update: (now) => panel.update(now),
+    dispose() {
+      panel.dispose();
+      box.remove();
+    },
   };
 }
 

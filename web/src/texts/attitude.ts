@@ -2,16 +2,6 @@
 import type { Value } from "./plural";
 
 export const TEXT = {
-  // gnss
-  enlargeTrack: "Enlarge the track",
-  trackLabel: "Track in the window, north up. Enlarge the track",
-  lat: "Lat",
-  lon: "Lon",
-  mHor: "m hor.",
-  mVert: "m vert.",
-  age: "Age",
-  gnss: "GNSS",
-
   // panel
   payloadsUndefined: "Its payloads are not defined. See Raw payloads beside the plots.",
   noOrientation: "No orientation data",
@@ -34,11 +24,6 @@ export const TEXT = {
   bodyInFrame: (body: Value, frame: Value) => `${body} in ${frame}`,
   aboutY: (sign: Value) => `about y, ${sign}`,
 
-  // position
-  noFix: "no fix",
-  rtk: (carrier: Value) => `RTK ${carrier}`,
-  satelliteCount: (satellites: Value) => `${satellites} sat`,
-
   // projection
   noseUp: "+ nose up",
   noseDown: "+ nose down",
@@ -48,10 +33,4 @@ export const TEXT = {
   fromRotationMatrix: "from rotation matrix",
   fromEulerAngles: "from Euler angles",
   fromGroup: (group: Value) => `from ${group}`,
-
-  // track
-  rtkFixed: "RTK fixed",
-  rtkFloating: "RTK floating",
-  fix2d: "2D or dead reckoning",
-  noPositionInWindow: "No position in this window",
 };

@@ -1,5 +1,5 @@
 /** The track, enlarged over a map: in a dialog, or as a panel that is hidden until a person shows it. */
-import { positionOf } from "../../attitude/position";
+import { positionOf } from "./position";
 import { type LiveDialogProps, type RecordingDialogProps, registerExtension } from "../../extension";
 import { channelsOf, type Deps } from "../../panels/panel-context";
 import { COMMON } from "../../texts/common";
@@ -56,5 +56,10 @@ registerExtension({
     },
   ],
   dialogs: [{ overlay: "map/dialog", Live, Recording }],
-  trackDialogs: ["map/dialog"],
+  attitudeCells: [
+    {
+      applies: (channels) => positionOf(channels) !== undefined,
+      mount: (host, deps) => latePanel(async () => (await import("./gnss")).mountGnss.bind(undefined, host, deps)),
+    },
+  ],
 });

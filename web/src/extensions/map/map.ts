@@ -8,9 +8,9 @@ import { type Surface, surface } from "../../ui/canvas";
 import { el, throttle, LiveText, type Panel } from "../../ui/dom";
 import { geographic, NONE } from "../../ui/format";
 import { api } from "../../ui/http";
-import { pathOf } from "../../attitude/path";
-import { fixLine, isPlace, positionOf } from "../../attitude/position";
-import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomed } from "../../attitude/track";
+import { pathOf } from "./path";
+import { fixLine, isPlace, positionOf } from "./position";
+import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomed } from "./track";
 import { type Origin, TileCache, tilesUnder } from "./tiles";
 
 import "./map.css";

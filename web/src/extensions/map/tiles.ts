@@ -5,7 +5,7 @@
  */
 import { serverRoot } from "../../ui/server-place";
 import { metresFrom } from "../../attitude/projection";
-import type { Point, TrackView } from "../../attitude/track";
+import type { Point, TrackView } from "./track";
 
 export const TILE_PX = 256;
 /** Tile servers rarely go deeper; a closer view enlarges these. */

@@ -1,8 +1,8 @@
 /** The track of a window as points on a local metric grid, thinned to the picture's resolution; gaps in the samples are breaks. */
-import { lowerBound } from "../data/line-breaks";
-import type { Channel } from "../data/channels";
-import type { Reading } from "../panels/cursor-time";
-import { metresFrom } from "./projection";
+import { lowerBound } from "../../data/line-breaks";
+import type { Channel } from "../../data/channels";
+import type { Reading } from "../../panels/cursor-time";
+import { metresFrom } from "../../attitude/projection";
 import { isPlace, type Position, qualityOf, wordsOf } from "./position";
 import type { Point, TrackPoint } from "./track";
 

@@ -3,10 +3,10 @@
  * carrier solution, satellites, accuracy) by theirs or by bit groups, in the same channel or in those of the same message, so that
  * messages of any family work.
  */
-import type { Channel } from "../data/channels";
-import { choiceWords } from "../ui/labels";
-import type { BitsInfo } from "../wire/types";
-import { TEXT } from "../texts/attitude";
+import type { Channel } from "../../data/channels";
+import { choiceWords } from "../../ui/labels";
+import type { BitsInfo } from "../../wire/types";
+import { TEXT } from "./texts";
 
 /** One number of one channel, or one bit group of it. */
 export interface Facet {

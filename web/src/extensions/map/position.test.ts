@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import type { Channel } from "../data/channels";
-import type { BitsInfo, ChannelInfo } from "../wire/types";
+import type { Channel } from "../../data/channels";
+import type { BitsInfo, ChannelInfo } from "../../wire/types";
 import { fixLine, metresOf, positionOf, qualityOf, wordsOf } from "./position";
 
 type Named = readonly (readonly [

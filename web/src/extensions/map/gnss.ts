@@ -1,13 +1,14 @@
 /** GNSS cell: fix, satellites, position, accuracy, age and the track of the window; shown if the device sends a position. */
-import { fromExtensions } from "../extension";
-import { type Deps, reading, sampleAt } from "../panels/panel-context";
-import { surface } from "../ui/canvas";
-import { el, throttle, LiveText, type Panel, unit } from "../ui/dom";
-import { age, geographic, NONE, number } from "../ui/format";
+import { channelsOf, type Deps, reading, sampleAt } from "../../panels/panel-context";
+import { surface } from "../../ui/canvas";
+import { el, throttle, LiveText, type Panel, unit } from "../../ui/dom";
+import { age, geographic, NONE, number } from "../../ui/format";
 import { pathOf } from "./path";
-import { fixLine, isPlace, metresOf, type Position } from "./position";
+import { fixLine, isPlace, metresOf, type Position, positionOf } from "./position";
 import { drawTrack } from "./track";
-import { TEXT } from "../texts/attitude";
+
+import "./map.css";
+import { TEXT } from "./texts";
 
 /** Points drawn at most: a cell of 200 px resolves no more. */
 const POINTS = 400;
@@ -15,7 +16,9 @@ const POINTS = 400;
 type Texts = Readonly<Record<"fix" | "lat" | "lon" | "h" | "v" | "age" | "ageUnit", LiveText>>;
 
 /** Mounts the cell into `host`; its button enlarges the track. */
-export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Panel {
+export function mountGnss(host: HTMLElement, deps: Deps): Panel {
+  const position = positionOf(channelsOf(deps));
+  if (!position) return { update: () => undefined, dispose: () => undefined };
   const texts: Texts = {
     fix: new LiveText(),
     lat: new LiveText(),
@@ -26,7 +29,6 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Pa
     ageUnit: new LiveText(),
   };
   const canvas = el("canvas", { "aria-hidden": "true" });
-  const [enlarged] = fromExtensions("trackDialogs");
   const button = el(
     "button",
     {
@@ -34,11 +36,10 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Pa
       class: "enlarge",
       title: TEXT.enlargeTrack,
       "aria-label": TEXT.trackLabel,
-      ...(enlarged ? {} : { disabled: "" }),
     },
     canvas,
   );
-  if (enlarged) button.addEventListener("click", () => deps.open.dialog(enlarged, {}));
+  button.addEventListener("click", () => deps.open.dialog("map/dialog", {}));
   const list = el("dl", {}, el("dt", {}, TEXT.lat), el("dd", {}, texts.lat.node, unit("°")));
   list.append(el("dt", {}, TEXT.lon), el("dd", {}, texts.lon.node, unit("°")));
   if (position.horizontal && position.vertical) {
@@ -54,8 +55,9 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Pa
     el("span", {}, TEXT.gnss),
     el("span", { class: "ellipsis" }, texts.fix.node),
   );
-  const cell = el("div", { class: "gnss", title: position.channel.info.group }, cap, button, list);
-  host.append(cell);
+  host.classList.add("gnss");
+  host.title = position.channel.info.group;
+  host.append(cap, button, list);
   const to = surface(canvas, () => undefined);
   const due = throttle(5);
   return {
@@ -69,7 +71,7 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Pa
     },
     dispose() {
       to.dispose();
-      cell.remove();
+      host.replaceChildren();
     },
   };
 }
