@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.each_row import each_row
 from tests.source_files import ROOT
 
 WEB = ROOT / "web"
@@ -72,14 +71,67 @@ def _page_without(names: tuple[str, ...], folder: Path) -> Path:
     return web
 
 
-@each_row("left_out", [*((name,) for name in NAMES), NAMES])
-def test_the_page_is_built_and_opens_without_an_extension(left_out: tuple[str, ...], tmp_path: Path) -> None:
-    web = _page_without(left_out, tmp_path)
+def test_the_page_is_built_and_opens_without_its_extensions(tmp_path: Path) -> None:
+    web = _page_without(NAMES, tmp_path)
     _node(web, "typescript/bin/tsc", "--noEmit")
     _node(web, "vite/bin/vite.js", "build", "--logLevel", "warn", "--minify", "false")
     _node(web, "vitest/vitest.mjs", "run", "--no-color", "src/extension.test.tsx")
 
 
+def test_no_extension_declares_what_others_can_use_without_an_import() -> None:
+    """Then a page without one of them has all its types, as none of its files imports from it."""
+    declared = re.compile(r"^\s*declare |^export as namespace |<reference ", re.MULTILINE)
+    paths = [path for path in FOLDER.rglob("*.ts*") if declared.search(path.read_text(encoding="utf-8"))]
+    assert not paths, f"{paths}: a declaration for the whole page belongs to its heart"
+
+
+OPENS = """\
+// @vitest-environment happy-dom
+import { waitFor } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
+import { openPage } from "./testing/live-page";
+import { recorded } from "./testing/recorded";
+
+vi.mock("./extensions/all", () =>
+  import.meta.glob(["./extensions/*/index.{ts,tsx}", "!./extensions/NAME/**"], { eager: true }),
+);
+
+test("the page opens", async () => {
+  const errors = [vi.spyOn(console, "error"), vi.spyOn(console, "warn")];
+  await openPage(recorded("xbus"));
+  await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
+  for (const spy of errors) expect(spy).not.toHaveBeenCalled();
+});
+"""
+
+
+def test_the_page_opens_without_any_one_of_its_extensions(tmp_path: Path) -> None:
+    """One run for all, each in a world of modules of its own: nothing but the list of extensions refers to one."""
+    web = _page_without((), tmp_path)
+    for name in NAMES:
+        (web / "src" / f"without-{name}.test.tsx").write_text(OPENS.replace("NAME", name), encoding="utf-8")
+    _node(web, "vitest/vitest.mjs", "run", "--no-color", "--isolate", "src/without-")
+
+
 @pytest.mark.slow  # all tests of the page but those of extensions, a second time
 def test_the_tests_of_the_page_pass_without_its_extensions(tmp_path: Path) -> None:
     _node(_page_without(NAMES, tmp_path), "vitest/vitest.mjs", "run", "--no-color")
+
+
+KERNEL_LINES = 36_700
+"""Of TypeScript and CSS outside extensions: what one needs to see, record, replay and configure a sensor."""
+GENERATED = {"wire/routes.ts", "wire/types.ts", "wire/capability-types.ts"}
+
+
+def test_the_heart_of_the_page_stays_small() -> None:
+    """Blank lines and comments count; tests, their aids and generated files do not."""
+    lines: dict[str, int] = {}
+    for path in SOURCES.rglob("*"):
+        name = path.relative_to(SOURCES).as_posix()
+        is_code = path.suffix in (".ts", ".tsx", ".css") and not re.search(r"\.test\.|\.d\.ts$", name)
+        if is_code and not name.startswith(("extensions/", "testing/")) and name not in GENERATED:
+            folder = name.rpartition("/")[0]
+            lines[folder] = lines.get(folder, 0) + len(path.read_text(encoding="utf-8").splitlines())
+    total = sum(lines.values())
+    most = sorted(lines.items(), key=lambda item: -item[1])[:6]
+    assert total <= KERNEL_LINES, f"{total} lines, most in {most}: what is not the heart belongs behind the door"
