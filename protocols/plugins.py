@@ -14,12 +14,14 @@ from __future__ import annotations
 import functools
 import importlib.util
 import logging
+import pkgutil
 import re
 import tomllib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 API_VERSION = 1
 """Version of the names in imuscope/plugin.py. It grows when one of them changes its meaning or is removed."""
@@ -37,7 +39,15 @@ class Named(Protocol):
     def name(self) -> str: ...
 
 
+class Ordered(Named, Protocol):
+    """A named object with a place in lists."""
+
+    @property
+    def order(self) -> int: ...
+
+
 T = TypeVar("T", bound=Named)
+Listed = TypeVar("Listed", bound=Ordered)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +93,7 @@ class ProtocolPlugin:
         self.check()
         value = getattr(import_module(self.module), self.value.partition(":")[2])
         if not isinstance(value, kind):
-            raise ValueError(f"{self.value} is not {'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}")
+            raise ValueError(f"{self.value} is not {article(kind.__name__)}")
         if value.name != self.name:
             raise ValueError(f"it calls itself {value.name!r}")
         return value
@@ -130,22 +140,65 @@ def plugins_of_others(group: str) -> list[ProtocolPlugin]:
     return [others[key] for key in sorted(others)]
 
 
-def import_plugins(group: str, kind: str) -> list[str]:
-    """Import the modules declared in a group; each registers something on import. One of ours may be left out.
+class Registry(Generic[Listed]):
+    """Objects of one kind, each registered by a module when it is imported.
 
     Args:
-        kind: kind of registered objects, for messages: "exporter".
+        kind: for messages: "exporter".
+        package: the modules in its folder register some.
+        group: entry-point group of further modules, of imuscope or of other packages.
+    """
 
-    Returns:
-        a sentence about each that is unusable.
+    def __init__(self, kind: str, package: str, group: str) -> None:
+        self._kind, self._package, self._group = kind, package, group
+        self._registered: dict[str, Listed] = {}
+        self._problems: list[str] | None = None
+
+    def register(self, one: Listed) -> None:
+        """Add an object. ValueError: the name is taken."""
+        if one.name in self._registered:
+            raise ValueError(f"there is {article(self._kind)} {one.name!r} already")
+        self._registered[one.name] = one
+
+    def load(self) -> list[str]:
+        """Import all modules that register objects, on first use. One of ours may be left out.
+
+        Returns:
+            a sentence about each package whose objects cannot be used.
+        """
+        if self._problems is None:
+            for found in pkgutil.iter_modules(import_module(self._package).__path__):
+                import_module(f"{self._package}.{found.name}")
+            there = (plugin for plugin in plugins_of(self._group) if plugin.is_there)
+            self._problems = each_usable(there, self._kind, _import)
+        return self._problems
+
+    def all(self) -> dict[str, Listed]:
+        """All objects by name, sorted by `order`."""
+        self.load()
+        return dict(sorted(self._registered.items(), key=lambda item: item[1].order))
+
+
+def _import(plugin: ProtocolPlugin) -> None:
+    plugin.check()
+    import_module(plugin.module)
+
+
+def article(noun: str) -> str:
+    """The noun with "a" or "an" before it."""
+    return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
+
+
+def each_usable(plugins: Iterable[ProtocolPlugin], kind: str, use: Callable[[ProtocolPlugin], object]) -> list[str]:
+    """Use each declaration; returns a sentence about each that is unusable.
+
+    Raises:
+        Exception: one of imuscope's own fails; a defect that must not be overlooked.
     """
     problems: list[str] = []
-    for plugin in plugins_of(group):
-        if not plugin.is_there:
-            continue
+    for plugin in plugins:
         try:
-            plugin.check()
-            import_module(plugin.module)
+            use(plugin)
         except Exception as error:  # third-party code may raise anything
             if not plugin.package:
                 raise

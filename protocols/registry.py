@@ -9,7 +9,6 @@ the score, between 0 and 1, and `reason`, the same in words for the page and the
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,11 +18,9 @@ from imuscope.protocols.decode_options import DecodeOption, merged
 from imuscope.protocols.events import Batch, Decoder, Reply
 from imuscope.protocols.family import FrameLister, LogFormat, PositionFix, ProtocolInfo, RejectRemedy
 from imuscope.protocols.messages.family import MESSAGES
-from imuscope.protocols.plugins import ProtocolPlugin, protocol_plugins
+from imuscope.protocols.plugins import ProtocolPlugin, each_usable, protocol_plugins
 
 __all__ = ["PROBLEMS", "PROTOCOLS", "Detection", "FrameLister", "ProtocolInfo", "detect"]
-
-log = logging.getLogger("imuscope.protocols")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,21 +39,15 @@ def load_families(plugins: Iterable[ProtocolPlugin]) -> tuple[dict[str, Protocol
         Exception: one of imuscope's own fails to load; a defect that must not be overlooked.
     """
     families: dict[str, ProtocolInfo] = {}
-    problems: list[str] = []
-    for plugin in plugins:
-        try:
-            family = plugin.load(ProtocolInfo)
-            if family.name in families:
-                raise ValueError(f"there is a protocol {family.name!r} already")
-            merged(option for one in (*families.values(), family) for option in one.decoding.options)
-        except Exception as error:  # third-party code may raise anything
-            if not plugin.package:
-                raise
-            problems.append(plugin.problem("protocol", error))
-            log.debug("%s failed", plugin.value, exc_info=True)
-        else:
-            families[family.name] = family
-    return families, problems
+
+    def load(plugin: ProtocolPlugin) -> None:
+        family = plugin.load(ProtocolInfo)
+        if family.name in families:
+            raise ValueError(f"there is a protocol {family.name!r} already")
+        merged(option for one in (*families.values(), family) for option in one.decoding.options)
+        families[family.name] = family
+
+    return families, each_usable(plugins, "protocol", load)
 
 
 PROTOCOLS, PROBLEMS = load_families(protocol_plugins())

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from imuscope.protocols.decode_options import Scope
-from imuscope.protocols.plugins import ProtocolPlugin, plugins_of
+from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
 
 if TYPE_CHECKING:
     from fastapi import APIRouter
@@ -221,20 +221,14 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
         Exception: one of imuscope's own fails to load; a defect that must not be overlooked.
     """
     extensions: dict[str, Extension] = {}
-    wrong: list[str] = []
-    for plugin in plugins:
-        if not plugin.is_there:
-            continue
-        try:
-            extension = replace(plugin.load(Extension), package=plugin.package)
-            if extension.name in extensions:
-                raise ValueError(f"there is an extension {extension.name!r} already")
-            extensions[extension.name] = extension
-        except Exception as error:  # third-party code may raise anything
-            if not plugin.package:
-                raise
-            wrong.append(plugin.problem("extension", error))
-            log.debug("%s failed", plugin.value, exc_info=True)
+
+    def load(plugin: ProtocolPlugin) -> None:
+        extension = replace(plugin.load(Extension), package=plugin.package)
+        if extension.name in extensions:
+            raise ValueError(f"there is an extension {extension.name!r} already")
+        extensions[extension.name] = extension
+
+    wrong = each_usable((plugin for plugin in plugins if plugin.is_there), "extension", load)
     ordered: dict[str, Extension] = {}
     waiting = [extensions[name] for name in sorted(extensions)]
     while ready := [one for one in waiting if all(name in ordered for name in one.requires)]:

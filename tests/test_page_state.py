@@ -18,7 +18,6 @@ LISTED: dict[str, tuple[set[str], str]] = {
     "data/render-loop.ts": ({"painters", "isRunning", "drawn"}, "a document draws all of its canvases in one frame"),
     "extension.tsx": ({"extensions"}, "filled while modules are loaded"),
     "extensions/map/path.ts": ({"origins"}, "a cache by channel"),
-    "extensions/map/path.ts": ({"origins"}, "a cache by channel"),
     "main.tsx": ({"store", "app"}, "the page starts here"),
     "pages/route.ts": ({"route"}, "a document has one address"),
     "panels/registry.ts": ({"panels", "added"}, "filled while modules are loaded: those of packages come later"),

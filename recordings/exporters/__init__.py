@@ -15,13 +15,13 @@ import shutil
 from pathlib import Path
 
 from imuscope.recordings import atomic_write
-from imuscope.recordings.exporters.registry import ExportFormat, load_formats
+from imuscope.recordings.exporters.registry import EXPORTERS, ExportFormat
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
 
 __all__ = ["FORMATS", "PROBLEMS", "ExportError", "ExportFormat", "ExportRequest", "by_suffix", "export"]
 
-FORMATS, PROBLEMS = load_formats()
+FORMATS, PROBLEMS = EXPORTERS.all(), EXPORTERS.load()
 
 
 def by_suffix(suffix: str) -> str | None:

@@ -6,17 +6,14 @@ the entry-point group `imuscope.exporters` of another package. docs/add-an-expor
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from imuscope.protocols.plugins import import_plugins
-from imuscope.recordings.exporters import formats
+from imuscope.protocols.plugins import Registry
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
-GROUP = "imuscope.exporters"
 Write = Callable[[ExportRequest, Path, ExportStep], list[Path]]
 
 
@@ -49,22 +46,8 @@ class ExportFormat:
     per_byte: float = 1.0
 
 
-_registered: dict[str, ExportFormat] = {}
-
-
-def register_exporter(format: ExportFormat) -> None:
-    """Add a format. ValueError: the name is taken."""
-    if format.name in _registered:
-        raise ValueError(f"there is an export format {format.name!r} already")
-    _registered[format.name] = format
-
-
-def load_formats() -> tuple[dict[str, ExportFormat], list[str]]:
-    """All formats by name, in their order, and a sentence about each package whose formats cannot be used."""
-    for module in pkgutil.iter_modules(formats.__path__):
-        import_module(f"{formats.__name__}.{module.name}")
-    problems = import_plugins(GROUP, "exporter")
-    return dict(sorted(_registered.items(), key=lambda item: item[1].order)), problems
+EXPORTERS = Registry[ExportFormat]("exporter", "imuscope.recordings.exporters.formats", "imuscope.exporters")
+register_exporter = EXPORTERS.register
 
 
 def lazy(module: str) -> Write:

@@ -24,7 +24,7 @@ from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.payloads import BYTES, SHAPE, PayloadsWriter
 from imuscope.server import wire
 from imuscope.server.streaming.channels import ChannelRows, clock_alone
-from imuscope.server.streaming.sink import Dated
+from imuscope.server.streaming.sink import Dated, EventSink
 from imuscope.server.streaming.unknown_payloads import Payloads, described
 
 MAX_EVENTS = 20_000  # of each device; beyond that only errors of the link are stored
@@ -36,7 +36,7 @@ CLOCKS = {
 }
 
 
-class RecordingSink:
+class RecordingSink(EventSink):
     """A TelemetrySink (server/streaming/sink.py) that writes samples to a store, and the rest to its manifest.
 
     Args:
@@ -213,22 +213,9 @@ class RecordingSink:
             )
         )
 
-    def event(
-        self,
-        device: str,
-        kind: wire.EventKind,
-        level: wire.Level,
-        text: str,
-        *,
-        time: float | None = None,
-        span: tuple[float, float] | None = None,
-        samples: int = 0,
-        data: dict[str, Any] | None = None,
-    ) -> wire.EventInfo:
-        t0, t1 = span or (None, None)
-        number, when = len(self.events) + self.left_out, self.time if time is None else time
-        event = wire.EventInfo(number, when, device, kind, level, text, t0, t1, samples, data or {})
-        if len(self.events) < MAX_EVENTS or kind == "gap":
+    def add_event(self, event: wire.EventInfo) -> wire.EventInfo:
+        event = replace(event, seq=len(self.events) + self.left_out)
+        if len(self.events) < MAX_EVENTS or event.kind == "gap":
             self.events.append(event)
         else:
             self.left_out += 1

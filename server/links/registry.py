@@ -6,21 +6,16 @@ declares in the entry-point group `imuscope.links`. docs/add-a-link.md describes
 
 from __future__ import annotations
 
-import functools
-import pkgutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imuscope.protocols.plugins import import_plugins
+from imuscope.protocols.plugins import Registry
 from imuscope.server.links.base import Link, LinkSettings
 
 if TYPE_CHECKING:
     from imuscope.server.links.source_url import SourceUrl
 
-GROUP = "imuscope.links"
 Examples = Iterable[tuple[str, str]]
 """Sources with descriptions for display."""
 
@@ -59,38 +54,18 @@ class LinkDefinition:
     counts_messages: bool = False
 
 
-_registered: dict[str, LinkDefinition] = {}
-
-
-def register_link(definition: LinkDefinition) -> None:
-    """Register a kind; raises ValueError if the name is taken."""
-    if definition.name in _registered:
-        raise ValueError(f"link kind {definition.name!r} is already registered")
-    _registered[definition.name] = definition
-
-
-@functools.cache
-def load_links() -> list[str]:
-    """Import all modules that register kinds, on first use.
-
-    Returns:
-        One sentence for each package whose links cannot be used.
-    """
-    for module in pkgutil.iter_modules([str(Path(__file__).parent)]):
-        import_module(f"{__package__}.{module.name}")
-    return import_plugins(GROUP, "link")
+LINKS = Registry[LinkDefinition]("link", "imuscope.server.links", "imuscope.links")
+register_link, load_links = LINKS.register, LINKS.load
 
 
 def link_kinds() -> list[LinkDefinition]:
     """All kinds, sorted by `order`."""
-    load_links()
-    return sorted(_registered.values(), key=lambda one: one.order)
+    return list(LINKS.all().values())
 
 
 def link_kind(name: str) -> LinkDefinition | None:
     """The kind of that name; None if unknown."""
-    load_links()
-    return _registered.get(name)
+    return LINKS.all().get(name)
 
 
 def link_schemes() -> Mapping[str, str]:

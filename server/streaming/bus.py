@@ -15,15 +15,16 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from imuscope.server import wire
 from imuscope.server.listeners import CallbackList
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.streaming.channels import ChannelRows
 from imuscope.server.streaming.event_log import EventLog
-from imuscope.server.streaming.sink import SampleArchive
+from imuscope.server.streaming.sink import EventSink, SampleArchive
 
 T = TypeVar("T")
 
@@ -87,7 +88,7 @@ class DeviceTopic(Topic[T]):
         return self._latest.pop(device, None) is not None
 
 
-class TelemetryBus:
+class TelemetryBus(EventSink):
     """Topics of a server, and the sink of its live devices.
 
     Args:
@@ -105,7 +106,7 @@ class TelemetryBus:
     reports_every_gap = False
 
     def __init__(self, now: Callable[[], float], store: ChannelStore, log: EventLog) -> None:
-        self.now = now
+        self._now = now
         self.run = uuid.uuid4().hex
         self.samples: Topic[list[int]] = Topic()
         self.channels: Topic[wire.ChannelInfo] = Topic()
@@ -138,22 +139,13 @@ class TelemetryBus:
         if touched:
             self.samples.publish(touched)
 
-    def event(
-        self,
-        device: str,
-        kind: wire.EventKind,
-        level: wire.Level,
-        text: str,
-        *,
-        time: float | None = None,
-        span: tuple[float, float] | None = None,
-        samples: int = 0,
-        data: dict[str, Any] | None = None,
-    ) -> wire.EventInfo:
+    def now(self) -> float:
+        """Unix seconds that never step."""
+        return self._now()
+
+    def add_event(self, event: wire.EventInfo) -> wire.EventInfo:
         """Log an event and pass it to every subscriber."""
-        t0, t1 = span or (None, None)
-        when = self.now() if time is None else time
-        event = wire.EventInfo(self._next_event, when, device, kind, level, text, t0, t1, samples, data or {})
+        event = replace(event, seq=self._next_event)
         self._next_event += 1
         self._log.append(event)
         self._log.trim(self._store.newest(), self.now())

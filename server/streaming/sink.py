@@ -35,25 +35,14 @@ class SampleArchive(Protocol):
         """Store payloads of one kind without a description."""
 
 
-class TelemetrySink(Protocol):
-    """Receiver of channels, samples, events and states of devices."""
-
-    @property
-    def archive(self) -> SampleArchive | None:
-        """Storage of clock readings and payloads; None if they are not stored."""
-
-    @property
-    def reports_every_gap(self) -> bool:
-        """False: many gaps in a short time are summarised (server/devices/event_reporter.py)."""
+class EventSink(Protocol):
+    """Receiver of events."""
 
     def now(self) -> float:
         """Unix seconds that never step; for a recording, the arrival of the bytes being decoded."""
 
-    def advertise(self, info: wire.ChannelInfo) -> int:
-        """Open a channel described by `info` (id 0); returns its id, which is never used again."""
-
-    def publish(self, pieces: Iterable[ChannelRows]) -> None:
-        """Publish samples of advertised channels."""
+    def add_event(self, event: wire.EventInfo) -> wire.EventInfo:
+        """Give an event its number, and log it."""
 
     def event(
         self,
@@ -68,6 +57,27 @@ class TelemetrySink(Protocol):
         data: dict[str, Any] | None = None,
     ) -> wire.EventInfo:
         """Report an event, at `time` (unix s; None: now) or over `span`."""
+        t0, t1 = span or (None, None)
+        when = self.now() if time is None else time
+        return self.add_event(wire.EventInfo(0, when, device, kind, level, text, t0, t1, samples, data or {}))
+
+
+class TelemetrySink(EventSink, Protocol):
+    """Receiver of channels, samples, events and states of devices."""
+
+    @property
+    def archive(self) -> SampleArchive | None:
+        """Storage of clock readings and payloads; None if they are not stored."""
+
+    @property
+    def reports_every_gap(self) -> bool:
+        """False: many gaps in a short time are summarised (server/devices/event_reporter.py)."""
+
+    def advertise(self, info: wire.ChannelInfo) -> int:
+        """Open a channel described by `info` (id 0); returns its id, which is never used again."""
+
+    def publish(self, pieces: Iterable[ChannelRows]) -> None:
+        """Publish samples of advertised channels."""
 
     def set_device(self, info: wire.DeviceInfo) -> None:
         """Set the complete state of a device."""

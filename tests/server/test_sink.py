@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,12 +23,12 @@ from imuscope.server.devices.ingest import LinkTiming
 from imuscope.server.library.collector import MAX_EVENTS, RecordingSink
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.channels import ChannelRows
-from imuscope.server.streaming.sink import SampleArchive, TelemetrySink
+from imuscope.server.streaming.sink import EventSink, SampleArchive, TelemetrySink
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock
 
 
-class ListSink:
+class ListSink(EventSink):
     """The least that a sink is: lists."""
 
     archive: SampleArchive | None = None
@@ -51,21 +50,8 @@ class ListSink:
         for piece in pieces:
             self.rows.setdefault(piece.channel, []).append(piece)
 
-    def event(
-        self,
-        device: str,
-        kind: wire.EventKind,
-        level: wire.Level,
-        text: str,
-        *,
-        time: float | None = None,
-        span: tuple[float, float] | None = None,
-        samples: int = 0,
-        data: dict[str, Any] | None = None,
-    ) -> wire.EventInfo:
-        t0, t1 = span or (None, None)
-        when = self.now() if time is None else time
-        event = wire.EventInfo(len(self.events), when, device, kind, level, text, t0, t1, samples, data or {})
+    def add_event(self, event: wire.EventInfo) -> wire.EventInfo:
+        event = replace(event, seq=len(self.events))
         self.events.append(event)
         return event
 

@@ -6,23 +6,18 @@ entry-point group `imuscope.analyses` of another package. docs/add-an-analysis.m
 
 from __future__ import annotations
 
-import functools
 import math
-import pkgutil
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from importlib import import_module
 from typing import Any, NamedTuple
 
-from imuscope.protocols.plugins import import_plugins
+from imuscope.protocols.plugins import Registry
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis import methods
 from imuscope.server.extensions.analysis.signals import Signal
 from imuscope.server.extensions.analysis.units import Unit
 
-GROUP = "imuscope.analyses"
 OWN = "unit_of_the_signal"  # a symbol while units are multiplied
 Figure = Any
 """A number, a text, a list of figures, or an object of figures by name; NaN where there is no number."""
@@ -166,32 +161,13 @@ def _unit_of(declared: str, own: str) -> str:
     return str(Unit.parse(own) ** power * rest)
 
 
-_registered: dict[str, Analysis] = {}
-
-
-def register_analysis(analysis: Analysis) -> None:
-    """Add an analysis. ValueError: the name is taken."""
-    if analysis.name in _registered:
-        raise ValueError(f"there is an analysis {analysis.name!r} already")
-    _registered[analysis.name] = analysis
-
-
-@functools.cache
-def load_analyses() -> list[str]:
-    """Import all modules that register analyses, on first use.
-
-    Returns:
-        One sentence for each package whose analyses cannot be used.
-    """
-    for module in pkgutil.iter_modules(methods.__path__):
-        import_module(f"{methods.__name__}.{module.name}")
-    return import_plugins(GROUP, "analysis")
+ANALYSES = Registry[Analysis]("analysis", "imuscope.server.extensions.analysis.methods", "imuscope.analyses")
+register_analysis, load_analyses = ANALYSES.register, ANALYSES.load
 
 
 def analyses() -> list[Analysis]:
     """All analyses, sorted by `order`."""
-    load_analyses()
-    return sorted(_registered.values(), key=lambda one: one.order)
+    return list(ANALYSES.all().values())
 
 
 def analysis_named(name: str) -> Analysis:
@@ -200,8 +176,7 @@ def analysis_named(name: str) -> Analysis:
     Raises:
         DomainError: "not-found".
     """
-    load_analyses()
-    if name not in _registered:
-        known = ", ".join(one.name for one in analyses())
-        raise DomainError("not-found", f"Analysis {name:.40} not found.", f"Available: {known}.")
-    return _registered[name]
+    known = ANALYSES.all()
+    if name not in known:
+        raise DomainError("not-found", f"Analysis {name:.40} not found.", f"Available: {', '.join(known)}.")
+    return known[name]
