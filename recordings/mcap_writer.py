@@ -24,6 +24,12 @@ not yet handed over is lost, and `sync` bounds the loss of a power cut. A closed
 compression and indexes (recordings/compaction.py). Both forms, and a truncated one, are valid for every MCAP reader
 that tolerates a missing end; recordings/mcap_reader.py reads them.
 
+The writer of the mcap library is not used. It takes one message at a time: flushed after each run of 8 chunks, so that
+SIGKILL loses nothing, it writes 332 000 chunks/s, and this one 1 228 000 (7 594 000 by os.write alone); not flushed it
+lost 21 of 20 000, in chunks, as it writes by default, 1 106. It packs 269 000/s, recordings/chunked.py 1 997 000. Nor
+does it remove a record that a full disk has cut off, which a reader would take for the end of the file
+(tests/bench/mcap_library.py).
+
 `format` is 1, and 1 if absent. It is raised when an earlier reader would misread the file; a reader rejects a file with
 a number it does not know (`check_format_version`).
 

@@ -8,8 +8,9 @@ Rules: the samples of a family are contiguous, after one HELP and one TYPE line;
 end of a line; the name of a counter ends in _total; units are base units (seconds, bytes, ratio) and part of the name.
 A histogram has the cumulative counts of its buckets, the last one +Inf, then _sum and _count.
 
-This does what the official client would do here, without its import, which takes 60 ms of a live server's event loop;
-the tests parse the output with the official parser.
+This does what the official client would do here, which takes longer, in the event loop of a live server: 88 ms to
+import it, and 8.2 ms for a page of 50 families of 20 samples, which takes 1.5 ms here. Its families would still need
+the names, labels and unknown values of server/metrics.py. The tests parse the output with the official parser.
 
 Source: Prometheus documentation, "Exposition formats" and "Metric and label naming".
 """

@@ -1,11 +1,14 @@
 """Loader of datasets.txt: data sets, their fields, words and versions, as rows of the schema.
 
 The file is the source: data sets, fields and flags are added there, in the form explained at its top, never here.
-Reading it takes a few milliseconds, once.
+Reading it takes some 30 ms, once.
 
     words, choices  ─> Bits, {value: name}      struct ─> Struct: fields with their offsets
     titles, help    ─> Field.title if a struct gives none; Field.doc
     sets            ─> DataSet                  versions ─> structures by firmware
+
+TOML would need its own rules for words, values, versions and units within its texts, as here, and be a fifth larger;
+tomllib alone takes 56 ms for it, which would be added to each start.
 
 Units: `unit=rad>°` means radians on the wire and degrees on display; CONVERSIONS has the factor. The vendor's full
 constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name labels the lanes.
@@ -137,24 +140,28 @@ class DatasetTable:
         for line in lines:
             offset, kind, name, *rest = line.split(maxsplit=3)
             attributes = {key or "decimals": (value or digits).strip('"') for key, value, digits in _attributes(rest)}
-            row = self._field(kind, name, attributes)
             title, text = self.help.get((head[0], name), ("", ""))
-            places.append((replace(row, title=title or row.title, doc=text), int(offset)))
+            places.append((self._field(kind, name, attributes, title, text), int(offset)))
             if "count" in attributes:
                 counts[name] = attributes["count"]
         self.structs[head[0]] = Struct(int(head[1]), tuple(places), counts)
 
-    def _field(self, kind: str, name: str, attributes: dict[str, str]) -> Field:
+    def _field(self, kind: str, name: str, attributes: dict[str, str], title: str, doc: str) -> Field:
         base, *dims = kind.split("*")
-        title = attributes.get("title", self.titles.get(name, ""))
-        row = Field(name, shape=tuple(int(n) for n in dims), title=title, source=SOURCE)
+        shape = tuple(int(n) for n in dims)
+        title = title or attributes.get("title", self.titles.get(name, ""))
         if base in self.structs:
-            return replace(row, fields=tuple(part for part, _ in self.structs[base].places))
+            fields = tuple(part for part, _ in self.structs[base].places)
+            return Field(name, shape=shape, title=title, source=SOURCE, doc=doc, fields=fields)
         wire, _, shown = attributes.get("unit", "").partition(">")
         of = attributes.get("of", "")
         axes = tuple(attributes["axes"].split(",")) if "axes" in attributes else ()
-        return replace(
-            row,
+        return Field(
+            name,
+            shape=shape,
+            title=title,
+            source=SOURCE,
+            doc=doc,
             dtype=NUMBERS.get(base, f"<{base}"),
             unit=shown or wire,
             scale=CONVERSIONS[wire, shown] if shown else 1.0,

@@ -28,6 +28,10 @@ Values are wire values by field name, as `imuscope inspect` prints them; the com
 lacks are listed under `missing` with the reason. A file is written completely or not at all
 (recordings/atomic_write.py).
 
+ruamel.yaml, which keeps comments, is not used: a file is written once and never written again, so there are none to
+keep, and each comment would have to be attached to its value by hand. It reads 5 kB in 107 ms (162 ms with comments)
+and writes them in 82 ms; here that takes 12 ms and 0.5 ms. The page reads up to 200 files for its list.
+
 A name never becomes a path: it is looked up among the existing files. Text from outside must not contain anchors (a few
 lines of them expand to gigabytes) and is limited in size; its structure is checked here, its meaning by the driver.
 """
