@@ -167,10 +167,10 @@ class Registry(Generic[Listed]):
             a sentence about each package whose objects cannot be used.
         """
         if self._problems is None:
-            for found in pkgutil.iter_modules(import_module(self._package).__path__):
-                import_module(f"{self._package}.{found.name}")
-            there = (plugin for plugin in plugins_of(self._group) if plugin.is_there)
-            self._problems = each_usable(there, self._kind, _import)
+            for module in pkgutil.iter_modules(import_module(self._package).__path__):
+                import_module(f"{self._package}.{module.name}")
+            installed = (plugin for plugin in plugins_of(self._group) if plugin.is_there)
+            self._problems = each_usable(installed, self._kind, _import)
         return self._problems
 
     def all(self) -> dict[str, Listed]:

@@ -3,8 +3,8 @@
     [project.entry-points."imuscope.settings"]
     ros2 = "imuscope.server.extensions.ros2.settings:Ros2Settings"      a frozen dataclass of fields with defaults
 
-Each field is a setting of the file, by its name; one that is itself a frozen dataclass is a table of the file. Which
-values are allowed is said by its type (server/setting_types.py).
+Each field is a setting of the file, by its name; one that is itself a frozen dataclass is a table of the file. The type
+of a field defines its allowed values (server/setting_types.py).
 """
 
 from __future__ import annotations

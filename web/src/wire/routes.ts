@@ -793,7 +793,7 @@ export interface ProfileOrigin {
   readonly time: number;
 }
 
-/** A device, and the user who asks. */
+/** A device, and the name of the operator. */
 export interface ProfileRequest {
   /** id of the robot's device */
   readonly device: string;
