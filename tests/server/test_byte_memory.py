@@ -132,7 +132,7 @@ class FakeSession:
     """A session of which only the chunks matter."""
 
     def __init__(self, device: str) -> None:
-        self.info = self
+        self.info = self.listeners = self
         self.id = device
         self.take: Any = None
         self.last: Any = None

@@ -154,7 +154,7 @@ def test_a_device_that_another_program_configures_is_left_to_it(
             async def refuse(data: bytes) -> int:
                 raise LinkError("busy", "xda_host is configuring the device.", "Wait.")
 
-            monkeypatch.setattr(desk.session, "send", refuse)
+            monkeypatch.setattr(desk.session.access, "send", refuse)
             await desk.put_back.keep([GO_TO_MEASUREMENT])
             desk.put_back.transaction_ended()
             await until(lambda: here.desks.put_back.all() == [], "nothing is stored")

@@ -305,7 +305,7 @@ def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -> None
             there.fleet.take("a", encode(ResponseHead(stream.number, 0)))
             for number in range(1, 3 * LARGEST // MAX_PART):
                 there.fleet.take("a", encode(ResponsePart(stream.number, number, bytes(MAX_PART))))
-            with pytest.raises(DomainError, match="more than was asked"):
+            with pytest.raises(DomainError, match="more than was requested"):
                 await stream.next()
 
     run(check)
