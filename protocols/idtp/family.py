@@ -20,10 +20,9 @@ from imuscope.protocols.family import (
 )
 from imuscope.protocols.idtp.custom_payloads import TEMPLATE
 from imuscope.protocols.idtp.decoder import IdtpDecoder
-from imuscope.protocols.idtp.detect import detection_score
 from imuscope.protocols.idtp.driver import IdtpDriver
 from imuscope.protocols.idtp.frames import LITE, build, scanner
-from imuscope.protocols.idtp.inspect import IdtpFrameLister
+from imuscope.protocols.idtp.inspect import IdtpFrameLister, detection_score
 from imuscope.protocols.idtp.options import LISTED, MODES, OPTIONS, REMEDIES, UNPROTECTED
 from imuscope.protocols.idtp.security import protection
 from imuscope.protocols.idtp.supported import supported
@@ -109,7 +108,7 @@ FAMILY = ProtocolInfo(
         listing=IdtpFrameLister,
         sample=build(4, bytes(36), sequence=1, mode=1) + build(6, bytes(16), sequence=3),
         scan=scanner(None, LITE, show_unverified=True),
-        frame_size="imuscope.protocols.idtp.frame_size",
+        frame_size="imuscope.protocols.idtp.client_frames",
         permissive={"show_unverified": True, "replay_check": False},
         rows=_rows,
         composer=_composer,

@@ -16,8 +16,7 @@
     time_base.py         the clocks of the device
     decoder.py           columns, replies, time
     json_codec.py        one packet as values and back
-    inspect.py           a capture line by line
-    detect.py            score of bytes for this protocol
+    inspect.py           a capture line by line, and its score for this protocol
     commands.py          commands and settings, as rows
     field_docs.py        ranges and meanings of fields
     encoder.py           the bytes of a command or a setting

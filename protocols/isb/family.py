@@ -27,11 +27,10 @@ from imuscope.protocols.isb.bandwidth import periods_ms
 from imuscope.protocols.isb.commands import NMEA_MESSAGES
 from imuscope.protocols.isb.dates import utc_of
 from imuscope.protocols.isb.decoder import IsbDecoder
-from imuscope.protocols.isb.detect import detection_score
 from imuscope.protocols.isb.device_info import identity
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.frames import DATA, build, get_data, scan, stop
-from imuscope.protocols.isb.inspect import IsbFrameLister
+from imuscope.protocols.isb.inspect import IsbFrameLister, detection_score
 from imuscope.protocols.isb.mounting import MOUNTING
 from imuscope.protocols.isb.sensors import sensors_of
 from imuscope.protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
@@ -157,8 +156,8 @@ FAMILY = ProtocolInfo(
         listing=IsbFrameLister,
         sample=2 * build(DATA, 58, bytes(36)) + stop(),
         scan=scan,
-        frame_size="imuscope.protocols.isb.frame_size",
-        configuration_frames="imuscope.protocols.isb.configuration_frames",
+        frame_size="imuscope.protocols.isb.client_frames",
+        configuration_frames="imuscope.protocols.isb.client_frames",
         rows=_rows,
         composer=_composer,
     ),

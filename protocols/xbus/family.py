@@ -36,11 +36,10 @@ from imuscope.protocols.transactions import DeviceContext, Values
 from imuscope.protocols.xbus.data_identifiers import COORDINATES
 from imuscope.protocols.xbus.dates import date_of, utc_of
 from imuscope.protocols.xbus.decoder import XbusDecoder
-from imuscope.protocols.xbus.detect import detection_score
 from imuscope.protocols.xbus.device_info import identity
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import MASTER, build, scan
-from imuscope.protocols.xbus.inspect import XbusFrameLister
+from imuscope.protocols.xbus.inspect import XbusFrameLister, detection_score
 from imuscope.protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
 from imuscope.protocols.xbus.messages import ROWS
 from imuscope.protocols.xbus.mounting import MOUNTING
@@ -287,8 +286,8 @@ FAMILY = ProtocolInfo(
         listing=XbusFrameLister,
         sample=build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
         scan=scan,
-        frame_size="imuscope.protocols.xbus.frame_size",
-        configuration_frames="imuscope.protocols.xbus.configuration_frames",
+        frame_size="imuscope.protocols.xbus.client_frames",
+        configuration_frames="imuscope.protocols.xbus.client_frames",
         is_certain=_is_certain,
         rows=_rows,
         composer=_composer,

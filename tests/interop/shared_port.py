@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.isb.frame_size import frame_size
+from imuscope.protocols.isb.client_frames import frame_size
 from imuscope.recordings.importers import open_file
 from tests.fault_injection.recorded_files import received
 from tests.interop.hosts import MTDEVICE, remote_folder

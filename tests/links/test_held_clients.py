@@ -48,7 +48,7 @@ from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 GO_TO_CONFIG, GO_TO_MEASUREMENT = build(0x30), build(0x10)
-XBUS = ("imuscope.protocols.xbus.frame_size", "imuscope.protocols.xbus.configuration_frames")
+XBUS = ("imuscope.protocols.xbus.client_frames", "imuscope.protocols.xbus.client_frames")
 pytestmark = pytest.mark.usefixtures("runtime")
 LINE = 11_520  # bytes/s at 115 200 Bd
 

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
 from imuscope.protocols.idtp.decoder import IdtpDecoder
-from imuscope.protocols.idtp.detect import detection_score
 from imuscope.protocols.idtp.frames import LITE, SAFETY, SECURE, build
-from imuscope.protocols.idtp.inspect import IdtpFrameLister
+from imuscope.protocols.idtp.inspect import IdtpFrameLister, detection_score
 from tests.each_row import each_row
 from tests.oracles import idtp as oracle
 from tests.protocols.decoding import decode_chunks

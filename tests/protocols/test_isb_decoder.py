@@ -13,8 +13,8 @@ from imuscope.protocols.checksums import crc24q, fletcher16
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Text
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.decoder import IsbDecoder
-from imuscope.protocols.isb.detect import detection_score
 from imuscope.protocols.isb.frames import build
+from imuscope.protocols.isb.inspect import detection_score
 from imuscope.protocols.isb.time_base import leap_seconds, store_offset, update_time, utc_ns
 from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.isb.configuration_frames import SETTINGS
+from imuscope.protocols.isb.client_frames import SETTINGS
 from imuscope.protocols.isb.stored_settings import STORED
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
