@@ -53,20 +53,32 @@ class DevicePort:
     """A device for what sends to it and waits for its answers: a transaction, or a stream of corrections."""
 
     def __init__(self, device: AnyDevice) -> None:
-        self._device = device
-        self.send = device.access.send
-        self.reopen = device.access.reopen
-        self.decode = device.access.decode
-        self.wait_idle = device.access.wait_idle
+        self.device = device
 
     @property
     def info(self) -> wire.DeviceInfo:
         """The published state of the device."""
-        return self._device.info
+        return self.device.info
 
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
         """Call `callback` with every event of this device; see SessionListeners.listen."""
-        return self._device.listeners.listen(callback, name_of(self._device))
+        return self.device.listeners.listen(callback, name_of(self.device))
+
+    async def send(self, data: bytes) -> int:
+        """Write to the line; see LinkAccess.send."""
+        return await self.device.access.send(data)
+
+    async def reopen(self, baud: int | None = None) -> None:
+        """Close the link and open it again; see LinkAccess.reopen."""
+        await self.device.access.reopen(baud)
+
+    def decode(self) -> None:
+        """Decode the received bytes now instead of in the next turn."""
+        self.device.access.decode()
+
+    async def wait_idle(self) -> None:
+        """Wait until no device of the link is being configured."""
+        await self.device.access.wait_idle()
 
 
 def suppress_timeout(device: AnyDevice, on: bool) -> None:

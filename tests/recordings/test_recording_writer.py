@@ -16,7 +16,7 @@ from imuscope.recordings.compaction import compact
 from imuscope.recordings.mcap_reader import McapReader, json_messages
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.recording_writer import GATHER_S, Limits, RecordingWriter
-from tests.recordings.mcap_files import Message, messages, theirs
+from tests.recordings.mcap_files import Message, read, theirs
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -25,11 +25,6 @@ ABOUT = {"title": "A drive"}
 
 def named(folder: Path) -> Callable[[int], Path]:
     return lambda part: folder / f"drive-{part}.mcap"
-
-
-def read(path: Path) -> list[Message]:
-    with McapReader(path) as recording:
-        return messages(recording)
 
 
 def put(tape: RecordingWriter, n: int, size: int = 50, start: int = 0) -> list[Message]:

@@ -35,7 +35,7 @@ from imuscope.protocols.nmea import sentence
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.link_member import AnyDevice, address_of
+from imuscope.server.devices.link_member import DevicePort, address_of
 from imuscope.server.devices.position_tracker import Position, PositionTracker
 from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
 from imuscope.server.extensions.corrections.ntrip import (
@@ -401,7 +401,7 @@ class CorrectionForwarder:
 
     def _address(self) -> int | None:
         """Bus address of a device that shares its line."""
-        return address_of(self._session) if isinstance(self._session, AnyDevice) else None
+        return address_of(self._session.device) if isinstance(self._session, DevicePort) else None
 
     # -- the device ----------------------------------------------------------------------------------------------------
 

@@ -24,12 +24,11 @@ from imuscope.server.extensions.analysis.live_expression import RateUnknownError
 from imuscope.server.extensions.analysis.quantities import Quantity
 from imuscope.server.extensions.analysis.signals import Floats, columns_named
 from imuscope.server.extensions.analysis.units import Unit
-from imuscope.server.streaming.channels import ChannelRows
-from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 from tests.each_row import each_row
+from tests.server.live_signal import BEGIN, LiveSignal
 
-RATE, N, BEGIN = 100.0, 900, 1_760_000_000.0
+RATE, N = 100.0, 900
 DRAW = np.random.default_rng(11)
 
 
@@ -153,21 +152,16 @@ def test_without_a_rate_a_window_cannot_be_judged() -> None:
         ExpressionJudge(ExpressionCondition(expression="mean(Speed, 1 s) > 0"), INFOS, 3.0, {2: 0.0})
 
 
-class Bench:
+class AlarmBench(LiveSignal):
     """Alarms of one device that sends an acceleration along x."""
 
     def __init__(self, folder: Path) -> None:
-        self.now = BEGIN
-        self.telemetry = Telemetry.create(lambda: self.now)
+        super().__init__(DeviceInfo("1", "MTi", "sim:xbus", "simulator", "live", protocol="xbus"), INFOS[0])
         self.alarms = AlarmService(self.telemetry.bus, self.telemetry.store, folder, cast(Any, None))
-        self.telemetry.bus.set_device(DeviceInfo("1", "MTi", "sim:xbus", "simulator", "live", protocol="xbus"))
-        self.channel = self.telemetry.bus.advertise(INFOS[0])
         self.alarms.turn()
 
     def send(self, n: int, value: float, rate: float = RATE) -> None:
-        time = self.now + np.arange(n) / rate
-        self.now += n / rate
-        self.telemetry.bus.publish([ChannelRows(self.channel, [time, time, *[np.full(n, value)] * 3])])
+        self.publish(n, rate, [np.full(n, value)] * 3)
 
     def state(self) -> AlarmState:
         """The state after some turns."""
@@ -183,7 +177,7 @@ class Bench:
 
 
 def test_an_alarm_waits_for_the_rate_and_is_judged_from_then_on(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = AlarmBench(tmp_path)
     bench.add("mean(Acceleration.x, 1 s) > 1 g")
     bench.send(5, 1.0)
     assert "rate of Acceleration is not known" in bench.state().problem
@@ -198,7 +192,7 @@ def test_an_alarm_waits_for_the_rate_and_is_judged_from_then_on(tmp_path: Path) 
 
 def test_a_new_alarm_knows_the_past_but_is_not_raised_by_it(tmp_path: Path) -> None:
     """The mean of 10 s is that of memory: 0.1 s of other values do not make it."""
-    bench = Bench(tmp_path)
+    bench = AlarmBench(tmp_path)
     bench.send(1000, 20.0)
     bench.add("mean(Acceleration.x, 10 s) > 1 g")
     assert bench.state().status == "missing"
@@ -209,7 +203,7 @@ def test_a_new_alarm_knows_the_past_but_is_not_raised_by_it(tmp_path: Path) -> N
 
 
 def test_windows_begin_anew_when_the_rate_changes(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = AlarmBench(tmp_path)
     bench.send(100, 1.0)
     bench.add("mean(Acceleration.x, 100 ms) > 1 g")
     for _ in range(6):

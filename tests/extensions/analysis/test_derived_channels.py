@@ -17,13 +17,12 @@ from imuscope.server.extensions.analysis.derived_channels import DerivedChannels
 from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
 from imuscope.server.library.signal_definitions import FILE, SignalDefinition, SignalDefinitions
 from imuscope.server.streaming.channels import ChannelRows
-from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
+from tests.server.live_signal import BEGIN, LiveSignal
 from tests.server.problems import assert_problem
 
-BEGIN = 1_760_000_000.0
 TOTAL = SignalDefinition("Total", "norm(Acceleration)")
 
 
@@ -31,24 +30,18 @@ def device(number: str = "1", serial: str = "0080A1B2") -> wire.DeviceInfo:
     return wire.DeviceInfo(number, "MTi", "sim:xbus", "simulator", "live", protocol="xbus", serial_number=serial)
 
 
-class Bench:
-    """A bus with one device that sends an acceleration at a rate."""
+class DerivedBench(LiveSignal):
+    """Derived channels of one device."""
 
     def __init__(self, folder: Path, number: str = "1") -> None:
-        self.now = BEGIN
-        self.telemetry = Telemetry.create(lambda: self.now)
-        self.derived = DerivedChannels(self.telemetry.bus, self.telemetry.store, SignalDefinitions(folder))
-        self.device = device(number)
-        self.telemetry.bus.set_device(self.device)
         columns = [wire.ColumnInfo(axis, "f4", "m/s²") for axis in "xyz"]
         info = wire.ChannelInfo(0, number, "M", "Acceleration", "Acceleration", "vector", "m/s²", "", columns)
-        self.channel = self.telemetry.bus.advertise(info)
+        self.device = device(number)
+        super().__init__(self.device, info, late=0.01)
+        self.derived = DerivedChannels(self.telemetry.bus, self.telemetry.store, SignalDefinitions(folder))
 
     def send(self, n: int, rate: float = 100.0) -> None:
-        time = self.now + np.arange(n) / rate
-        values = [np.full(n, 3.0), np.full(n, 4.0), np.arange(n) * 0.0]
-        self.now += n / rate
-        self.telemetry.bus.publish([ChannelRows(self.channel, [time + 0.01, time, *values])])
+        self.publish(n, rate, [np.full(n, 3.0), np.full(n, 4.0), np.zeros(n)])
 
     def channels(self, name: str = "Total") -> list[wire.ChannelInfo]:
         return [one.info for one in self.telemetry.store.all if one.info.name == name]
@@ -59,7 +52,7 @@ class Bench:
 
 
 def test_a_signal_begins_with_what_memory_holds_and_follows(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     [info] = bench.channels()
@@ -75,7 +68,7 @@ def test_a_signal_begins_with_what_memory_holds_and_follows(tmp_path: Path) -> N
 
 
 def test_a_long_past_comes_step_by_step(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(5000)
     bench.derived.put(bench.device, TOTAL)
     assert len(bench.rows()[0]) == 1000
@@ -86,10 +79,10 @@ def test_a_long_past_comes_step_by_step(tmp_path: Path) -> None:
 
 
 def test_a_definition_survives_a_restart_with_another_id_and_waits_for_samples(tmp_path: Path) -> None:
-    first = Bench(tmp_path)
+    first = DerivedBench(tmp_path)
     first.send(100)
     first.derived.put(first.device, TOTAL)
-    again = Bench(tmp_path, number="4")
+    again = DerivedBench(tmp_path, number="4")
     assert again.channels() == []
     again.send(5)
     problem = again.derived.problem("4", "Total")
@@ -104,7 +97,7 @@ def test_a_definition_survives_a_restart_with_another_id_and_waits_for_samples(t
 
 
 def test_another_expression_replaces_the_channel_and_removal_ends_it(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     bench.derived.put(bench.device, SignalDefinition("Total", "Acceleration > 3.5 m/s²"))
@@ -121,7 +114,7 @@ def test_another_expression_replaces_the_channel_and_removal_ends_it(tmp_path: P
 
 
 def test_a_mistake_stores_nothing_and_leaves_the_signal_of_that_name(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     with pytest.raises(ExpressionError, match="character 6"):
@@ -136,7 +129,7 @@ def test_a_mistake_stores_nothing_and_leaves_the_signal_of_that_name(tmp_path: P
 
 
 def test_a_new_rate_begins_anew_on_the_same_channel(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(200)
     bench.derived.put(bench.device, SignalDefinition("Smooth", "mean(Acceleration.x, 1 s)"))
     before = bench.channels("Smooth")
@@ -149,7 +142,7 @@ def test_a_new_rate_begins_anew_on_the_same_channel(tmp_path: Path) -> None:
 
 
 def test_signals_use_each_other_and_follow(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     bench.derived.put(bench.device, SignalDefinition("Twice", "Total + Acceleration.x"))
@@ -164,7 +157,7 @@ def test_signals_use_each_other_and_follow(tmp_path: Path) -> None:
 
 
 def test_what_uses_a_signal_that_is_edited_begins_anew(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     bench.derived.put(bench.device, SignalDefinition("Twice", "2 * Total"))
@@ -183,7 +176,7 @@ def test_what_uses_a_signal_that_is_edited_begins_anew(tmp_path: Path) -> None:
 
 
 def test_a_signal_that_would_use_itself_is_refused_with_the_way(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     bench.derived.put(bench.device, SignalDefinition("Mid", "2 * Total"))
@@ -196,7 +189,7 @@ def test_a_signal_that_would_use_itself_is_refused_with_the_way(tmp_path: Path) 
 
 
 def test_a_signal_that_others_use_is_not_removed(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     bench.derived.put(bench.device, SignalDefinition("Mid", "2 * Total"))
@@ -210,12 +203,12 @@ def test_a_signal_that_others_use_is_not_removed(tmp_path: Path) -> None:
 
 
 def test_those_that_use_others_are_computed_again_after_a_restart(tmp_path: Path) -> None:
-    first = Bench(tmp_path)
+    first = DerivedBench(tmp_path)
     first.send(100)
     first.derived.put(first.device, TOTAL)
     first.derived.put(first.device, SignalDefinition("Mid", "2 * Total"))
     first.derived.put(first.device, SignalDefinition("Total", "norm(Acceleration) * 2"))
-    again = Bench(tmp_path, number="4")
+    again = DerivedBench(tmp_path, number="4")
     for _ in range(5):
         again.send(100)
         again.now += 2
@@ -223,7 +216,7 @@ def test_those_that_use_others_are_computed_again_after_a_restart(tmp_path: Path
 
 
 def test_signals_of_two_devices_are_one_expression(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.telemetry.bus.set_device(device("2", "0080A1B3"))
     info = wire.ChannelInfo(
         0, "2", "M", "Level", "Level", "scalar", "m/s²", "", [wire.ColumnInfo("value", "f8", "m/s²")]
@@ -248,7 +241,7 @@ def test_signals_of_two_devices_are_one_expression(tmp_path: Path) -> None:
 
 
 def test_removing_the_device_ends_its_signals(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
     bench.telemetry.bus.remove_device("1")
