@@ -21,7 +21,7 @@ MAX_SENTENCE = 512  # $ASCE with 20 messages has 170 characters
 
 
 def frame_size(data: bytes, at: int) -> int:
-    """Size of the packet or sentence that begins at `at`; 0: too few bytes to tell; −1: none begins there."""
+    """Size of the packet or sentence that begins at `at`; 0: too few bytes; −1: none begins there."""
     if data[at : at + 1] == b"$":
         return _sentence_size(data, at)
     head = data[at : at + 2]
