@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { eulerOfMatrix, type Matrix3, matrixOfEuler, type Vector3 } from "../data/rotations";
-import { nedFromEcef, placeOf, product } from "./ecef";
+import { nedFromEcef, geodeticOf, product } from "./ecef";
 
 const transpose = (m: Matrix3): Matrix3 => [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]];
 
@@ -24,12 +24,12 @@ describe("placeOf", () => {
       [89.9, -120, 4000],
       [-41, 179.99, 12000],
     ] as const) {
-      const place = placeOf(ecefOf(lat, lon, height));
+      const place = geodeticOf(ecefOf(lat, lon, height));
       expect(place?.[0]).toBeCloseTo(lat, 6);
       expect(place?.[1]).toBeCloseTo(lon, 9);
     }
-    expect(placeOf([0, 0, 0])).toBeUndefined();
-    expect(placeOf([NaN, 0, 0])).toBeUndefined();
+    expect(geodeticOf([0, 0, 0])).toBeUndefined();
+    expect(geodeticOf([NaN, 0, 0])).toBeUndefined();
   });
 });
 

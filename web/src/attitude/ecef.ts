@@ -13,7 +13,7 @@ const B = A * (1 - F);
 const RADIAN = Math.PI / 180;
 
 /** Latitude and longitude, °, of a position in metres; undefined if invalid (a receiver without a fix sends zeros). */
-export function placeOf([x, y, z]: Vector3): readonly [lat: number, lon: number] | undefined {
+export function geodeticOf([x, y, z]: Vector3): readonly [lat: number, lon: number] | undefined {
   const p = Math.hypot(x, y);
   if (!(Math.hypot(p, z) > 1e6)) return undefined;
   const beta = Math.atan2(z * A, p * B);

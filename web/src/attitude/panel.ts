@@ -18,7 +18,7 @@ import { protocolOf } from "../wire/capabilities";
 import { drawBody } from "./body";
 import { drawHorizon } from "./horizon";
 import { FRAMES, headingOf, horizonOf, pitchSign } from "./projection";
-import { type Source, sourceOf } from "./source";
+import { type Source, attitudeSource } from "./source";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/attitude";
 
@@ -36,7 +36,7 @@ export function mountAttitude(host: HTMLElement, deps: Deps): Panel {
       if (!shown || channels.length !== shown.length || channels.some((channel, i) => channel !== shown?.[i])) {
         shown = channels;
         clear();
-        const source = sourceOf(channels);
+        const source = attitudeSource(channels);
         const cells = fromExtensions("attitudeCells").filter(({ applies }) => applies(channels));
         host.classList.toggle("with-cell", cells.length > 0);
         parts = [source ? mountInstruments(host, deps, source) : mountNone(host, deps)];

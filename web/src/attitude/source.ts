@@ -5,7 +5,7 @@
  */
 import type { Channel } from "../data/channels";
 import { type Matrix3, matrixOfEuler, matrixOfQuaternion, type WorldFrame } from "../data/rotations";
-import { nedFromEcef, placeOf, product } from "./ecef";
+import { nedFromEcef, geodeticOf, product } from "./ecef";
 import { FRAMES } from "./projection";
 import { TEXT } from "../texts/attitude";
 
@@ -24,7 +24,7 @@ export interface Source {
 }
 
 /** The source among the channels of one device; undefined when it sends no attitude. */
-export function sourceOf(channels: readonly Channel[]): Source | undefined {
+export function attitudeSource(channels: readonly Channel[]): Source | undefined {
   const own = channels.filter(({ info }) => info.id >= 0);
   const local = own.filter((channel) => !isEarthly(channel));
   const quaternion = local.find(({ info }) => info.kind === "quaternion");
@@ -61,7 +61,7 @@ function earthly(channels: readonly Channel[]): Source | undefined {
     const sent = byQuaternion(attitude, i);
     const k = position.ring.indexAt(attitude.ring.time(i), "device");
     const place =
-      k < 0 ? undefined : placeOf([position.ring.value(0, k), position.ring.value(1, k), position.ring.value(2, k)]);
+      k < 0 ? undefined : geodeticOf([position.ring.value(0, k), position.ring.value(1, k), position.ring.value(2, k)]);
     return sent && place && product(nedFromEcef(place), sent);
   };
   return { ...source(TEXT.fromQuaternion, attitude, attitude, at), frame: "NED" };

@@ -1,6 +1,6 @@
 /** Axes of charts: every value keeps its place, and no peak is lost in a pixel. */
 import { describe, expect, test } from "vitest";
-import { axisOf, curve, figure, nearest, share, ticks, valueAtShare } from "./axes";
+import { axisOf, curve, figure, nearest, share, axisTicks, valueAtShare } from "./axes";
 
 describe("axes", () => {
   test("an axis holds all finite values; a logarithmic one only positive ones", () => {
@@ -16,18 +16,18 @@ describe("axes", () => {
   });
 
   test("ticks are powers of ten over decades, and round steps within one", () => {
-    const decades = ticks({ kind: "log", low: 0.0005, high: 20000 }, 10);
+    const decades = axisTicks({ kind: "log", low: 0.0005, high: 20000 }, 10);
     expect(decades.map(({ text }) => text)).toEqual(["0.001", "0.01", "0.1", "1", "10", "100", "1000", "10000"]);
-    expect(ticks({ kind: "log", low: 1e-9, high: 1e-3 }, 4).map(({ text }) => text)).toEqual([
+    expect(axisTicks({ kind: "log", low: 1e-9, high: 1e-3 }, 4).map(({ text }) => text)).toEqual([
       "10⁻⁹",
       "10⁻⁷",
       "10⁻⁵",
       "0.001",
     ]);
-    expect(ticks({ kind: "log", low: 0.004, high: 0.3 }, 9).map(({ text }) => text)).toEqual([
+    expect(axisTicks({ kind: "log", low: 0.004, high: 0.3 }, 9).map(({ text }) => text)).toEqual([
       ...["0.005", "0.01", "0.02", "0.05", "0.1", "0.2"],
     ]);
-    expect(ticks({ kind: "linear", low: 0, high: 52 }, 6).map(({ text }) => text)).toEqual([
+    expect(axisTicks({ kind: "linear", low: 0, high: 52 }, 6).map(({ text }) => text)).toEqual([
       "0",
       "10",
       "20",
@@ -35,7 +35,7 @@ describe("axes", () => {
       "40",
       "50",
     ]);
-    expect(ticks({ kind: "log", low: 2, high: 9 }, 4).map(({ text }) => text)).toEqual(["2", "4", "6", "8"]);
+    expect(axisTicks({ kind: "log", low: 2, high: 9 }, 4).map(({ text }) => text)).toEqual(["2", "4", "6", "8"]);
   });
 
   test("figures have the digits that tell something", () => {

@@ -41,7 +41,7 @@ export interface Tick {
 }
 
 /** Ticks of an axis, at most `most`: powers of ten on a logarithmic axis of decades, else round steps. */
-export function ticks(axis: Axis, most: number): Tick[] {
+export function axisTicks(axis: Axis, most: number): Tick[] {
   const { kind, low, high } = axis;
   if (kind === "log" && high / low >= 10) {
     const first = Math.ceil(Math.log10(low) - 1e-9);

@@ -25,7 +25,7 @@ export function colourAt(share: number): Colour {
   return [mixed(0), mixed(1), mixed(2)];
 }
 
-export interface Scale {
+export interface ColourScale {
   readonly low: number;
   readonly high: number;
 }
@@ -36,7 +36,7 @@ const REACH = 1e6;
 const DARKEST = 0.02;
 
 /** The scale of positive figures, logarithmic; undefined without any. */
-export function scaleOf(figures: Iterable<number | null>, isRoot: boolean): Scale | undefined {
+export function scaleOf(figures: Iterable<number | null>, isRoot: boolean): ColourScale | undefined {
   const known = [...figures].filter((one): one is number => one !== null && one > 0).sort((a, b) => a - b);
   const [high, dark] = [known.at(-1), known[Math.floor(known.length * DARKEST)]];
   if (high === undefined || dark === undefined) return undefined;
@@ -45,7 +45,7 @@ export function scaleOf(figures: Iterable<number | null>, isRoot: boolean): Scal
 }
 
 /** Where a figure lies on a scale, 0 to 1. */
-export function shareOf({ low, high }: Scale, figure: number | null): number {
+export function shareOf({ low, high }: ColourScale, figure: number | null): number {
   if (figure === null || !(figure > 0)) return 0;
   return Math.min(1, Math.max(0, Math.log(figure / low) / Math.log(high / low)));
 }

@@ -3,11 +3,11 @@ const AXES: Readonly<Record<string, string>> = { x: "axis-x", y: "axis-y", z: "a
 const OTHERS = ["axis-x", "axis-y", "axis-z", "axis-n"];
 
 /** The part of a signal's name that distinguishes it from the others: "x" of "Acceleration.x". */
-export function shortName(name: string): string {
+export function curveName(name: string): string {
   const column = /\.(\w+)$/.exec(name)?.[1];
   return column ?? name;
 }
 
 export function colourOf(name: string, at: number): string {
-  return AXES[shortName(name)] ?? OTHERS[at % OTHERS.length] ?? "axis-n";
+  return AXES[curveName(name)] ?? OTHERS[at % OTHERS.length] ?? "axis-n";
 }

@@ -1,14 +1,14 @@
 /** The grid of a chart: a line and a figure at each tick of both axes, and the line under the pointer. */
-import { type Axis, type Tick, ticks } from "./axes";
+import { type Axis, type Tick, axisTicks } from "./axes";
 import "./charts.css";
 
-export interface Area {
+export interface ChartArea {
   /** px */
   readonly width: number;
   readonly height: number;
 }
 
-interface GridProps extends Area {
+interface GridProps extends ChartArea {
   /** The axis along x, or its ticks. */
   readonly x: Axis | readonly Tick[];
   readonly y: Axis;
@@ -20,7 +20,7 @@ const ROOM = [80, 32] as const;
 
 export function Grid({ x, y, width, height, room = ROOM }: GridProps) {
   const fit = (length: number, each: number): number => Math.max(2, Math.floor(length / each));
-  const across = "kind" in x ? ticks(x, fit(width, room[0])) : x;
+  const across = "kind" in x ? axisTicks(x, fit(width, room[0])) : x;
   return (
     <g class="grid">
       {across.map(({ at, text }) => (
@@ -31,7 +31,7 @@ export function Grid({ x, y, width, height, room = ROOM }: GridProps) {
           </text>
         </g>
       ))}
-      {ticks(y, fit(height, room[1])).map(({ at, text }) => (
+      {axisTicks(y, fit(height, room[1])).map(({ at, text }) => (
         <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
           <line x2={width} />
           <text x={-8} dy="0.32em" text-anchor="end">

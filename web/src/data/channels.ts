@@ -13,8 +13,8 @@ import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo } from "../wire/types";
 import type { WorldFrame } from "./rotations";
 import { addNorm, changedFrame, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived-channels";
-import { type Change, changeOf, infoIn, worldOf } from "./frames";
-import type { Held } from "./past";
+import { type FrameChange, frameChange, infoIn, worldOf } from "./frames";
+import type { HeldRange } from "./past";
 import type { Ring } from "./ring-buffer";
 
 /** One quantity of one device and its samples. */
@@ -31,7 +31,7 @@ interface Source extends Channel {
   /** The display frame; undefined: as sent. */
   readonly world: WorldFrame | undefined;
   /** From the sent to the displayed form, if the frames differ. */
-  readonly change: Change | undefined;
+  readonly change: FrameChange | undefined;
 }
 
 /**
@@ -47,7 +47,7 @@ export function verifiedFirst(channels: readonly Channel[]): readonly Channel[] 
   return [...channels.filter((channel) => !isOld(channel)), ...channels.filter(isOld)];
 }
 
-export class Channels {
+export class ChannelRegistry {
   readonly living: Signal<readonly Channel[]> = signal([]);
   readonly #sources = new Map<number, Source>();
   readonly #derived = new Map<number, Channel>();
@@ -118,7 +118,7 @@ export class Channels {
   }
 
   /** All rings, converted to the frames that the devices send; the chosen frame stays for later samples. */
-  held(): readonly Held[] {
+  held(): readonly HeldRange[] {
     const frame = this.#frame;
     this.showIn(undefined); // rings are kept as their devices send
     this.#frame = frame;
@@ -162,7 +162,7 @@ export class Channels {
   }
 
   /** The frame change of a channel; undefined if there is none. */
-  changeOf(channel: number): Change | undefined {
+  changeOf(channel: number): FrameChange | undefined {
     return this.#sources.get(channel)?.change;
   }
 
@@ -175,11 +175,11 @@ export class Channels {
       const to = this.#frame ?? native;
       const now = world ?? native;
       if (now === to) continue;
-      const back = changeOf(sent, now, to);
+      const back = frameChange(sent, now, to);
       if (back) ring.transform(back);
       const derived = this.#derived.get(id);
       if (derived) {
-        const turn = changeOf(derived.info, now, to);
+        const turn = frameChange(derived.info, now, to);
         if (turn) derived.ring.transform(turn);
         this.#derived.set(id, { ...derived, info: eulerInfo(infoIn(sent, native, to)) });
       }
@@ -187,7 +187,7 @@ export class Channels {
         ...source,
         info: infoIn(sent, native, to),
         world: to,
-        change: changeOf(sent, native, to),
+        change: frameChange(sent, native, to),
       });
     }
   }
@@ -227,7 +227,7 @@ export class Channels {
     const native = eulerInfo(sent);
     const ring = this.#ringOf(native);
     const from = worldOf(sent);
-    const change = from && world ? changeOf(native, from, world) : undefined;
+    const change = from && world ? frameChange(native, from, world) : undefined;
     if (change && ring.length > 0) ring.transform(change);
     return { info: eulerInfo(info), ring };
   }

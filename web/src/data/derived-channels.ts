@@ -4,7 +4,7 @@
  */
 import type { Column, SampleFrame } from "../wire/codec";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
-import { type Change, valueOf } from "./frames";
+import { type FrameChange, inFrame } from "./frames";
 import { eulerColumns, normBounds, normColumn, type Numbers } from "./rotations";
 import { TEXT } from "../texts/plots";
 
@@ -105,11 +105,11 @@ export function addNorm(frame: SampleFrame, columns: readonly number[], bounds =
 }
 
 /** A frame converted to another frame of reference; unchanged columns are the same arrays. */
-export function changedFrame(frame: SampleFrame, change: Change, columns: readonly ColumnInfo[]): SampleFrame {
+export function changedFrame(frame: SampleFrame, change: FrameChange, columns: readonly ColumnInfo[]): SampleFrame {
   const made = change.map((row, c) => {
     const out = new Float64Array(frame.n);
     const period = columns[c]?.period ?? 0;
-    for (let i = 0; i < frame.n; i++) out[i] = valueOf(row, (k) => Number(frame.columns[k]![i]), period);
+    for (let i = 0; i < frame.n; i++) out[i] = inFrame(row, (k) => Number(frame.columns[k]![i]), period);
     return out;
   });
   return { ...frame, columns: frame.columns.map((column, c) => made[c] ?? column) };

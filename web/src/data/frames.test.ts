@@ -10,7 +10,7 @@ import {
   vectorIn,
   type WorldFrame,
 } from "./rotations";
-import { type Change, changeOf, infoIn, pairIn, valueOf } from "./frames";
+import { type FrameChange, frameChange, infoIn, pairIn, inFrame } from "./frames";
 
 const WORLDS: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 const pairs = WORLDS.flatMap((from) => WORLDS.map((to) => [from, to] as const));
@@ -49,8 +49,8 @@ const info = (
     })),
   }) as unknown as ChannelInfo;
 
-const apply = (change: Change | undefined, values: readonly number[], period = 0): number[] =>
-  change === undefined ? [...values] : change.map((row) => valueOf(row, (c) => values[c]!, period));
+const apply = (change: FrameChange | undefined, values: readonly number[], period = 0): number[] =>
+  change === undefined ? [...values] : change.map((row) => inFrame(row, (c) => values[c]!, period));
 
 /** m v. */
 const times = (m: Matrix3, [x, y, z]: Vector3): Vector3 => [
@@ -70,10 +70,10 @@ describe("a choice of frame", () => {
       const world = times(m, felt);
       const shown = times(
         pairIn(m, from, to),
-        apply(changeOf(info("vector", "body", ["x", "y", "z"], "m/s²"), from, to), felt) as unknown as Vector3,
+        apply(frameChange(info("vector", "body", ["x", "y", "z"], "m/s²"), from, to), felt) as unknown as Vector3,
       );
       close(shown, vectorIn(world, from, to));
-      close(shown, apply(changeOf(info("vector", from, ["x", "y", "z"], "m/s"), from, to), world));
+      close(shown, apply(frameChange(info("vector", from, ["x", "y", "z"], "m/s"), from, to), world));
     }
   });
 
@@ -85,15 +85,19 @@ describe("a choice of frame", () => {
         [179, -60, 179],
       ] as const) {
         const wanted = pairIn(matrixOfEuler(angles), from, to);
-        close(eulerOfMatrix(wanted), apply(changeOf(info("euler", from, ["x", "y", "z"]), from, to), angles, 360), 6);
+        close(
+          eulerOfMatrix(wanted),
+          apply(frameChange(info("euler", from, ["x", "y", "z"]), from, to), angles, 360),
+          6,
+        );
         const q: Quaternion = [0.5, -0.1, 0.7, 0.2];
         const turned = apply(
-          changeOf(info("quaternion", `${from} from body`, ["w", "x", "y", "z"]), from, to),
+          frameChange(info("quaternion", `${from} from body`, ["w", "x", "y", "z"]), from, to),
           q,
         ) as unknown as Quaternion;
         close(matrixOfQuaternion(turned), pairIn(matrixOfQuaternion(q), from, to));
         close(
-          apply(changeOf(info("matrix", `${from} from body`, [..."abcdefghi"]), from, to), matrixOfEuler(angles)),
+          apply(frameChange(info("matrix", `${from} from body`, [..."abcdefghi"]), from, to), matrixOfEuler(angles)),
           wanted,
         );
       }
@@ -108,14 +112,14 @@ describe("a choice of frame", () => {
   it("is reversed exactly if components only swap", () => {
     const body = info("vector", "", ["x", "y", "z"], "°/s");
     const values = [0.1, 0.2, 0.3];
-    expect(apply(changeOf(body, "NED", "ENU"), apply(changeOf(body, "ENU", "NED"), values))).toEqual(values);
-    expect(changeOf(body, "ENU", "NWU")).toBeUndefined(); // the body is FLU in both
+    expect(apply(frameChange(body, "NED", "ENU"), apply(frameChange(body, "ENU", "NED"), values))).toEqual(values);
+    expect(frameChange(body, "ENU", "NWU")).toBeUndefined(); // the body is FLU in both
   });
 
   it("does not change quantities without such axes", () => {
-    expect(changeOf(info("vector", "ECEF", ["x", "y", "z"], "m"), "ENU", "NED")).toBeUndefined();
-    expect(changeOf(info("quaternion", "ECEF from body", ["w", "x", "y", "z"]), "ENU", "NED")).toBeUndefined();
-    expect(changeOf(info("scalar", "", [""], "°"), "ENU", "NED")).toBeUndefined();
+    expect(frameChange(info("vector", "ECEF", ["x", "y", "z"], "m"), "ENU", "NED")).toBeUndefined();
+    expect(frameChange(info("quaternion", "ECEF from body", ["w", "x", "y", "z"]), "ENU", "NED")).toBeUndefined();
+    expect(frameChange(info("scalar", "", [""], "°"), "ENU", "NED")).toBeUndefined();
   });
 
   it("is shown in the names of axes and of the frame", () => {

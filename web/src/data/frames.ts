@@ -27,12 +27,12 @@ import {
 export type BodyFrame = "FLU" | "FRD";
 
 /** One column after the change, as a sum of columns. */
-export interface Row {
+export interface MatrixRow {
   readonly terms: readonly (readonly [column: number, factor: number])[];
   readonly offset: number;
 }
 /** One row for each column that changes, in order; columns after them stay. */
-export type Change = readonly Row[];
+export type FrameChange = readonly MatrixRow[];
 
 const WORLDS: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 /** Half a turn about x: FLU in the axes of FRD, and back. */
@@ -71,7 +71,7 @@ export function pairIn(m: Matrix3, from: WorldFrame, to: WorldFrame): Matrix3 {
 }
 
 /** The linear map of n columns, from what it makes of each unit vector. */
-function linear(n: number, map: (v: readonly number[]) => readonly number[]): Change {
+function linear(n: number, map: (v: readonly number[]) => readonly number[]): FrameChange {
   const images = Array.from({ length: n }, (_, c) => map(Array.from({ length: n }, (_, k) => Number(k === c))));
   return Array.from({ length: n }, (_, row) => ({
     offset: 0,
@@ -82,7 +82,7 @@ function linear(n: number, map: (v: readonly number[]) => readonly number[]): Ch
 }
 
 /** ZYX angles: NED (r, p, y) is NWU (r, −p, −y) and ENU (r, −p, 90 − y). */
-function anglesChange(from: WorldFrame, to: WorldFrame): Change {
+function anglesChange(from: WorldFrame, to: WorldFrame): FrameChange {
   const over = bodyOf(from) === bodyOf(to) ? 1 : -1;
   const north: Readonly<Record<WorldFrame, number>> = { ENU: 90, NED: 0, NWU: 0 }; // yaw of a body that points north
   return [
@@ -93,11 +93,11 @@ function anglesChange(from: WorldFrame, to: WorldFrame): Change {
 }
 
 /** The change of a channel's columns from one frame to the other; undefined if nothing changes. */
-export function changeOf(
+export function frameChange(
   info: Pick<ChannelInfo, "kind" | "frame" | "unit" | "columns">,
   from: WorldFrame,
   to: WorldFrame,
-): Change | undefined {
+): FrameChange | undefined {
   if (from === to) return undefined;
   const turned = bodyOf(from) !== bodyOf(to);
   if (isBodily(info)) return turned ? linear(3, ([x, y, z]) => [x!, -y!, -z!]) : undefined;
@@ -132,7 +132,7 @@ export function infoIn(info: ChannelInfo, from: WorldFrame, to: WorldFrame): Cha
   if (from === to) return info;
   if (isBodily(info)) return { ...info, frame: bodyOf(to) };
   const world = worldOf(info);
-  if (world === undefined || changeOf(info, from, to) === undefined) return info;
+  if (world === undefined || frameChange(info, from, to) === undefined) return info;
   const columns = info.columns.map((column, c) => {
     const own = (column.label || column.name).toLowerCase();
     const word = WORDS[to][c];
@@ -144,7 +144,7 @@ export function infoIn(info: ChannelInfo, from: WorldFrame, to: WorldFrame): Cha
 }
 
 /** The values of one column of a row after a change. `period`: it wraps there; 0: never. */
-export function valueOf({ terms, offset }: Row, of: (column: number) => number, period: number): number {
+export function inFrame({ terms, offset }: MatrixRow, of: (column: number) => number, period: number): number {
   let sum = offset;
   for (const [column, factor] of terms) sum += factor * of(column);
   if (!(period > 0) || offset === 0) return sum;

@@ -7,7 +7,7 @@
  * The usual spacing is the median of the last rows, so it follows a change of the device's rate. Without a device clock only
  * arrival times are known; they come in bursts, whose median spacing is zero, so the mean is used there, with some tolerance.
  */
-import type { Values } from "./minmax-pyramid";
+import type { ColumnValues } from "./minmax-pyramid";
 
 /** A line is broken where two samples lie further apart than this many usual spacings (design, "Plots"). */
 const BREAK_FACTOR = 2.5;
@@ -43,7 +43,7 @@ export interface Rows {
   readonly end: number;
   readonly mask: number;
   readonly times: Float64Array;
-  readonly columns: readonly Values[];
+  readonly columns: readonly ColumnValues[];
   readonly clocked: boolean;
 }
 

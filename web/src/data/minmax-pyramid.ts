@@ -17,7 +17,7 @@
  * status").
  */
 
-export type Values =
+export type ColumnValues =
   | Float32Array
   | Float64Array
   | Int8Array
@@ -66,12 +66,12 @@ function widest<A>(all: readonly Level<A>[], i: number, to: number): Level<A> {
 
 /** Minimum and maximum of any range of a ring of numbers. */
 export class MinMax {
-  readonly #values: Values;
+  readonly #values: ColumnValues;
   readonly #mask: number;
   readonly #levels: readonly Level<Float32Array | Float64Array>[];
 
   /** @param values the ring's slots; their number must be a power of two, at least 16 */
-  constructor(values: Values) {
+  constructor(values: ColumnValues) {
     this.#values = values;
     this.#mask = values.length - 1;
     const small = values instanceof Float32Array || values.BYTES_PER_ELEMENT < 4;
@@ -141,11 +141,11 @@ export class OrAnd {
   /** OR and AND of everything ever written: decides which lanes are shown. */
   everSet = 0;
   alwaysSet = -1;
-  readonly #values: Values;
+  readonly #values: ColumnValues;
   readonly #mask: number;
   readonly #levels: readonly Level<Int32Array>[];
 
-  constructor(values: Values) {
+  constructor(values: ColumnValues) {
     this.#values = values;
     this.#mask = values.length - 1;
     this.#levels = levels(values.length, (n) => new Int32Array(n));

@@ -9,7 +9,7 @@ import type { Loss, LossList } from "./losses";
 import type { Ring } from "./ring-buffer";
 
 /** A ring and its content, in the frame that the device sends. */
-export interface Held {
+export interface HeldRange {
   readonly info: ChannelInfo;
   readonly ring: Ring;
 }
@@ -42,11 +42,16 @@ export class Past {
   /** New id → the device before. */
   readonly #known = new Map<string, DeviceInfo>();
   readonly #devices: DeviceInfo[];
-  readonly #held: Held[];
+  readonly #held: HeldRange[];
   readonly #losses: LossList;
   readonly #events: readonly EventInfo[];
 
-  constructor(devices: readonly DeviceInfo[], held: readonly Held[], losses: LossList, events: readonly EventInfo[]) {
+  constructor(
+    devices: readonly DeviceInfo[],
+    held: readonly HeldRange[],
+    losses: LossList,
+    events: readonly EventInfo[],
+  ) {
     this.#devices = [...devices];
     this.#held = [...held];
     this.#losses = losses;

@@ -18,8 +18,8 @@
  */
 import type { Column, SampleFrame } from "../wire/codec";
 import { DTYPE_SIZE, type Dtype } from "../wire/types";
-import { MinMax, OrAnd, type Extent, type Values } from "./minmax-pyramid";
-import { type Change, valueOf } from "./frames";
+import { MinMax, OrAnd, type Extent, type ColumnValues } from "./minmax-pyramid";
+import { type FrameChange, inFrame } from "./frames";
 import { Gaps } from "./line-breaks";
 import { NO_STATS, type Stats, statsOf } from "./statistics";
 import type { TimeBase } from "./view-state";
@@ -50,7 +50,7 @@ export interface RingColumn {
   readonly status: boolean;
 }
 
-function slots(dtype: Dtype, n: number): Values {
+function slots(dtype: Dtype, n: number): ColumnValues {
   switch (dtype) {
     case "f4":
       return new Float32Array(n);
@@ -82,7 +82,7 @@ export class Ring {
   mask = FIRST_CAPACITY - 1;
   arrivals = new Float64Array(FIRST_CAPACITY);
   times = new Float64Array(FIRST_CAPACITY);
-  columns: Values[];
+  columns: ColumnValues[];
   pyramids: (MinMax | OrAnd)[];
   /** Incremented with every change. */
   revision = 0;
@@ -253,13 +253,13 @@ export class Ring {
   }
 
   /** Convert all rows to another frame by `change`. Order, gaps and clocks stay. */
-  transform(change: Change): void {
+  transform(change: FrameChange): void {
     const { mask } = this;
     const row = new Float64Array(this.columns.length);
     for (let r = this.first; r < this.end; r++) {
       const slot = r & mask;
       for (let c = 0; c < row.length; c++) row[c] = this.columns[c]![slot]!;
-      change.forEach((made, c) => (this.columns[c]![slot] = valueOf(made, (k) => row[k]!, this.#kinds[c]!.period)));
+      change.forEach((made, c) => (this.columns[c]![slot] = inFrame(made, (k) => row[k]!, this.#kinds[c]!.period)));
     }
     if (this.length > 0) this.#touch(this.first, this.end);
     this.revision += 1;
@@ -387,7 +387,7 @@ export class Ring {
     }
     if (capacity === old) return;
     this.#budget.used += (capacity - old) * this.#rowBytes;
-    const move = <A extends Values>(source: A, target: A): A => {
+    const move = <A extends ColumnValues>(source: A, target: A): A => {
       for (let row = this.first; row < this.end; row++) target[row & (capacity - 1)] = source[row & (old - 1)]!;
       return target;
     };
@@ -400,7 +400,7 @@ export class Ring {
     if (this.length > 0) for (const pyramid of this.pyramids) pyramid.update(this.first, this.end);
   }
 
-  #pyramid(values: Values, c: number, before?: MinMax | OrAnd): MinMax | OrAnd {
+  #pyramid(values: ColumnValues, c: number, before?: MinMax | OrAnd): MinMax | OrAnd {
     if (this.#kinds[c]?.status !== true) return new MinMax(values);
     const pyramid = new OrAnd(values);
     if (before instanceof OrAnd) [pyramid.everSet, pyramid.alwaysSet] = [before.everSet, before.alwaysSet];

@@ -11,7 +11,7 @@
  * If samples point in all directions equally (an axis that spins) the resultant has no direction: the mean is NaN, and the deviations
  * are counted from the first samples.
  */
-import type { Values } from "./minmax-pyramid";
+import type { ColumnValues } from "./minmax-pyramid";
 
 export interface Stats {
   readonly n: number;
@@ -62,7 +62,7 @@ class Moments {
  *
  * @param period the values wrap at this; 0: never
  */
-export function statsOf(values: Values, mask: number, from: number, to: number, period = 0): Stats {
+export function statsOf(values: ColumnValues, mask: number, from: number, to: number, period = 0): Stats {
   const line = new Moments();
   let min = Infinity;
   let max = -Infinity;
@@ -83,7 +83,7 @@ export function statsOf(values: Values, mask: number, from: number, to: number, 
 }
 
 function around(
-  values: Values,
+  values: ColumnValues,
   mask: number,
   from: number,
   to: number,
@@ -108,7 +108,7 @@ function around(
 
 /** Direction and length of the resultant of evenly spread samples. */
 function directionOf(
-  values: Values,
+  values: ColumnValues,
   mask: number,
   from: number,
   to: number,

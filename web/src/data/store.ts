@@ -27,9 +27,9 @@ import type {
   RecorderState,
   ServerText,
 } from "../wire/types";
-import { type Channel, Channels } from "./channels";
+import { type Channel, ChannelRegistry } from "./channels";
 import type { WorldFrame } from "./rotations";
-import type { Change } from "./frames";
+import type { FrameChange } from "./frames";
 import { LossList, type Loss } from "./losses";
 import { Past } from "./past";
 import { type BehindBy, PageDelays } from "./behind";
@@ -55,7 +55,7 @@ function isLoss({ kind, t0, t1 }: EventInfo): boolean {
 }
 
 export class Store {
-  readonly #channels = new Channels((info) => this.#ring(info));
+  readonly #channels = new ChannelRegistry((info) => this.#ring(info));
   readonly channels: Signal<readonly Channel[]> = this.#channels.living;
   readonly devices: Signal<readonly DeviceInfo[]> = signal([]);
   readonly health: Signal<ReadonlyMap<string, DeviceHealth>> = signal(new Map());
@@ -341,7 +341,7 @@ export class Store {
   }
 
   /** The frame change of a channel; undefined if there is none. */
-  changeOf(channel: number): Change | undefined {
+  changeOf(channel: number): FrameChange | undefined {
     return this.#channels.changeOf(channel);
   }
 

@@ -7,7 +7,7 @@ import type { PlotSpec } from "../plots/plot-selection";
 import type { View, ViewSignals } from "./view-state";
 
 /** The data that the view moves over. */
-export interface Horizon {
+interface Horizon {
   /** The server's clock, unix s. */
   now(): number;
   /** First and last moment in memory for the selected device; undefined when there is none. */

@@ -4,7 +4,7 @@
  */
 import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { api, type HowToRead, type Outcome, type Problem } from "../ui/http";
+import { api, type HowToRead, type Outcome, type HttpProblem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
@@ -32,7 +32,7 @@ interface Props {
 }
 
 /** Problem of a typed text, before it is sent. */
-function malformed(input: DecodeOptionInput, text: string): Problem | undefined {
+function malformed(input: DecodeOptionInput, text: string): HttpProblem | undefined {
   if (text === "" || input.pattern === "" || new RegExp(`^(?:${input.pattern})$`).test(text)) return undefined;
   const hint = input.example === "" ? "" : TEXT.example(input.example);
   return { kind: "bad-setting", message: input.malformed, hint, status: 0 };
@@ -115,7 +115,7 @@ class Entry {
 export function AddDevice({ begin, address, onClose, onAdded }: Props) {
   const entry = useMemo(() => new Entry(begin, address), [begin, address]);
   const { source, protocol, inputs } = entry;
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const busy = useSignal(false);
   const field = useRef<HTMLInputElement>(null);
   const keyField = useRef<HTMLInputElement>(null);
@@ -321,7 +321,7 @@ function Examples({ take }: { readonly take: (example: string) => void }) {
   );
 }
 
-function Wrong({ problem: { message, hint } }: { readonly problem: Problem }) {
+function Wrong({ problem: { message, hint } }: { readonly problem: HttpProblem }) {
   return (
     <div class="problem" id="source-problem" role="alert">
       <b>

@@ -7,7 +7,7 @@ import type { Forms, LoadInfo } from "./types";
 import type { FieldForm } from "./types";
 import { TEXT } from "../texts/forms";
 
-export interface Share {
+interface Share {
   readonly path: string;
   readonly title: string;
   readonly bytes: number;
@@ -16,14 +16,14 @@ export interface Share {
   readonly width: number;
 }
 
-export interface Mark {
+interface Mark {
   readonly baud: number;
   /** Of the bar's width. */
   readonly at: number;
   readonly is: "capacity" | "now" | "other";
 }
 
-export interface Bar {
+interface Bar {
   readonly shares: readonly Share[];
   /** Fraction of the capacity, 0…; undefined if the link has no such limit. */
   readonly fill: number | undefined;

@@ -3,14 +3,14 @@
  * edit; a draft equal to the present value is not a change.
  */
 import type { ApplyRequest, FieldForm, Forms, SettingForm } from "./types";
-import { at, joined, type Path, same, type Values } from "./values";
+import { at, joined, type Path, same, type FormValues } from "./values";
 
 /** Whole settings after the edits, by name. */
-export type Drafts = Readonly<Record<string, Values>>;
-export type Present = Readonly<Record<string, Values>>;
+export type Drafts = Readonly<Record<string, FormValues>>;
+export type Present = Readonly<Record<string, FormValues>>;
 
 /** One value that differs. */
-export interface Change {
+interface Change {
   readonly path: Path;
   readonly field: FieldForm;
   readonly before: unknown;
@@ -18,7 +18,7 @@ export interface Change {
 }
 
 /** Identity of an entry in a list that is a set. */
-export type KeyOf = (entry: Values) => number;
+export type KeyOf = (entry: FormValues) => number;
 
 /** The list of a setting that is a set (outputs by quantity, streams by data set), and the key of its entries. */
 export function keyedList(form: SettingForm): { readonly list: FieldForm; readonly key: KeyOf } | undefined {
@@ -28,7 +28,7 @@ export function keyedList(form: SettingForm): { readonly list: FieldForm; readon
   return { list, key: (entry) => Number(entry[table.key]) & table.key_mask };
 }
 
-const entriesOf = (list: unknown): readonly Values[] => (Array.isArray(list) ? (list as Values[]) : []);
+const entriesOf = (list: unknown): readonly FormValues[] => (Array.isArray(list) ? (list as FormValues[]) : []);
 
 /**
  * Every value in which two states of fields differ, each at its own path: of a list or a vector the places that differ, not the whole. A
@@ -36,8 +36,8 @@ const entriesOf = (list: unknown): readonly Values[] => (Array.isArray(list) ? (
  */
 export function changes(
   fields: readonly FieldForm[],
-  before: Values | undefined,
-  after: Values | undefined,
+  before: FormValues | undefined,
+  after: FormValues | undefined,
   root: Path = [],
 ): readonly Change[] {
   if (after === undefined) return [];
@@ -47,7 +47,7 @@ export function changes(
     const path = [...root, field.name];
     if (!Array.isArray(is)) {
       return field.fields.length > 0
-        ? changes(field.fields, was as Values | undefined, is as Values, path)
+        ? changes(field.fields, was as FormValues | undefined, is as FormValues, path)
         : [{ path, field, before: was, after: is }];
     }
     if (!Array.isArray(was)) return [{ path, field, before: was, after: is }];
@@ -61,13 +61,17 @@ function places(field: FieldForm, was: readonly unknown[], is: readonly unknown[
     if (same(one, other)) return [];
     const here = [...path, place];
     if (field.fields.length > 0 && one !== undefined && other !== undefined)
-      return changes(field.fields, one as Values, other as Values, here);
+      return changes(field.fields, one as FormValues, other as FormValues, here);
     return [{ path: here, field, before: one, after: other }];
   });
 }
 
 /** Every value in which two states of a setting differ; a list that is a set is compared entry by entry, in any order. */
-export function changesOf(form: SettingForm, before: Values | undefined, after: Values | undefined): readonly Change[] {
+export function changesOf(
+  form: SettingForm,
+  before: FormValues | undefined,
+  after: FormValues | undefined,
+): readonly Change[] {
   const keyed = keyedList(form);
   if (keyed === undefined || after === undefined || before === undefined) return changes(form.fields, before, after);
   const { list, key } = keyed;
@@ -81,8 +85,8 @@ export function changesOf(form: SettingForm, before: Values | undefined, after: 
 function keyedChanges(
   list: FieldForm,
   key: KeyOf,
-  before: readonly Values[],
-  after: readonly Values[],
+  before: readonly FormValues[],
+  after: readonly FormValues[],
 ): readonly Change[] {
   const was = new Map(before.map((entry) => [key(entry), entry]));
   const kept = new Set(after.map(key));
@@ -101,12 +105,12 @@ function keyedChanges(
 }
 
 /** Whether two states of a setting need no write. Read-only values do not count, nor the order of a set. */
-export function sameSetting(form: SettingForm, before: Values | undefined, after: Values | undefined): boolean {
+export function sameSetting(form: SettingForm, before: FormValues | undefined, after: FormValues | undefined): boolean {
   return before !== undefined && after !== undefined && changesOf(form, before, after).length === 0;
 }
 
 /** Number of changes of a setting for display: entries of a set, else single values. */
-export function countOf(form: SettingForm, before: Values | undefined, after: Values | undefined): number {
+export function countOf(form: SettingForm, before: FormValues | undefined, after: FormValues | undefined): number {
   const found = changesOf(form, before, after);
   const keyed = keyedList(form);
   const inSet = found.filter(({ path }) => path[0] === keyed?.list.name);
@@ -115,7 +119,7 @@ export function countOf(form: SettingForm, before: Values | undefined, after: Va
 
 /** The request that applies the drafts: single fields if a setting allows it, else whole settings. */
 export function toApply(forms: Forms, present: Present, drafts: Drafts): ApplyRequest["changes"] {
-  const found: Record<string, Values> = {};
+  const found: Record<string, FormValues> = {};
   for (const form of forms.settings) {
     const draft = drafts[form.name];
     if (!form.writable || draft === undefined || sameSetting(form, present[form.name], draft)) continue;
@@ -136,12 +140,12 @@ export function touches(all: readonly Change[], path: Path): boolean {
 }
 
 /** The draft of a setting if there is one, else the device's value. */
-export function current(present: Present, drafts: Drafts, name: string): Values | undefined {
+export function current(present: Present, drafts: Drafts, name: string): FormValues | undefined {
   return drafts[name] ?? present[name];
 }
 
 /** Previous value of a field, if it changed; null for one that was not there, as in a new entry of a list. */
-export function wasAt(before: Values | undefined, after: Values | undefined, path: Path): unknown {
+export function wasAt(before: FormValues | undefined, after: FormValues | undefined, path: Path): unknown {
   const [was, is] = [at(before, path), at(after, path)];
   return before === undefined || same(was, is) ? undefined : (was ?? null);
 }

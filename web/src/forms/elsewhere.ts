@@ -4,13 +4,13 @@ import { NONE } from "../ui/format";
 import { keyedList } from "./edits";
 import type { RemoteChange } from "./rebase";
 import type { FieldForm, Forms } from "./types";
-import { at, joined, type Values, whereOf, words } from "./values";
+import { at, joined, type FormValues, whereOf, valueWords } from "./values";
 
 /** @param now the setting as on the device */
 export function describe(
   forms: Forms,
   { setting, path, before, now: value }: RemoteChange,
-  now: Values | undefined,
+  now: FormValues | undefined,
 ): string {
   const form = forms.settings.find(({ name }) => name === setting);
   if (form === undefined) return setting;
@@ -19,7 +19,7 @@ export function describe(
     const field = fieldAt(form.fields, path);
     return `${whereOf(form, joined(path))}: ${said(field, before)} → ${said(field, value)}`;
   }
-  const entry = (path.length > 2 ? at(now, path.slice(0, 2)) : (value ?? before)) as Values | undefined;
+  const entry = (path.length > 2 ? at(now, path.slice(0, 2)) : (value ?? before)) as FormValues | undefined;
   const id = entry === undefined ? -1 : keyed.key(entry);
   const output = form.table?.rows.find((row) => (row.id & (form.table?.key_mask ?? -1)) === id);
   const title = `${form.title}, ${output?.title ?? id}`;
@@ -41,7 +41,7 @@ const said = (field: FieldForm | undefined, value: unknown): string =>
   value === undefined
     ? NONE
     : field && typeof value !== "object"
-      ? words(field, value)
+      ? valueWords(field, value)
       : typeof value === "object"
         ? "…"
         : String(value);

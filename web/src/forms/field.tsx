@@ -1,6 +1,6 @@
 /** A field of a form: name, help, input, range, previous value. Records and lists are drawn from the fields inside them. */
 import { Message } from "../ui/message";
-import { words as named } from "../ui/labels";
+import { labelWords as named } from "../ui/labels";
 import { wasAt } from "./edits";
 import {
   BoolInput,
@@ -15,7 +15,7 @@ import {
 import { ListInput } from "./list-input";
 import { idOf, problemAt, type FormContext } from "./form-context";
 import type { FieldForm } from "./types";
-import { joined, type Path, rangeWords, words } from "./values";
+import { joined, type Path, rangeWords, valueWords } from "./values";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 
@@ -39,7 +39,7 @@ interface FieldsProps {
   readonly root?: Path;
 }
 
-export function Fields({ sheet, fields, root = [] }: FieldsProps) {
+export function FieldList({ sheet, fields, root = [] }: FieldsProps) {
   return (
     <div class="fields">
       {shownFields(fields, sheet, root).map((field) => (
@@ -79,9 +79,9 @@ export function Field({ sheet, field, path }: InputProps) {
         )}
       </div>
       <div class="field-input">
-        <Editor sheet={sheet} field={field} path={path} describedBy={field.doc ? `${id}-doc` : undefined} />
+        <FieldEditor sheet={sheet} field={field} path={path} describedBy={field.doc ? `${id}-doc` : undefined} />
         {was !== undefined && was !== null && !isBlock && (
-          <span class="previous">{TEXT.wasValue(words(field, was))}</span>
+          <span class="previous">{TEXT.wasValue(valueWords(field, was))}</span>
         )}
         {range !== "" && !field.read_only && <span class="range">{range}</span>}
         {problem && (
@@ -95,7 +95,7 @@ export function Field({ sheet, field, path }: InputProps) {
 }
 
 /** Title of a field; bare names are converted to words. */
-export function titleOf(field: FieldForm): string {
+function titleOf(field: FieldForm): string {
   return field.title === field.name
     ? named(
         field.name
@@ -107,7 +107,7 @@ export function titleOf(field: FieldForm): string {
 }
 
 /** The input of a field, without its label. */
-export function Editor(props: InputProps) {
+export function FieldEditor(props: InputProps) {
   const { sheet, field, path } = props;
   const options = sheet.options[joined(path)];
   if (options !== undefined) return <OptionInput {...props} options={options} />;
@@ -126,7 +126,7 @@ export function Editor(props: InputProps) {
     case "list":
       return <ListInput {...props} />;
     case "record":
-      return <Fields sheet={sheet} fields={field.fields} root={path} />;
+      return <FieldList sheet={sheet} fields={field.fields} root={path} />;
     case "number":
     case "integer":
       return <NumberInput {...props} />;

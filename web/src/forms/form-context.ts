@@ -1,13 +1,13 @@
 /** Context of a form's widgets: values, previous values, problems, and the callback for new values. */
 import type { FieldProblem } from "./types";
-import { joined, type Path, type Values } from "./values";
+import { joined, type Path, type FormValues } from "./values";
 
 export interface FormContext {
   /** Unique on the page: begins the ids of its controls. */
   readonly id: string;
-  readonly values: Values;
+  readonly values: FormValues;
   /** Values on the device; undefined if unknown or meaningless (arguments of a command). */
-  readonly before: Values | undefined;
+  readonly before: FormValues | undefined;
   readonly problems: readonly FieldProblem[];
   readonly readOnly: boolean;
   /** Whether rarely used fields are shown too. */

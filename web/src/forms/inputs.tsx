@@ -1,7 +1,7 @@
 /** One input for each kind of value: number, choice, flags, switch, text, bytes, vector. Invalid input is reported while typing. */
 import { useEffect, useState } from "preact/hooks";
 import { Icon } from "../ui/icons";
-import { words as named } from "../ui/labels";
+import { labelWords as named } from "../ui/labels";
 import { idOf, type FormContext } from "./form-context";
 import type { FieldForm } from "./types";
 import {
@@ -12,7 +12,7 @@ import {
   offered,
   type Path,
   read,
-  type Reading,
+  type ReadInput,
   small,
   textProblem,
   typed,
@@ -33,7 +33,7 @@ const locked = (sheet: FormContext, field: FieldForm): boolean => sheet.readOnly
 const labelled = (label: string | undefined) => (label === undefined ? {} : { "aria-label": label });
 
 /** A text that becomes a value when valid; invalid text is kept and reported. */
-function useTyped(props: InputProps, shown: string, take: (text: string) => Reading) {
+function useTyped(props: InputProps, shown: string, take: (text: string) => ReadInput) {
   const { sheet, path } = props;
   const [entry, setEntry] = useState<{
     readonly text: string;
@@ -265,7 +265,7 @@ export function TextInput(props: InputProps) {
   const { sheet, field, path, label, describedBy } = props;
   const isHex = field.editor === "hex";
   const value = at(sheet.values, path);
-  const take = (text: string): Reading => {
+  const take = (text: string): ReadInput => {
     const problem = textProblem(field, text);
     return problem === undefined ? { value: isHex ? text.replace(/\s/g, "").toLowerCase() : text } : { problem };
   };
@@ -364,7 +364,7 @@ function NumbersInput(props: InputProps) {
   );
 }
 
-function readNumbers(field: FieldForm, text: string): Reading {
+function readNumbers(field: FieldForm, text: string): ReadInput {
   const parts = text.split(/[\s,;]+/).filter(Boolean);
   const readings = parts.map((part) => read(field, part));
   const bad = readings.findIndex((reading) => "problem" in reading);

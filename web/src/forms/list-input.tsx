@@ -2,12 +2,12 @@
 import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { wasAt } from "./edits";
-import { Editor, Fields } from "./field";
+import { FieldEditor, FieldList } from "./field";
 import type { InputProps } from "./inputs";
 import type { FormContext } from "./form-context";
 import { hasMeanings, meantFields, signedContext } from "./meanings";
 import type { FieldForm } from "./types";
-import { at, initialElement, type Path, type Values, words } from "./values";
+import { at, initialElement, type Path, type FormValues, valueWords } from "./values";
 import { TEXT } from "../texts/forms";
 
 /** Longer lists show their entries closed. */
@@ -38,7 +38,7 @@ export function ListInput({ sheet, field, path }: InputProps) {
                 <Entry sheet={sheet} fields={field.fields} root={[...path, place]} />
               ) : (
                 <div class="element">
-                  <Editor
+                  <FieldEditor
                     sheet={sheet}
                     field={elementOf(field, place)}
                     path={[...path, place]}
@@ -96,9 +96,9 @@ function Entry({
   readonly fields: readonly FieldForm[];
   readonly root: Path;
 }) {
-  if (!hasMeanings(fields)) return <Fields sheet={sheet} fields={fields} root={root} />;
-  const entry = at(sheet.values, root) as Values | undefined;
-  return <Fields sheet={signedContext(sheet, root, fields)} fields={meantFields(fields, entry)} root={root} />;
+  if (!hasMeanings(fields)) return <FieldList sheet={sheet} fields={fields} root={root} />;
+  const entry = at(sheet.values, root) as FormValues | undefined;
+  return <FieldList sheet={signedContext(sheet, root, fields)} fields={meantFields(fields, entry)} root={root} />;
 }
 
 /** One element of a list of plain values, as a field of its own. */
@@ -115,10 +115,10 @@ function elementOf(field: FieldForm, place: number): FieldForm {
 }
 
 function summary(field: FieldForm, entry: unknown): string {
-  if (field.fields.length === 0) return words(elementOf(field, 0), entry);
+  if (field.fields.length === 0) return valueWords(elementOf(field, 0), entry);
   const inner = entry as Record<string, unknown>;
   return field.fields
     .slice(0, 3)
-    .map((part) => words(part, inner?.[part.name]))
+    .map((part) => valueWords(part, inner?.[part.name]))
     .join(" · ");
 }

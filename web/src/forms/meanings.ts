@@ -6,10 +6,10 @@
  */
 import type { FormContext } from "./form-context";
 import type { FieldForm, MeaningForm } from "./types";
-import { at, joined, type Path, put, type Values } from "./values";
+import { at, joined, type Path, put, type FormValues } from "./values";
 
 /** The fields of a record, each with the meaning that it has there. */
-export function meantFields(fields: readonly FieldForm[], record: Values | undefined): readonly FieldForm[] {
+export function meantFields(fields: readonly FieldForm[], record: FormValues | undefined): readonly FieldForm[] {
   return fields.map((field) => {
     const meaning = meaningIn(field, record);
     if (meaning === undefined) return field;
@@ -32,8 +32,8 @@ export function signedContext(form: FormContext, root: Path, fields: readonly Fi
   const words = new Map(
     fields.filter(({ meanings }) => meanings.some(({ signed }) => signed)).map((field) => [field.name, field]),
   );
-  const signed = (values: Values): Values => {
-    const record = at(values, root) as Values | undefined;
+  const signed = (values: FormValues): FormValues => {
+    const record = at(values, root) as FormValues | undefined;
     return [...words.values()].reduce((all, field) => {
       const word = record?.[field.name];
       const wraps = typeof word === "number" && word > half(field) && meaningIn(field, record)?.signed === true;
@@ -55,7 +55,7 @@ export function signedContext(form: FormContext, root: Path, fields: readonly Fi
 export const hasMeanings = (fields: readonly FieldForm[]): boolean =>
   fields.some(({ meanings }) => meanings.length > 0);
 
-function meaningIn(field: FieldForm, record: Values | undefined): MeaningForm | undefined {
+function meaningIn(field: FieldForm, record: FormValues | undefined): MeaningForm | undefined {
   const value = Number(record?.[field.meaning_of]);
   return field.meanings.find(({ values }) => values.length === 0 || values.includes(value));
 }

@@ -3,7 +3,7 @@ import { ChoiceRow, ChoiceTable, Pick } from "./choice-table";
 import type { FormContext } from "./form-context";
 import {
   baseOf,
-  bitsOf,
+  variantBits,
   bitsWords,
   changed,
   type Entry,
@@ -13,7 +13,7 @@ import {
   type TableRow,
   tableRows,
   toggled,
-  withBits,
+  withVariantBits,
 } from "./rate-table";
 import type { FieldForm, KeyVariant, LoadInfo, RateTable } from "./types";
 import { at, initialElement } from "./values";
@@ -125,10 +125,10 @@ function Variant({ row, variant, disabled, change }: CellProps & { readonly vari
   return (
     <Pick
       label={TEXT.variantOf(variant.title, row.title)}
-      value={bitsOf(variant, row.id)}
+      value={variantBits(variant, row.id)}
       options={available.map((bits) => [bits, bitsWords(variant, bits)] as const)}
       disabled={disabled || !on}
-      pick={(bits) => change({ id: withBits(variant, row.id, bits) })}
+      pick={(bits) => change({ id: withVariantBits(variant, row.id, bits) })}
     />
   );
 }

@@ -1,6 +1,15 @@
 import { describe, expect, it } from "vitest";
 import { OUTPUTS, STREAMS, tableRow } from "../testing/fixtures";
-import { changed, type Entry, idWords, offeredRates, rateWords, tableRows, toggled, withBits } from "./rate-table";
+import {
+  changed,
+  type Entry,
+  idWords,
+  offeredRates,
+  rateWords,
+  tableRows,
+  toggled,
+  withVariantBits,
+} from "./rate-table";
 import type { RateTable } from "./types";
 
 const EVERY = OUTPUTS.every;
@@ -49,8 +58,8 @@ describe("a table of rates in Hz", () => {
   });
   it("composes variants, and formats keys", () => {
     const [precision, frame] = TABLE.variants;
-    expect(withBits(frame!, withBits(precision!, 0x2010, 3), 8)).toBe(0x201b);
-    expect(withBits(precision!, 0x201b, 0)).toBe(0x2018);
+    expect(withVariantBits(frame!, withVariantBits(precision!, 0x2010, 3), 8)).toBe(0x201b);
+    expect(withVariantBits(precision!, 0x201b, 0)).toBe(0x2018);
     expect([idWords(TABLE, 0x20), idWords(STREAMS, 0x20)]).toEqual(["0x0020", "32"]);
   });
   it("offers the present rate, those of the quantity, and every sample", () => {

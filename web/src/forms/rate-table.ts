@@ -30,8 +30,8 @@ const keyOf = (table: RateTable, entry: Entry): number => entry[table.key] ?? 0;
 const quantityOf = (table: RateTable, entry: Entry): number => baseOf(table, keyOf(table, entry));
 const rateOf = (table: RateTable, entry: Entry): number => entry[table.rate] ?? 0;
 
-export const bitsOf = ({ mask }: KeyVariant, id: number): number => id & mask;
-export const withBits = ({ mask }: KeyVariant, id: number, bits: number): number => (id & ~mask) | bits;
+export const variantBits = ({ mask }: KeyVariant, id: number): number => id & mask;
+export const withVariantBits = ({ mask }: KeyVariant, id: number, bits: number): number => (id & ~mask) | bits;
 export const bitsWords = ({ choices }: KeyVariant, bits: number): string =>
   choices.find((choice) => choice.bits === bits)?.words ?? NONE;
 
@@ -129,7 +129,7 @@ function wasWords(
   const parts = [
     rateOf(table, was) === rateOf(table, entry) ? "" : rate,
     ...table.variants.map((one) =>
-      bitsOf(one, former) === bitsOf(one, id) ? "" : bitsWords(one, bitsOf(one, former)),
+      variantBits(one, former) === variantBits(one, id) ? "" : bitsWords(one, variantBits(one, former)),
     ),
   ].filter(Boolean);
   return parts.length > 0 ? TEXT.wasParts(parts.join(", ")) : "";

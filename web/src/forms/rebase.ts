@@ -8,7 +8,7 @@
  */
 import { changesOf, keyedList } from "./edits";
 import type { SettingForm } from "./types";
-import { at, joined, type Path, put, same, type Values } from "./values";
+import { at, joined, type Path, put, same, type FormValues } from "./values";
 
 /** A value changed by another user. */
 export interface RemoteChange {
@@ -21,11 +21,11 @@ export interface RemoteChange {
 }
 
 export interface Rebased {
-  readonly draft: Values;
+  readonly draft: FormValues;
   readonly elsewhere: readonly RemoteChange[];
 }
 
-export function rebase(form: SettingForm, base: Values, mine: Values, theirs: Values): Rebased {
+export function rebase(form: SettingForm, base: FormValues, mine: FormValues, theirs: FormValues): Rebased {
   const keyed = keyedList(form);
   const edited = changesOf(form, base, mine);
   let draft = theirs;
@@ -34,7 +34,7 @@ export function rebase(form: SettingForm, base: Values, mine: Values, theirs: Va
     draft = put(draft, [field], merged(at(base, [field]), at(mine, [field]), at(theirs, [field])));
   }
   if (keyed !== undefined && edited.some(({ path }) => path[0] === keyed.list.name)) {
-    const of = (values: Values): readonly Values[] => (values[keyed.list.name] ?? []) as readonly Values[];
+    const of = (values: FormValues): readonly FormValues[] => (values[keyed.list.name] ?? []) as readonly FormValues[];
     draft = put(draft, [keyed.list.name], mergedSets(of(base), of(mine), of(theirs), keyed.key));
   }
   const elsewhere = changesOf(form, base, theirs).map(({ path, before, after }) => ({
@@ -66,17 +66,17 @@ function merged(base: unknown, mine: unknown, theirs: unknown): unknown {
 
 /** Merge entry by entry, by key: added, removed or altered here, else the present entry. */
 function mergedSets(
-  base: readonly Values[],
-  mine: readonly Values[],
-  theirs: readonly Values[],
-  key: (entry: Values) => number,
-): readonly Values[] {
-  const find = (list: readonly Values[], wanted: number): Values | undefined =>
+  base: readonly FormValues[],
+  mine: readonly FormValues[],
+  theirs: readonly FormValues[],
+  key: (entry: FormValues) => number,
+): readonly FormValues[] {
+  const find = (list: readonly FormValues[], wanted: number): FormValues | undefined =>
     list.find((entry) => key(entry) === wanted);
   const kept = theirs.flatMap((entry) => {
     const [was, is] = [find(base, key(entry)), find(mine, key(entry))];
     if (same(was, is)) return [entry];
-    return is === undefined ? [] : [merged(was, is, entry) as Values];
+    return is === undefined ? [] : [merged(was, is, entry) as FormValues];
   });
   const added = mine.filter((entry) => find(theirs, key(entry)) === undefined && !same(find(base, key(entry)), entry));
   return [...kept, ...added];

@@ -1,7 +1,7 @@
 /** Search of settings and commands by a few letters. Pure; names rank before titles, titles before descriptions. */
 import type { FieldForm, Forms, RateTable } from "./types";
 
-export interface Found {
+interface Found {
   readonly kind: "setting" | "command";
   readonly name: string;
   readonly title: string;

@@ -16,7 +16,7 @@ import {
   typed,
   whereOf,
   withBits,
-  words,
+  valueWords,
 } from "./values";
 
 const angle = field({ name: "roll", editor: "number", unit: "°", scale: 180 / Math.PI, low: -Math.PI, high: Math.PI });
@@ -82,17 +82,17 @@ describe("paths", () => {
 
 describe("texts", () => {
   it("name choices, bits and units", () => {
-    expect(words(rate, 400)).toBe("400 Hz");
-    expect(words(field({ editor: "choice", choices: { "2": "115 200 Bd" } }), 2)).toBe("115 200 Bd");
+    expect(valueWords(rate, 400)).toBe("400 Hz");
+    expect(valueWords(field({ editor: "choice", choices: { "2": "115 200 Bd" } }), 2)).toBe("115 200 Bd");
     const flags = field({ editor: "flags", bits: [bit("A", 0), bit("B", 4)] });
-    expect(words(flags, 16)).toBe("B");
-    expect(words(flags, 0)).toBe("none");
-    expect(words(rate, undefined)).toBe("—");
+    expect(valueWords(flags, 16)).toBe("B");
+    expect(valueWords(flags, 0)).toBe("none");
+    expect(valueWords(rate, undefined)).toBe("—");
     expect(rangeWords(field({ low: 0, high: null }))).toBe("at least 0");
   });
   it("show an identifier as its label does", () => {
     const id = field({ base: 16, step: 1, read_only: true });
-    expect([typed(id, 0x0080003a), words(id, 0x0080003a), words(id, "36047404379471887")]).toEqual([
+    expect([typed(id, 0x0080003a), valueWords(id, 0x0080003a), valueWords(id, "36047404379471887")]).toEqual([
       "0080003A",
       "0080003A",
       "8010EC5D1D000F",

@@ -10,7 +10,7 @@ import type { FieldForm } from "./types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 
-export type Values = Readonly<Record<string, unknown>>;
+export type FormValues = Readonly<Record<string, unknown>>;
 /** Path of a value: names of fields (which may contain dots) and indexes in lists. */
 export type Path = readonly (string | number)[];
 
@@ -89,10 +89,10 @@ function identifier(value: bigint): string {
   return digits.padStart((low & LONG) === 0n ? 8 : 10, "0");
 }
 
-export type Reading = { readonly value: unknown } | { readonly problem: string };
+export type ReadInput = { readonly value: unknown } | { readonly problem: string };
 
 /** The number in a text, or its problem. */
-export function read(field: FieldForm, text: string): Reading {
+export function read(field: FieldForm, text: string): ReadInput {
   const plain = text
     .trim()
     .replace(/[\u2009\u00a0 ]/g, "")
@@ -111,7 +111,7 @@ export function read(field: FieldForm, text: string): Reading {
 }
 
 /** A wire value within the allowed range, or the range in words. */
-export function ranged(field: FieldForm, wire: number | string): Reading {
+export function ranged(field: FieldForm, wire: number | string): ReadInput {
   const value = Number(wire);
   const below = field.low !== null && value < field.low - slack(field.low);
   const above = field.high !== null && value > field.high + slack(field.high);
@@ -189,12 +189,12 @@ function initialNumber(field: FieldForm): number {
   return Math.max(field.low ?? 0, Math.min(0, field.high ?? 0));
 }
 
-export function initials(fields: readonly FieldForm[]): Values {
+export function initials(fields: readonly FieldForm[]): FormValues {
   return Object.fromEntries(fields.map((field) => [field.name, initial(field)]));
 }
 
 /** A wire value in words, with its unit: "400 Hz", "ENU", "A, C"; "—" for none. */
-export function words(field: FieldForm, value: unknown): string {
+export function valueWords(field: FieldForm, value: unknown): string {
   if (value === undefined || value === null) return NONE;
   if (Array.isArray(value)) {
     if (value.length === 0) return COMMON.none;

@@ -5,7 +5,7 @@
  * another sign or direction is asked for and changed here, any other combination is asked for as an expression.
  */
 import type { Channel } from "../data/channels";
-import type { Change } from "../data/frames";
+import type { FrameChange } from "../data/frames";
 import type { TimeBase } from "../data/view-state";
 import type { Series } from "../plots/plot-selection";
 
@@ -24,7 +24,7 @@ export interface FigureSource {
   /** The channel under that id as it was sent. */
   readonly sent: (id: number) => Channel["info"] | undefined;
   /** From the sent to the displayed form. */
-  readonly changeOf: (id: number) => Change | undefined;
+  readonly changeOf: (id: number) => FrameChange | undefined;
 }
 
 /** How a displayed column is asked for. */

@@ -2,7 +2,7 @@
  * The newest answer of the server to a question that keeps changing, as a range does while it is dragged: one request at a time, soon
  * after the question has stood still, and now and then while it moves.
  */
-import type { Outcome, Problem } from "../ui/http";
+import type { Outcome, HttpProblem } from "../ui/http";
 
 /** A question is asked after it has stood still for this long, ms, and a changing one this often. */
 const REST_MS = 150;
@@ -10,7 +10,7 @@ const MOVING_MS = 600;
 const PATIENCE_MS = 3000;
 
 export class LatestAnswer<A> {
-  problem: Problem | undefined;
+  problem: HttpProblem | undefined;
   /** The newest answer, and the question that it is for. */
   held: { readonly question: string; readonly answer: A } | undefined;
   readonly #stop = new AbortController();

@@ -7,7 +7,7 @@ import type { ExtensionOverlay } from "../extension";
 import type { Begin } from "../forms/add-device";
 import type { Deps, PacketAt } from "../panels/panel-context";
 import type { Sort } from "../panels/event-groups";
-import { api, type Outcome, type Port, type Problem } from "../ui/http";
+import { api, type Outcome, type Port, type HttpProblem } from "../ui/http";
 import { isHeld, type PageState, pageState } from "../ui/page-state";
 import { deviceInLink, shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
@@ -39,9 +39,9 @@ export interface App extends Deps {
   /** Whether the side panel is folded on a wide window. */
   readonly folded: Signal<boolean>;
   /** The last request that failed; stays until dismissed. */
-  readonly problem: Signal<Problem | undefined>;
+  readonly problem: Signal<HttpProblem | undefined>;
   /** Why the server refuses access, once known. */
-  readonly refusal: Signal<Problem | undefined>;
+  readonly refusal: Signal<HttpProblem | undefined>;
   readonly ports: Signal<readonly Port[]>;
   readonly scanning: Signal<boolean>;
   /** Counts half seconds, for components that show an age or a countdown. */

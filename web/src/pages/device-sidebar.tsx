@@ -76,7 +76,7 @@ export function Rail({ app }: { readonly app: App }) {
 }
 
 /** In the server's order, with those on one link together. */
-export function inOrder(devices: readonly DeviceInfo[]): readonly DeviceInfo[] {
+function inOrder(devices: readonly DeviceInfo[]): readonly DeviceInfo[] {
   return devices
     .filter(({ parent }) => parent === "")
     .flatMap((own) => [own, ...devices.filter(({ parent }) => parent === own.id)]);

@@ -5,7 +5,7 @@
  *     #/?device=2&t0=…&t1=…&cursor=…&measure=…                             while paused: as long as the server has the data
  */
 import type { ViewState } from "../data/view-state";
-import { type Place, placeQuery, readPlace, seriesOf, takeSeries } from "../recordings/permalink";
+import { type LinkedPlace, placeQuery, readPlace, seriesOf, takeSeries } from "../recordings/permalink";
 import { copyText } from "../ui/copy";
 import { applyLinkText, linkTextOf } from "../workspace/parts";
 import { sessionOf } from "../workspace/session";
@@ -15,7 +15,7 @@ import { linkName } from "../wire/device-name";
 import { href, route } from "./route";
 
 /** Content of a link to the view. */
-export function livePlace(of: ViewState): Place {
+export function livePlace(of: ViewState): LinkedPlace {
   const { view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots, customPlots } = of;
   const { live, end, span, device, timeBase } = view.peek();
   const at = cursor.peek();
@@ -34,7 +34,7 @@ export function livePlace(of: ViewState): Place {
 }
 
 /** Show a place; what it lacks stays at Live's default. */
-export function goLive(app: App, place: Place): void {
+export function goLive(app: App, place: LinkedPlace): void {
   const { view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots, customPlots } = app.viewState;
   const { t0, t1 } = place;
   const still = t0 !== undefined && t1 !== undefined;
@@ -57,7 +57,7 @@ export function goLive(app: App, place: Place): void {
   if (place.device !== undefined) app.linked.value = place.device;
 }
 
-export function liveHref(app: App): string {
+function liveHref(app: App): string {
   const workspace = linkTextOf(sessionOf(app, app.viewState).view);
   const place = livePlace(app.viewState);
   const named = place.device === undefined ? {} : { device: linkName(place.device, app.store.devices.peek()) };

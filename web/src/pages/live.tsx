@@ -11,12 +11,19 @@ import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveViewer, LiveViews } from "../views/viewers";
 import { type App, select } from "./app-state";
-import { AddDevice, ExportDialog, MemoryDialog, Packet, SignalsPanel, YAxisDialog } from "./dialogs";
-import { Bar, Dock } from "./top-bar";
+import {
+  LateAddDevice,
+  LateExportDialog,
+  LateMemoryDialog,
+  LatePacket,
+  LateSignalsPanel,
+  LateYAxisDialog,
+} from "./dialogs";
+import { TopBar, Dock } from "./top-bar";
 import { exportingOf } from "./recordings/exporting";
 import { Rail } from "./device-sidebar";
 import { RowsDialog } from "./rows";
-import { Side, Strip } from "./side-panels";
+import { SideColumn, Strip } from "./side-panels";
 import { KeyBand, RearmBand } from "./key-banner";
 import {
   Connecting,
@@ -55,7 +62,7 @@ export function LivePage({ app }: { readonly app: App }) {
           {COMMON.skipToThePlots}
         </a>
       )}
-      <Bar app={app} />
+      <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
       {showsPlots(state) && <Strip deps={app} />}
       <Rail app={app} />
@@ -70,10 +77,10 @@ export function LivePage({ app }: { readonly app: App }) {
         <RearmBand app={app} />
         <Centre app={app} />
       </main>
-      {showsPlots(state) && <Side app={app} deps={app} />}
+      {showsPlots(state) && <SideColumn app={app} deps={app} />}
       {showsPlots(state) && <Dock app={app} />}
       {showsPlots(state) && app.showsSignals.value && (
-        <SignalsPanel deps={app} tick={app.tick} isLive onClose={() => (app.showsSignals.value = false)} />
+        <LateSignalsPanel deps={app} tick={app.tick} isLive onClose={() => (app.showsSignals.value = false)} />
       )}
       {showsPlots(state) && <ArrangeTools app={app} deps={app} />}
       <RowsDialog app={app} deps={app} />
@@ -100,7 +107,7 @@ function Centre({ app }: { readonly app: App }) {
       under={
         <>
           <Slot key={device.id} name="underPlots" with={underPlots(app)} />
-          {app.viewState.yAxisForm.value && <YAxisDialog viewState={app.viewState} />}
+          {app.viewState.yAxisForm.value && <LateYAxisDialog viewState={app.viewState} />}
         </>
       }
     >
@@ -135,13 +142,13 @@ function Overlays({ app }: { readonly app: App }) {
       close();
       if (id !== undefined) select(app, id);
     };
-    return <AddDevice begin={keyFor.value} address={app.newAddress} onClose={close} onAdded={added} />;
+    return <LateAddDevice begin={keyFor.value} address={app.newAddress} onClose={close} onAdded={added} />;
   }
-  if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
-  if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
+  if (overlay.value === "packet") return <LatePacket app={app} onClose={close} />;
+  if (overlay.value === "memory") return <LateMemoryDialog app={app} onClose={close} />;
   const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);
   if (dialog?.Live && app.device.value)
     return <dialog.Live key={app.device.value.id} app={app} device={app.device.value} onClose={close} />;
   const exporting = exportingOf(app).value;
-  return exporting ? <ExportDialog app={app} of={exporting} /> : null;
+  return exporting ? <LateExportDialog app={app} of={exporting} /> : null;
 }

@@ -2,12 +2,12 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Slot } from "../extension";
-import { server } from "../recordings/api";
+import { recordingsApi } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
 import type { HeldBytes, SavedMemory } from "../recordings/types";
 import { Dialog } from "../ui/dialog";
 import { clock } from "../ui/format";
-import type { Problem } from "../ui/http";
+import type { HttpProblem } from "../ui/http";
 import { Icon } from "../ui/icons";
 import { ProblemNote } from "../ui/problem-note";
 import type { App } from "./app-state";
@@ -30,13 +30,13 @@ export function MemoryDialog({ app, onClose }: Props) {
   const held = useSignal<readonly HeldBytes[] | undefined>(undefined);
   const part = useSignal<Part>("view");
   const busy = useSignal(false);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const { view, actions } = app.viewState;
   // the view goes on while the dialog is open: what was in view when it was opened is meant
   const t1 = useSignal(actions.rightEdge()).value;
   const t0 = useSignal(t1 - view.peek().span).value;
   useEffect(() => {
-    void server.memory().then((outcome) => {
+    void recordingsApi.memory().then((outcome) => {
       if (outcome.ok) held.value = outcome.value;
       else problem.value = outcome.problem;
     });
@@ -48,7 +48,7 @@ export function MemoryDialog({ app, onClose }: Props) {
   }[part.value];
   const save = async (): Promise<SavedMemory | undefined> => {
     busy.value = true;
-    const outcome = await server.saveMemory({ devices: null, seconds: null, title: TEXT.partOfLive, ...range });
+    const outcome = await recordingsApi.saveMemory({ devices: null, seconds: null, title: TEXT.partOfLive, ...range });
     busy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     return outcome.ok ? outcome.value : undefined;
@@ -61,7 +61,7 @@ export function MemoryDialog({ app, onClose }: Props) {
   };
   const exportIt = async (): Promise<void> => {
     const saved = await save();
-    const list = saved && (await server.list());
+    const list = saved && (await recordingsApi.list());
     if (!saved || !list) return;
     const info = list.ok ? list.value.find(({ id }) => id === saved.id) : undefined;
     if (!list.ok || !info) {

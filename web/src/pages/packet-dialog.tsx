@@ -6,13 +6,13 @@ import type { PacketAt, ShownSample } from "../panels/panel-context";
 import { copyText } from "../ui/copy";
 import { Dialog } from "../ui/dialog";
 import { clock, number } from "../ui/format";
-import type { Problem } from "../ui/http";
+import type { HttpProblem } from "../ui/http";
 import { IconButton } from "../ui/icon-button";
 import { ProblemNote } from "../ui/problem-note";
 import type { PacketInfo, PacketView } from "../wire/routes";
-import { fetchFrames, type FramesAsk, titleOf } from "./packet-frames";
+import { fetchFrames, type FramesAsk, packetTitle } from "./packet-frames";
 import type { App } from "./app-state";
-import { rowsOf } from "./packet-rows";
+import { packetRows } from "./packet-rows";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/packets";
 import "./packet.css";
@@ -30,7 +30,7 @@ interface Props {
 type Ask = Omit<FramesAsk, "beside">;
 
 /** The dialog of a page. */
-export function Packet({ app, onClose }: { readonly app: App; readonly onClose: () => void }) {
+export function OpenPacket({ app, onClose }: { readonly app: App; readonly onClose: () => void }) {
   const at = app.packetAt.value;
   if (!at) return null;
   const name = app.store.devices.value.find(({ id }) => id === at.device)?.name ?? at.device;
@@ -47,7 +47,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
     ...(kind ? { kind } : {}),
   });
   const view = useSignal<PacketView | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const place = useSignal(0);
   /** Device time of the sample less its arrival, s: a frame nearby is shown in the plot with the same. */
   const ahead = useSignal(0);
@@ -98,7 +98,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
             <li key={`${one.arrival} ${one.rank}`}>
               <button type="button" aria-current={n === place.value} onClick={() => select(n)}>
                 <span class="ellipsis">
-                  {one.kind === "reject" && <span class="dot bad" />} {titleOf(one)}
+                  {one.kind === "reject" && <span class="dot bad" />} {packetTitle(one)}
                 </span>
                 <span class="num dim">{one.gap_ms === null ? "" : TEXT.gap(number(one.gap_ms, 2))}</span>
               </button>
@@ -157,7 +157,7 @@ function Frame({ packet, time, sample, step, show }: FrameProps) {
       <div class="packet-actions">
         <IconButton icon="left" label={TEXT.previous} class="edge" onClick={() => step(-1)} />
         <IconButton icon="right" label={TEXT.next} class="edge" onClick={() => step(1)} />
-        <h3>{titleOf(packet)}</h3>
+        <h3>{packetTitle(packet)}</h3>
         <span class="grow" />
         <button type="button" class="btn edge" onClick={() => void copyHex()}>
           {said.value}
@@ -189,7 +189,7 @@ function Frame({ packet, time, sample, step, show }: FrameProps) {
             </tr>
           </thead>
           <tbody>
-            {rowsOf(packet, sample).map((row) => (
+            {packetRows(packet, sample).map((row) => (
               <tr
                 key={row.offset}
                 ref={(tr) => {

@@ -24,4 +24,4 @@ export function fetchFrames(
     : request("GET /api/recordings/{recording}/frames", { path: { recording }, query: { ...query, device } });
 }
 
-export const titleOf = ({ kind, name }: PacketInfo): string => name || TEXT.kind[kind];
+export const packetTitle = ({ kind, name }: PacketInfo): string => name || TEXT.kind[kind];

@@ -1,9 +1,9 @@
 /** Rows of a frame: each part with its bytes, its meaning and the value on the wire. */
 import { expect, test } from "vitest";
-import { rowsOf, valueOf } from "./packet-rows";
+import { packetRows, fieldValue } from "./packet-rows";
 
 test("a part has its bytes, what they mean, and the value on the wire", () => {
-  const rows = rowsOf({
+  const rows = packetRows({
     hex: "fa36001f3f800000c8",
     spans: [
       { offset: 0, size: 1, label: "preamble", path: "" },
@@ -26,7 +26,7 @@ test("the part of the sample that was asked for is marked, of a computed one all
     fields: {},
   };
   const of = (channel: string, column: string, at: number) =>
-    rowsOf(frame, { name: "", value: "", message: "DID_IMU", channel, column, at })
+    packetRows(frame, { name: "", value: "", message: "DID_IMU", channel, column, at })
       .filter(({ isSample }) => isSample)
       .map(({ words }) => words);
   expect(of("DID_IMU.I.pqr", "y", 1)).toEqual(["I.pqr.1"]);
@@ -34,18 +34,18 @@ test("the part of the sample that was asked for is marked, of a computed one all
   expect(of("DID_IMU", "time", 0)).toEqual(["time"]); // a record: its columns are fields
   const whole = { ...frame, spans: [{ offset: 0, size: 4, label: "RateOfTurn", path: "RateOfTurn" }] };
   const sample = { name: "", value: "", message: "MTData2", channel: "RateOfTurn", column: "z", at: 2 };
-  expect(rowsOf(whole, sample)[0]?.isSample).toBe(true);
+  expect(packetRows(whole, sample)[0]?.isSample).toBe(true);
 });
 
 test("bytes of no frame are one part", () => {
-  const [row, ...others] = rowsOf({ hex: "00".repeat(40), spans: [], fields: {} });
+  const [row, ...others] = packetRows({ hex: "00".repeat(40), spans: [], fields: {} });
   expect(others).toEqual([]);
   expect(row?.bytes).toMatch(/^(00 ){32}…$/);
 });
 
 test("values are found by paths whose names contain dots", () => {
   const fields = { "I.pqr": [1, 2, 3], I: { pqr: [7] }, rows: [{ rate: 5 }] };
-  expect(valueOf(fields, "I.pqr.2")).toBe(3);
-  expect(valueOf(fields, "rows.0.rate")).toBe(5);
-  expect(valueOf(fields, "rows.1.rate")).toBeUndefined();
+  expect(fieldValue(fields, "I.pqr.2")).toBe(3);
+  expect(fieldValue(fields, "rows.0.rate")).toBe(5);
+  expect(fieldValue(fields, "rows.1.rate")).toBeUndefined();
 });

@@ -18,7 +18,7 @@ export interface PacketRow {
 const MAX_BYTES = 32;
 
 /** @param sample whose part is marked */
-export function rowsOf(
+export function packetRows(
   { hex, spans, fields }: Pick<PacketInfo, "hex" | "spans" | "fields">,
   sample?: ShownSample,
 ): readonly PacketRow[] {
@@ -27,7 +27,7 @@ export function rowsOf(
     offset,
     bytes: spaced(hex.slice(2 * offset, 2 * (offset + size)), MAX_BYTES),
     words: label,
-    raw: path === "" ? "" : rawText(valueOf(fields, path)),
+    raw: path === "" ? "" : rawText(fieldValue(fields, path)),
     isField: path !== "",
     isSample: sample !== undefined && isPartOf(path, sample),
   }));
@@ -42,13 +42,13 @@ function isPartOf(path: string, { message, channel, column, at }: ShownSample): 
 }
 
 /** The value at a path: "acc.0", "outputs.3.rate". Names of fields may contain dots, so the longest that fits is taken. */
-export function valueOf(fields: unknown, path: string): unknown {
+export function fieldValue(fields: unknown, path: string): unknown {
   if (path === "" || typeof fields !== "object" || fields === null) return path === "" ? fields : undefined;
   const words = path.split(".");
   for (let n = words.length; n > 0; n--) {
     const name = words.slice(0, n).join(".");
     if (Object.hasOwn(fields, name)) {
-      const found = valueOf((fields as Record<string, unknown>)[name], words.slice(n).join("."));
+      const found = fieldValue((fields as Record<string, unknown>)[name], words.slice(n).join("."));
       if (found !== undefined) return found;
     }
   }

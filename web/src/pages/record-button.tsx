@@ -4,7 +4,7 @@
  */
 import { effect, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import { server } from "../recordings/api";
+import { recordingsApi } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
 import { age, clock } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
@@ -72,7 +72,10 @@ export function endedOf(
 export const isRecording = (app: App): boolean => app.store.recorder.value?.running === true;
 
 export async function toggleRecord(app: App): Promise<void> {
-  await run(app, isRecording(app) ? server.stop() : server.start({ devices: null, title: "", before_s: 0 }));
+  await run(
+    app,
+    isRecording(app) ? recordingsApi.stop() : recordingsApi.start({ devices: null, title: "", before_s: 0 }),
+  );
 }
 
 /** The first press only shows the second key: it lies beside keys that are pressed often. */
@@ -89,7 +92,7 @@ export async function mark(
   kind: "marker" | "note" = "marker",
   time = app.store.serverNow(),
 ): Promise<void> {
-  const done = await run(app, server.mark({ text, kind, time, device: "" }));
+  const done = await run(app, recordingsApi.mark({ text, kind, time, device: "" }));
   if (done === undefined) return;
   recordOf(app).say(TEXT.markerSet(kind === "note" ? TEXT.note : COMMON.marker, clock(time)));
 }
@@ -120,7 +123,7 @@ export function watchRecorder(app: App): void {
   });
   effect(() => {
     if (app.store.connection.value !== "open" || app.store.recorder.peek() !== undefined) return;
-    void server.recorder().then((outcome) => {
+    void recordingsApi.recorder().then((outcome) => {
       if (outcome.ok) app.store.recorder.value ??= outcome.value;
     });
   });

@@ -37,7 +37,7 @@ export function Strip({ deps }: Props) {
   );
 }
 
-export function Side({ app, deps }: Props & { readonly app: App }) {
+export function SideColumn({ app, deps }: Props & { readonly app: App }) {
   const session = sessionOf(app, deps.viewState);
   const { sideWidth, belowHeight } = deps.viewState.layout.value;
   const below = panelsHere("below", deps);

@@ -34,7 +34,7 @@ interface Props {
 const STEPS_OF_FULL_BAR = 10; // ui/layout.css
 
 /** @param deps of the panels that can be arranged: those of Live by default */
-export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
+export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
   const { page } = route.value;
   const isLive = page === "live";
   const panels = PANELS[page];

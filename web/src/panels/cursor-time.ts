@@ -5,7 +5,7 @@
  */
 import type { Cursor, TimeBase, View } from "../data/view-state";
 
-export interface Reading {
+export interface CursorReading {
   /** Server clock, unix seconds: samples at or before this are read. Infinity: the newest there is. */
   readonly time: number;
   /** Word in the head of a column. */
@@ -17,7 +17,7 @@ export interface Reading {
   readonly base: TimeBase;
 }
 
-export function readingAt(view: View, cursor: Cursor, now: number): Reading {
+export function readingAt(view: View, cursor: Cursor, now: number): CursorReading {
   const to = view.live ? now : view.end;
   const from = to - view.span;
   const base = view.timeBase;

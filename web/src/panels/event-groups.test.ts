@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { EventInfo } from "../wire/types";
-import { groupsOf } from "./event-groups";
+import { eventGroups } from "./event-groups";
 
 let seq = 0;
 const event = (time: number, kind: string, text: string, more: Partial<EventInfo> = {}): EventInfo =>
@@ -29,7 +29,7 @@ const gap = (time: number, samples = 1, more: Partial<EventInfo> = {}): EventInf
 
 it("a status event is not displaced by hundreds of losses", () => {
   const events = [...Array.from({ length: 300 }, (_, k) => gap(100 + k / 10)), event(131, "link", "ttyUSB0 is back.")];
-  const groups = groupsOf([event(90, "device", "It said who it is."), ...events, gap(131.5)], "all", 25);
+  const groups = eventGroups([event(90, "device", "It said who it is."), ...events, gap(131.5)], "all", 25);
   expect(groups.map(({ kind, count }) => [kind, count])).toEqual([
     ["gap", 301],
     ["link", 1],
@@ -46,11 +46,13 @@ it("a status event is not displaced by hundreds of losses", () => {
 });
 
 it("a sum counts the gaps that it sums up", () => {
-  expect(groupsOf([gap(1), gap(2, 40, { data: { gaps: 12, by: "link" } })], "all", 9)[0]).toMatchObject({ count: 13 });
+  expect(eventGroups([gap(1), gap(2, 40, { data: { gaps: 12, by: "link" } })], "all", 9)[0]).toMatchObject({
+    count: 13,
+  });
 });
 
 it("later events, of other devices or for other reasons, are listed separately", () => {
-  const groups = groupsOf(
+  const groups = eventGroups(
     [gap(0), gap(100), gap(101, 1, { device: "2" }), gap(102, 1, { data: { by: "device" } })],
     "all",
     9,
@@ -65,8 +67,8 @@ it("only selected kinds are listed, newest first, and each marker separately", (
     event(3, "reply", "ReqDID", { data: { message: "DeviceID" } }),
     event(4, "marker", "kerb"),
   ];
-  expect(groupsOf(events, "markers", 9).map(({ from }) => from)).toEqual([4, 2]);
-  expect(groupsOf(events, "loss", 9)).toHaveLength(1);
-  expect(groupsOf(events, "commands", 9).map(({ kind }) => kind)).toEqual(["reply"]);
-  expect(groupsOf(events, "all", 2)).toHaveLength(2);
+  expect(eventGroups(events, "markers", 9).map(({ from }) => from)).toEqual([4, 2]);
+  expect(eventGroups(events, "loss", 9)).toHaveLength(1);
+  expect(eventGroups(events, "commands", 9).map(({ kind }) => kind)).toEqual(["reply"]);
+  expect(eventGroups(events, "all", 2)).toHaveLength(2);
 });

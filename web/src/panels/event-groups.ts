@@ -64,7 +64,7 @@ function sortOf({ seq, kind, device, text, data }: EventInfo): string {
 }
 
 /** Groups of the filtered events, newest first, at most `most`. */
-export function groupsOf(events: readonly EventInfo[], sort: Sort, most: number): readonly EventGroup[] {
+export function eventGroups(events: readonly EventInfo[], sort: Sort, most: number): readonly EventGroup[] {
   const open = new Map<string, EventInfo[]>();
   const found: EventInfo[][] = [];
   for (const event of events) {

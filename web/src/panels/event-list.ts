@@ -6,7 +6,7 @@ import { clock } from "../ui/format";
 import { el, throttle, messageNodes, type Panel } from "../ui/dom";
 import type { EventInfo } from "../wire/types";
 import type { Deps } from "./panel-context";
-import { type EventGroup, groupsOf, type Sort, SORTS } from "./event-groups";
+import { type EventGroup, eventGroups, type Sort, SORTS } from "./event-groups";
 import { registerPanel } from "./registry";
 import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/panels";
@@ -40,7 +40,7 @@ function mountEvents(host: HTMLElement, deps: Deps): Panel {
       if (events === shown && state === `${device} ${sort.value}`) return;
       [shown, state] = [events, `${device} ${sort.value}`];
       const mine = events.filter((event) => event.device === device || event.device === "");
-      const groups = groupsOf(mine, sort.value, SHOWN);
+      const groups = eventGroups(mine, sort.value, SHOWN);
       const focused = list.contains(document.activeElement)
         ? document.activeElement?.getAttribute("data-key")
         : undefined;

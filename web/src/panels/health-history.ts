@@ -55,7 +55,7 @@ export class RecentHealth {
 }
 
 /** A bar of a sparkline: height 0..1 and whether something was wrong in it; undefined if unknown. */
-export interface Bar {
+export interface HealthBar {
   readonly height: number;
   readonly bad: boolean;
 }
@@ -64,9 +64,9 @@ export interface Bar {
  * The minute before `now` in `n` bars: the mean rate of each, scaled by the minute's best; marked where samples were lost.
  * Bars before the first report are undefined, bars after the last report have height 0.
  */
-export function rateBars(moments: readonly Moment[], now: number, n: number): readonly (Bar | undefined)[] {
+export function rateBars(moments: readonly Moment[], now: number, n: number): readonly (HealthBar | undefined)[] {
   const best = Math.max(1e-9, ...moments.map((m) => m.rate));
-  const bars: (Bar | undefined)[] = new Array<Bar | undefined>(n).fill(undefined);
+  const bars: (HealthBar | undefined)[] = new Array<HealthBar | undefined>(n).fill(undefined);
   let bar = -1;
   let [sum, count, bad] = [0, 0, false];
   const close = (): void => {
@@ -88,9 +88,9 @@ export function rateBars(moments: readonly Moment[], now: number, n: number): re
 }
 
 /** Reports come every half second: a bar between two known ones repeats the one before; past a second and a half it is loss. */
-function filled(bars: (Bar | undefined)[]): readonly (Bar | undefined)[] {
+function filled(bars: (HealthBar | undefined)[]): readonly (HealthBar | undefined)[] {
   const patience = Math.ceil((1.5 / MINUTE) * bars.length);
-  let [last, since]: [Bar | undefined, number] = [undefined, 0];
+  let [last, since]: [HealthBar | undefined, number] = [undefined, 0];
   return bars.map((bar) => {
     if (bar) {
       [last, since] = [bar, 0];

@@ -8,8 +8,16 @@ import { number } from "../ui/format";
 import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { behindWords } from "./behind-text";
-import { ageOf, channelsOf, type Deps, namesOf, recently, selected, usualStep } from "./panel-context";
-import { type Figure, figuresOf, isLeftOut, type Key, timeWords, totals, verdict } from "./health-text";
+import { ageOf, channelsOf, type Deps, channelNames, recently, selected, usualStep } from "./panel-context";
+import {
+  type HealthQuantity,
+  healthFigures,
+  isLeftOut,
+  type HealthKey,
+  timeWords,
+  totals,
+  verdict,
+} from "./health-text";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./health-history";
 import { rejections, trustOf } from "./authenticity";
@@ -22,7 +30,12 @@ import { TEXT } from "../texts/panels";
 /** Bars in a small sparkline: one for two seconds. */
 const SLOTS = 31;
 
-const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
+const ROWS: readonly {
+  readonly key: HealthKey;
+  readonly name: string;
+  readonly help: string;
+  readonly spark: boolean;
+}[] = [
   { key: "samples", name: TEXT.samples, help: TEXT.samplesHelp, spark: true },
   {
     key: "gaps",
@@ -72,7 +85,7 @@ class Cell {
     this.node.append(this.#box, this.#after);
   }
 
-  set(figure: Figure): void {
+  set(figure: HealthQuantity): void {
     const tagged = figure.tone !== "";
     this.#value.set(tagged && figure.unit ? `${figure.value} ${figure.unit}` : figure.value);
     this.#unit.set(tagged ? "" : figure.unit);
@@ -83,9 +96,9 @@ class Cell {
 
 function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const list = el("dl", { class: "health-list" });
-  const cells = new Map<Key, Cell>();
-  const sparks = new Map<Key, Surface>();
-  const rows = new Map<Key, HTMLElement>();
+  const cells = new Map<HealthKey, Cell>();
+  const sparks = new Map<HealthKey, Surface>();
+  const rows = new Map<HealthKey, HTMLElement>();
   const fill = el("i");
   const uneven = mountUneven();
   for (const { key, name, help, spark } of ROWS) {
@@ -124,9 +137,9 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const recent = recently(deps, id);
       const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
       const expected = device?.status !== "ended" && device?.status !== "idle";
-      const figures = figuresOf(
+      const figures = healthFigures(
         ...([health, recent, ageOf(deps, id), dropped, expected] as const),
-        ...([countsLosses(device, namesOf(deps)), usualStep(deps, id)] as const),
+        ...([countsLosses(device, channelNames(deps)), usualStep(deps, id)] as const),
       );
       cells.get("age")?.set(figures.age);
       if (!all) return;
@@ -137,7 +150,9 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       reasons.update(health, device);
       const behind = deps.store.behind(id);
       const why = behind.total > 0 ? `${behindWords(behind)} ${TEXT.behindRemedy[behind.part]} ` : "";
-      words.set(why + verdict(device, namesOf(deps), deps.store.events.value, health, dropped, deps.lostLater?.(id)));
+      words.set(
+        why + verdict(device, channelNames(deps), deps.store.events.value, health, dropped, deps.lostLater?.(id)),
+      );
       list.title = totals(health);
       words.node.hidden = words.isEmpty;
       uneven.update(health);
@@ -158,7 +173,7 @@ const STREAMS = 5;
 /** One line per message that streams, below the samples; none while there is only one. */
 function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHealth | undefined): void } {
   let lines: { readonly name: string; readonly row: HTMLElement; readonly cell: Cell }[] = [];
-  const figure = (one: MessageHealth): Figure => ({ value: number(one.rate, 1), unit: "/s", tone: "" });
+  const figure = (one: MessageHealth): HealthQuantity => ({ value: number(one.rate, 1), unit: "/s", tone: "" });
   return {
     update(health) {
       const channels = channelsOf(deps);
@@ -197,7 +212,7 @@ function mountReasons(list: HTMLElement): {
   const after: Element = why;
   return {
     update(health, device) {
-      const wanted = new Map<string, Figure>();
+      const wanted = new Map<string, HealthQuantity>();
       const passed = device && trustOf(device, health)?.mark === "○" ? TEXT.headerChecked : TEXT.trust.verified;
       const reasonsShown = rejections(health).map(({ words, count }) => `${words} ${number(count, 0)}`);
       reasons.set(reasonsShown.join(", ") || COMMON.none);
@@ -231,9 +246,9 @@ function mountReasons(list: HTMLElement): {
   };
 }
 
-function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, gone: boolean): void {
+function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<HealthKey, Surface>, gone: boolean): void {
   const moments = deps.recentHealth.of(id);
-  const draw = (key: Key, how: (to: Surface) => void): void => {
+  const draw = (key: HealthKey, how: (to: Surface) => void): void => {
     const to = sparks.get(key);
     if (to) how(to);
   };
@@ -251,9 +266,9 @@ function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, g
 }
 
 /** Keys that the page's title line and the phone's strip share. */
-export const STRIP: readonly Key[] = ["samples", "gaps", "rejects", "shareText", "jitter", "uncertainty", "age"];
+export const STRIP: readonly HealthKey[] = ["samples", "gaps", "rejects", "shareText", "jitter", "uncertainty", "age"];
 
-const STRIP_UNITS: Partial<Record<Key, string>> = {
+const STRIP_UNITS: Partial<Record<HealthKey, string>> = {
   samples: TEXT.samplesPerSecond,
   gaps: TEXT.samplesLost,
   rejects: TEXT.rejectsUnit,
@@ -285,9 +300,9 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
       const device = selected(deps);
       const expected = device?.status !== "ended";
       const health = deps.store.health.value.get(id);
-      const figures = figuresOf(
+      const figures = healthFigures(
         ...([health, recent, ageOf(deps, id), deps.store.dropped(), expected] as const),
-        ...([countsLosses(device, namesOf(deps)), usualStep(deps, id)] as const),
+        ...([countsLosses(device, channelNames(deps)), usualStep(deps, id)] as const),
       );
       for (const { key, value, unit, box } of items) {
         if (box.parentElement) box.parentElement.hidden = isLeftOut(key, device, deps.recording !== undefined);

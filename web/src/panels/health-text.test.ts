@@ -4,7 +4,7 @@ import type { Store } from "../data/store";
 import { recently } from "./panel-context";
 import { capabilities, countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
-import { figuresOf, isLeftOut, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
+import { healthFigures, isLeftOut, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
 
 const health: DeviceHealth = {
   device: "1",
@@ -34,7 +34,7 @@ const device = { id: "1", status: "live", message: "", hint: "" } as unknown as 
 
 describe("figuresOf", () => {
   it("has no colour without recent losses", () => {
-    const figures = figuresOf(health, quiet, 0.004, 0);
+    const figures = healthFigures(health, quiet, 0.004, 0);
     expect(
       Object.values(figures)
         .map((figure) => (typeof figure === "object" ? figure.tone : ""))
@@ -51,7 +51,12 @@ describe("figuresOf", () => {
     expect(figures.age).toEqual({ value: "4", unit: "ms ago", tone: "" });
   });
   it("warns of losses within the minute, late samples and a full link", () => {
-    const figures = figuresOf({ ...health, bytes_per_s: 90000 }, { gaps: 1, lost: 72, blind: 0, rejects: 1 }, 2.5, 10);
+    const figures = healthFigures(
+      { ...health, bytes_per_s: 90000 },
+      { gaps: 1, lost: 72, blind: 0, rejects: 1 },
+      2.5,
+      10,
+    );
     expect(figures.gaps).toEqual({ value: "1 · 72 smp", unit: "", tone: "warn" });
     expect(figures.rejects).toEqual({ value: "1", unit: "frame", tone: "warn" });
     expect(figures.age.tone).toBe("bad");
@@ -59,12 +64,12 @@ describe("figuresOf", () => {
     expect(figures.dropped.tone).toBe("warn");
   });
   it("gives the duration of an outage without counted samples", () => {
-    const gaps = (recent: Partial<Recent>): string => figuresOf(health, { ...quiet, ...recent }, 0, 0).gaps.value;
+    const gaps = (recent: Partial<Recent>): string => healthFigures(health, { ...quiet, ...recent }, 0, 0).gaps.value;
     expect(gaps({ gaps: 1, blind: 15.3 })).toBe("1 · 15 s");
     expect(gaps({ gaps: 3, lost: 72, blind: 15.3 })).toBe("3 · 72 smp + 15 s");
   });
   it("gives the uncertainty of device times, rounded up, and marks it if it can be improved", () => {
-    const bound = (ms: number | null) => figuresOf({ ...health, uncertainty_ms: ms }, quiet, 0, 0).uncertainty;
+    const bound = (ms: number | null) => healthFigures({ ...health, uncertainty_ms: ms }, quiet, 0, 0).uncertainty;
     expect(bound(0.36)).toEqual({ value: "± 0.4", unit: "ms", tone: "" });
     expect(bound(0.062).value).toBe("± 0.07");
     expect(bound(15.2).value).toBe("± 16");
@@ -75,31 +80,31 @@ describe("figuresOf", () => {
       ...health,
       jitter_cause: { kind: "bursts" as const, text: "It comes in bursts.", remedy: "Set the timer." },
     };
-    expect(figuresOf(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
+    expect(healthFigures(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
     expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
   });
   it("judges nothing while decoding is behind, and no loss before the first samples", () => {
-    const behind = figuresOf({ ...health, behind: { link: 0, decoding: 12, reason: "" } }, quiet, 12, 0);
+    const behind = healthFigures({ ...health, behind: { link: 0, decoding: 12, reason: "" } }, quiet, 12, 0);
     const shown = ["samples", "gaps", "rejects", "age"] as const;
     expect(shown.map((key) => behind[key].value)).toEqual(["—", "—", "—", "—"]);
     expect(behind.age.tone).toBe("");
     expect(behind.bytes.value).not.toBe("—");
-    const found = figuresOf(
+    const found = healthFigures(
       { ...health, behind: { link: 0, decoding: 12, reason: "" } },
       { gaps: 1, lost: 72, blind: 0, rejects: 1 },
       12,
       0,
     );
     expect([found.gaps.tone, found.rejects.value]).toEqual(["warn", "1"]);
-    const first = figuresOf({ ...health, messages: [], bytes: 0 }, quiet, undefined, 0);
+    const first = healthFigures({ ...health, messages: [], bytes: 0 }, quiet, undefined, 0);
     expect([first.gaps.value, first.rejects.value]).toEqual(["—", "—"]);
   });
   it("calls a device late by its own usual step", () => {
-    const tone = (old: number, step: number) => figuresOf(health, quiet, old, 0, true, true, step).age.tone;
+    const tone = (old: number, step: number) => healthFigures(health, quiet, old, 0, true, true, step).age.tone;
     expect([tone(2.5, 0.01), tone(2.5, 2), tone(7, 2), tone(60, Infinity)]).toEqual(["bad", "", "bad", ""]);
   });
   it("shows nothing before the first report", () => {
-    const figures = figuresOf(undefined, quiet, undefined, 0);
+    const figures = healthFigures(undefined, quiet, undefined, 0);
     expect(figures.samples.value).toBe("—");
     expect(figures.share).toBeUndefined();
     expect(figures.drift.value).toBe("—");
@@ -123,7 +128,7 @@ describe("a device that is known by messages", () => {
     expect(verdict(of("ros2"), [], [], clean, 0)).toMatch(/^No loss/);
     expect(countsLosses(of("foxglove"), [])).toBe(false);
     expect(verdict(of("foxglove"), [], [], clean, 0)).toMatch(/cannot be counted/);
-    expect(figuresOf(clean, quiet, 0, 0, true, false).gaps.value).toBe("—");
+    expect(healthFigures(clean, quiet, 0, 0, true, false).gaps.value).toBe("—");
     capabilities.value = { protocols: [], exports: [], links: [] };
   });
 });

@@ -5,39 +5,43 @@ import { countsLosses, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { TEXT } from "../texts/panels";
 
-export type Tone = "" | "warn" | "bad";
+type Tone = "" | "warn" | "bad";
 
-export interface Figure extends Quantity {
+export interface HealthQuantity extends Quantity {
   readonly tone: Tone;
 }
 
-const plain = (quantity: Quantity): Figure => ({ ...quantity, tone: "" });
+const plain = (quantity: Quantity): HealthQuantity => ({ ...quantity, tone: "" });
 
-export interface Figures {
-  readonly samples: Figure;
-  readonly gaps: Figure;
-  readonly rejects: Figure;
-  readonly bytes: Figure;
+interface Figures {
+  readonly samples: HealthQuantity;
+  readonly gaps: HealthQuantity;
+  readonly rejects: HealthQuantity;
+  readonly bytes: HealthQuantity;
   /** Share of the link's capacity in 0..1; undefined if the capacity is unknown. */
   readonly share: number | undefined;
-  readonly shareText: Figure;
-  readonly jitter: Figure;
-  readonly age: Figure;
-  readonly dropped: Figure;
-  readonly drift: Figure;
-  readonly uncertainty: Figure;
+  readonly shareText: HealthQuantity;
+  readonly jitter: HealthQuantity;
+  readonly age: HealthQuantity;
+  readonly dropped: HealthQuantity;
+  readonly drift: HealthQuantity;
+  readonly uncertainty: HealthQuantity;
 }
 
-export type Key = Exclude<keyof Figures, "share">;
+export type HealthKey = Exclude<keyof Figures, "share">;
 
 /** Rows about the link and the clock of a device, which messages of its driver do not tell. */
-const OF_DEVICES: readonly Key[] = ["shareText", "jitter", "drift", "uncertainty"];
+const OF_DEVICES: readonly HealthKey[] = ["shareText", "jitter", "drift", "uncertainty"];
 
 /** Rows about the link and this browser now, which a recording does not tell. */
-const OF_NOW: readonly Key[] = ["shareText", "age", "dropped"];
+const OF_NOW: readonly HealthKey[] = ["shareText", "age", "dropped"];
 
 /** Whether a row has no meaning for that source. */
-export function isLeftOut(key: Key, device: Pick<DeviceInfo, "protocol"> | undefined, isRecording: boolean): boolean {
+export function isLeftOut(
+  key: HealthKey,
+  device: Pick<DeviceInfo, "protocol"> | undefined,
+  isRecording: boolean,
+): boolean {
   return (device?.protocol === MESSAGES && OF_DEVICES.includes(key)) || (isRecording && OF_NOW.includes(key));
 }
 
@@ -99,7 +103,7 @@ export function totals(health: DeviceHealth | undefined): string {
  * @param counted whether lost samples are counted at all.
  * @param step usual time between samples, s; Infinity: unknown, so that no age is too old.
  */
-export function figuresOf(
+export function healthFigures(
   health: DeviceHealth | undefined,
   recent: Recent,
   old: number | undefined,
@@ -142,7 +146,7 @@ export function figuresOf(
 }
 
 /** "± 0.4 ms": never rounded below its value. Coloured while an avoidable cause makes the times uneven. */
-function boundOf(health: DeviceHealth | undefined): Figure {
+function boundOf(health: DeviceHealth | undefined): HealthQuantity {
   const bound = health?.uncertainty_ms ?? undefined;
   const digits = bound === undefined || bound >= 10 ? 0 : bound >= 0.1 ? 1 : 2;
   const up = bound === undefined ? undefined : Math.ceil(bound * 10 ** digits - 1e-9) / 10 ** digits;

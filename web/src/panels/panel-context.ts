@@ -9,7 +9,7 @@ import type { DeviceInfo, EventInfo } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
 import type { RecentHealth } from "./health-history";
 import type { ExtensionOverlay } from "../extension";
-import { type Reading, readingAt } from "./cursor-time";
+import { type CursorReading, readingAt } from "./cursor-time";
 import type { SampleAccess } from "../measure/sample-access";
 
 /** Frame to show: that of a sample, or the nearest of its kind. */
@@ -68,7 +68,7 @@ export interface Deps {
   /** True while the newest value is old: headings then show its age. */
   readonly held: () => boolean;
   /** Statistics of a column over the window if the store holds only some of its samples; undefined until known. */
-  readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
+  readonly statistics?: (channel: Channel, column: number, at: CursorReading) => Stats | undefined;
   /** Samples of any range, if the store has only those around the cursor. */
   readonly samples?: SampleAccess;
   /** All events, if the store has only those up to the reading position. */
@@ -86,7 +86,7 @@ export interface Deps {
 }
 
 /** The moment read by the panels. */
-export function reading(deps: Deps): Reading {
+export function reading(deps: Deps): CursorReading {
   const { view, cursor, device } = deps.viewState;
   return readingAt(view.value, cursor.value, deps.store.edgeOf(device.value));
 }
@@ -103,7 +103,7 @@ export function selected(deps: Pick<Deps, "store" | "viewState">): DeviceInfo | 
 }
 
 /** Names of the channels of the selected device. */
-export function namesOf(deps: Deps): readonly string[] {
+export function channelNames(deps: Deps): readonly string[] {
   return channelsOf(deps).map(({ info }) => info.name);
 }
 
@@ -130,7 +130,7 @@ export function usualStep(deps: Pick<Deps, "store">, device: string): number {
 const EARLY_S = 0.5;
 
 /** Index of the sample that `at` reads in a channel; -1 when there is none. */
-export function sampleAt(channel: Channel, at: Reading): number {
+export function sampleAt(channel: Channel, at: CursorReading): number {
   const { ring } = channel;
   if (at.time === Number.POSITIVE_INFINITY) return ring.length - 1;
   const i = ring.indexAt(at.time, at.base);

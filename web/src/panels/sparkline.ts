@@ -1,9 +1,9 @@
 /** Sparklines of the last minute: small bars, grey if all was well, marked where samples were lost. */
 import { css, type Surface } from "../ui/canvas";
-import type { Bar } from "./health-history";
+import type { HealthBar } from "./health-history";
 
 /** Bars from the left; an unknown bar is empty, silence is a low mark. */
-export function drawBars(to: Surface, bars: readonly (Bar | undefined)[], gone: boolean): void {
+export function drawBars(to: Surface, bars: readonly (HealthBar | undefined)[], gone: boolean): void {
   if (!to.begin()) return;
   const x = to.context;
   const step = to.width() / bars.length;

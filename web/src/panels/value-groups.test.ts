@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
-import { groupsOf } from "./value-groups";
+import { valueGroups } from "./value-groups";
 
 const column = (name: string, more: Partial<ColumnInfo> = {}): ColumnInfo => ({
   name,
@@ -33,7 +33,7 @@ const channel = (name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[])
 
 describe("groupsOf", () => {
   it("puts measured quantities first and groups single values at the end", () => {
-    const groups = groupsOf([
+    const groups = valueGroups([
       channel("Temperature", "scalar", [column("value", { unit: "°C" })]),
       channel("RateOfTurn", "vector", [
         column("x", { axis: "x", unit: "rad/s" }),
@@ -51,7 +51,7 @@ describe("groupsOf", () => {
     expect(groups[3]?.rows.map((row) => row.label)).toEqual(["lat", "fixtype"]);
   });
   it("gives mean and spread of a quantity without axes, also of table columns", () => {
-    const [group] = groupsOf([
+    const [group] = valueGroups([
       channel("gyro_z", "scalar", [column("value", { unit: "°/s" })]),
       channel("count", "scalar", [column("value", { dtype: "u4" })]),
     ]);
@@ -61,7 +61,7 @@ describe("groupsOf", () => {
     ]);
   });
   it("colours by axis, and grey without one", () => {
-    const [group] = groupsOf([
+    const [group] = valueGroups([
       channel("Quaternion", "quaternion", [column("w", { axis: "w" }), column("x", { axis: "x" })]),
     ]);
     expect(group?.rows.map((row) => row.colour)).toEqual(["n", "x"]);

@@ -78,7 +78,7 @@ function rowsOf(channel: ChannelInfo, plain: boolean): readonly ValueRow[] {
 }
 
 /** The groups of the values table for the channels of one device. */
-export function groupsOf(channels: readonly ChannelInfo[]): readonly ValueGroup[] {
+export function valueGroups(channels: readonly ChannelInfo[]): readonly ValueGroup[] {
   const groups: ValueGroup[] = [];
   const slow: ValueRow[] = [];
   const records: ValueGroup[] = [];

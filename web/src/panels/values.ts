@@ -8,8 +8,8 @@ import { throttle, el, LiveText, type Panel, unit } from "../ui/dom";
 import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
 import { ageOf, channelsOf, type Deps, reading, sampleAt } from "./panel-context";
 import { DTYPE_SIZE } from "../wire/types";
-import { groupsOf, type ValueRow } from "./value-groups";
-import type { Reading } from "./cursor-time";
+import { valueGroups, type ValueRow } from "./value-groups";
+import type { CursorReading } from "./cursor-time";
 import { registerPanel } from "./registry";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/panels";
@@ -89,7 +89,7 @@ const OLD_STEPS = 5;
 /** Age of the newest value, "3 min", if it exceeds its channel's pace; undefined while fresh, or for another moment. */
 export function staleness(
   { channel: { ring } }: Pick<Line, "channel">,
-  at: Pick<Reading, "word">,
+  at: Pick<CursorReading, "word">,
   now: number,
 ): string | undefined {
   if (at.word !== "now" || ring.length === 0) return undefined;
@@ -109,7 +109,7 @@ export function showAge({ mean, sd }: Pick<Line, "mean" | "sd">, stale: string |
   other.hidden = stale !== undefined;
 }
 
-function whenOf(deps: Deps, at: Reading): string {
+function whenOf(deps: Deps, at: CursorReading): string {
   if (at.word === "now" && deps.held()) {
     const old = age(ageOf(deps, deps.viewState.device.value ?? ""));
     return TEXT.heldFor(old.value, old.unit);
@@ -124,7 +124,7 @@ function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps
   const byId = new Map(channels.map((channel) => [channel.info.id, channel]));
   const lines: Line[] = [];
   body.replaceChildren();
-  for (const group of groupsOf(channels.map((channel) => channel.info))) {
+  for (const group of valueGroups(channels.map((channel) => channel.info))) {
     const title = el("th", { colspan: "4", scope: "rowgroup" }, group.title);
     if (group.unit) title.append(unit(group.unit));
     if (group.frame) title.append(el("span", { class: "dim" }, ` ${group.frame}`));
@@ -177,7 +177,7 @@ function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel,
   return { row, channel, now, mean: undefined, sd: undefined, old, tr };
 }
 
-function valueText(line: Line, at: Reading): string {
+function valueText(line: Line, at: CursorReading): string {
   const { row, channel } = line;
   const i = sampleAt(channel, at);
   if (i < 0) return NONE;
@@ -204,7 +204,7 @@ function rowsAt(channel: Channel, i: number): number {
 }
 
 /** Compute statistics of as many lines as fit in the spare time of a frame; returns where to continue. */
-function writeSomeStats(lines: readonly Line[], from: number, at: Reading, deps: Deps): number {
+function writeSomeStats(lines: readonly Line[], from: number, at: CursorReading, deps: Deps): number {
   const until = performance.now() + STATS_MS;
   let turn = from;
   do {
@@ -215,7 +215,7 @@ function writeSomeStats(lines: readonly Line[], from: number, at: Reading, deps:
   return turn;
 }
 
-function writeStats(line: Line, at: Reading, deps: Deps): void {
+function writeStats(line: Line, at: CursorReading, deps: Deps): void {
   const { row, channel, mean, sd } = line;
   if (!mean || !sd || !row.info || line.tr.classList.contains("old")) return;
   const decimals = decimalsOf(row.info, row.info.unit || row.channel.unit);

@@ -32,7 +32,7 @@ const BESIDE_PX = 120;
 /** A finger that rests this long measures, ms. */
 const REST_MS = 500;
 
-export interface Surface {
+interface Surface {
   /** The window as drawn last; undefined before the first frame. */
   window(): TimeWindow | undefined;
   /** That of the memory strip. */

@@ -13,7 +13,7 @@ import {
   roomFor,
   lossWords,
   stateAt,
-  stateWords,
+  bitStateWords,
 } from "./status-lanes";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/plots";
@@ -113,7 +113,7 @@ export class LaneNames {
     if (this.#spoken === undefined) return ["", ""];
     const lane = this.lanes[this.#spoken - 1];
     if (lane !== undefined) {
-      const state = stateWords(lane.bits, stateAt({ ...lane, channel: reads(lane.channel, t) }, t, base));
+      const state = bitStateWords(lane.bits, stateAt({ ...lane, channel: reads(lane.channel, t) }, t, base));
       return [`${lane.name}${state === "" ? "" : `: ${state}`}`, docOf(lane, state)];
     }
     const here = losses.findLast(({ t0, t1 }) => t >= t0 && t <= t1) ?? (t === Infinity ? losses.at(-1) : undefined);

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
-import { changeOf } from "./legend";
+import { differenceOf } from "./legend";
 import type { Series } from "./plot-selection";
 import { CHANNELS, frameOf } from "../testing/synthetic";
 
@@ -27,13 +27,13 @@ const seriesOf = (channel: Channel): Series => ({
 
 it("measures from the first cursor to the second, the shorter way around the circle", () => {
   const series = seriesOf(yawAt([0, 1, 2, 3, 4], 175));
-  expect(changeOf(series, 0, 3, "device")).toBeCloseTo(30, 4);
-  expect(changeOf(series, 3, 0, "device")).toBeCloseTo(-30, 4);
+  expect(differenceOf(series, 0, 3, "device")).toBeCloseTo(30, 4);
+  expect(differenceOf(series, 3, 0, "device")).toBeCloseTo(-30, 4);
 });
 
 it("measures between moments in separate blocks", () => {
   const drawn = yawAt([0, 4.5], 0);
   const [near, far] = [yawAt([0, 0.1, 0.2], 0), yawAt([4.4, 4.5, 4.6], 0)];
-  const change = changeOf(seriesOf(drawn), 0.1, 4.5, "device", (_, t) => (t === 4.5 ? far : near));
+  const change = differenceOf(seriesOf(drawn), 0.1, 4.5, "device", (_, t) => (t === 4.5 ? far : near));
   expect(change).toBeCloseTo(44, 3);
 });

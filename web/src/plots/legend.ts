@@ -17,7 +17,7 @@ import { TEXT } from "../texts/plots";
 const ON_THEIR_WAY_S = 0.25;
 
 /** The row of a series' ring read by a cursor at `t`; −1 if there is none, or a gap. */
-export function rowAt({ channel: { ring } }: Pick<Series, "channel">, t: number, base: TimeBase): number {
+function rowAt({ channel: { ring } }: Pick<Series, "channel">, t: number, base: TimeBase): number {
   if (ring.length === 0) return -1;
   if (t === Infinity) return ring.end - 1;
   const i = ring.indexAt(t, base);
@@ -48,7 +48,7 @@ const lineKind = ({ dash: [stroke = Infinity] }: Series): string =>
 const DOT_PX = 3;
 
 /** Rows of the legend beside a plot. Of a device's own plot the norm is not counted: that one goes where there is no room. */
-export const rowsOf = ({ series }: PlotSpec): number =>
+export const legendRows = ({ series }: PlotSpec): number =>
   series.filter(({ norm }) => !norm || series.some(({ mark }) => mark !== undefined)).length +
   series.filter(({ heading }, k) => heading !== undefined && heading !== series[k - 1]?.heading).length;
 
@@ -185,7 +185,9 @@ export class Legend {
       const now = valueAt(series, t, base, reads);
       const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
       const text =
-        to === undefined ? number(now, decimals) : TEXT.change(number(changeOf(series, t, to, base, reads), decimals));
+        to === undefined
+          ? number(now, decimals)
+          : TEXT.change(number(differenceOf(series, t, to, base, reads), decimals));
       value.set(text);
       if (narrow) makeRoom(row, Math.max(text.length, decimals + usualRoom(series)));
       button.classList.toggle("difference", to !== undefined);
@@ -218,7 +220,7 @@ function usualRoom({ channel, column }: Series): number {
 }
 
 /** Change of a series from `t` to `to`: the second less the first, for an angle the short way round. */
-export function changeOf(series: Series, t: number, to: number, base: TimeBase, reads: Reads = asDrawn): number {
+export function differenceOf(series: Series, t: number, to: number, base: TimeBase, reads: Reads = asDrawn): number {
   const d = valueAt(series, to, base, reads) - valueAt(series, t, base, reads);
   const period = series.channel.info.columns[series.column]?.period ?? 0;
   return period > 0 ? wrapped(d, period) : d;

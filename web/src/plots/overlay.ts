@@ -20,7 +20,7 @@ export interface Pane {
   readonly bottom: number;
 }
 
-export interface Marks {
+interface Marks {
   readonly losses: readonly Loss[];
   /** The device is gone: nothing arrived since then. */
   readonly lostSince: number | undefined;

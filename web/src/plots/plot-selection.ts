@@ -275,7 +275,7 @@ function toldApart(plots: readonly PlotSpec[]): PlotSpec[] {
  *
  * @param chosen titles or names of the initially shown quantities, given by its protocol; by default those of the rule above
  */
-export function plotsOf(channels: readonly Channel[], chosen: readonly string[] = []): PlotSpec[] {
+export function usualPlots(channels: readonly Channel[], chosen: readonly string[] = []): PlotSpec[] {
   const plots = plotsByRule(channels);
   const rank = ({ series }: PlotSpec): number =>
     chosen.findIndex((name) => series.some(({ channel }) => name === channel.info.name || name === title(channel)));

@@ -37,7 +37,7 @@ import type { MarkLayer } from "./plot-additions";
 import { addGrips } from "./plot-grips";
 import { heightOf, inOrder } from "./plot-order";
 import { protocolAmong } from "../wire/capabilities";
-import { plain, type PlotSpec, plotsOf, sameSeries, type Series } from "./plot-selection";
+import { plain, type PlotSpec, usualPlots, sameSeries, type Series } from "./plot-selection";
 import { timeWindow, type TimeWindow } from "./time-window";
 import { nearestSample } from "../measure/nearest-sample";
 import { COMMON } from "../texts/common";
@@ -198,7 +198,7 @@ class Stack {
   ): void {
     this.#channels = channels.filter(({ info }) => info.device === device);
     const protocol = protocolAmong(this.#store.devices.peek(), device);
-    this.#specs = plotsOf(this.#channels, protocol?.plots);
+    this.#specs = usualPlots(this.#channels, protocol?.plots);
     const chosen = this.#specs.filter(({ primary, key }) => primary !== extra.has(key));
     const wanted = inOrder(withCustomPlots(chosen, custom, channels, device), this.#state.plotOrder.peek());
     const before = this.#plots;

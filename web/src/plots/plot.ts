@@ -15,7 +15,7 @@ import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
 import type { TimeBase } from "../data/view-state";
-import { Legend, type LegendActions, type Reads, rowsOf, type Toggle, valueAt } from "./legend";
+import { Legend, type LegendActions, type Reads, legendRows, type Toggle, valueAt } from "./legend";
 import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
 import type { PlotSpec, RightAxis, Series } from "./plot-selection";
 import { traceDots, traceSeries } from "./trace";
@@ -80,7 +80,7 @@ export class Plot {
     const gutters = [this.left.gutter, ...(this.right ? [this.right.gutter] : [])];
     this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas, ...gutters);
     this.root.style.setProperty("--weight", String(spec.weight));
-    const least = Math.max(Math.round(40 + 32 * spec.weight), ROOM_PX + ROW_PX * rowsOf(spec));
+    const least = Math.max(Math.round(40 + 32 * spec.weight), ROOM_PX + ROW_PX * legendRows(spec));
     this.root.style.setProperty("--least", `${least}px`);
     this.sheet = new CanvasLayer(canvas);
     this.#rings = [...new Set(spec.series.map(({ channel }) => channel.ring))];

@@ -4,12 +4,12 @@ import type { Channel } from "../data/channels";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { duration, tickLabel, timeGrid, timeStep } from "./axis";
 import { PixelColumns } from "./pixel-columns";
-import { words } from "../ui/labels";
+import { labelWords } from "../ui/labels";
 import { docOf } from "./lane-names";
-import { inPlace, lanesOf, roomFor, runsOf, stateWords } from "./status-lanes";
+import { inPlace, lanesOf, roomFor, runsOf, bitStateWords } from "./status-lanes";
 import { stripLength } from "./history-strip";
 import { niceStep, Scale, ticks } from "./scale";
-import { plotsOf } from "./plot-selection";
+import { usualPlots } from "./plot-selection";
 import { CHANNELS, frameOf, STATUS_BITS } from "../testing/synthetic";
 import { timeAt, timeWindow, xOf, type TimeWindow } from "./time-window";
 
@@ -194,7 +194,7 @@ describe("chosen plots", () => {
     ["yaw", "z"],
   ] as const;
   const titles = (channels: readonly Channel[], primary: boolean): string[] =>
-    plotsOf(channels)
+    usualPlots(channels)
       .filter((plot) => plot.primary === primary)
       .map(({ title }) => title);
 
@@ -219,7 +219,7 @@ describe("chosen plots", () => {
       channel("Temperature", "scalar", [["value", ""]], "°C"),
     ];
     const of = (chosen: readonly string[]) =>
-      plotsOf(sent, chosen)
+      usualPlots(sent, chosen)
         .filter(({ primary }) => primary)
         .map(({ title }) => title);
     expect(of(["Temperature", "EulerAngles", "Nothing"])).toEqual(["Temperature", "Roll, pitch", "Yaw"]);
@@ -251,7 +251,7 @@ describe("chosen plots", () => {
   });
 
   it("do not put latitude and longitude on one scale", () => {
-    const plots = plotsOf([
+    const plots = usualPlots([
       channel(
         "LatLon",
         "vector",
@@ -303,8 +303,8 @@ describe("lanes", () => {
 
   it("explain a value", () => {
     const rtk = STATUS_BITS.find(({ name }) => name === "RtkStatus")!;
-    expect([0, 1, 3, -2].map((state) => stateWords(rtk, state))).toEqual(["no RTK", "floating", "3", "changing"]);
-    expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(words)).toEqual([
+    expect([0, 1, 3, -2].map((state) => bitStateWords(rtk, state))).toEqual(["no RTK", "floating", "3", "changing"]);
+    expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(labelWords)).toEqual([
       "Clip acc X",
       "Filter valid",
       "SyncIn Marker",

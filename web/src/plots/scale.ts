@@ -83,7 +83,7 @@ export class Scale {
   }
 }
 
-export interface Tick {
+interface Tick {
   readonly value: number;
   /** Decimals of its label. */
   readonly decimals: number;

@@ -13,7 +13,7 @@ import type { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view-state";
 import { age, number } from "../ui/format";
-import { choiceWords, words } from "../ui/labels";
+import { choiceWords, labelWords } from "../ui/labels";
 import type { BitsInfo } from "../wire/types";
 import { PixelColumns } from "./pixel-columns";
 import { hatch, type Palette, setFont, type CanvasLayer } from "./canvas-style";
@@ -80,7 +80,7 @@ export function lanesOf(channels: readonly Channel[], absent: readonly string[] 
         if (rank === undefined || found.has(same)) continue;
         found.set(same, {
           key: `${info.id}.${column}.${bits.name}`,
-          name: words(bits.name),
+          name: labelWords(bits.name),
           channel,
           column,
           bits,
@@ -143,7 +143,7 @@ function raised(bits: BitsInfo, state: number): boolean {
 }
 
 /** A state in words: its choice, or the meaning of the flag. */
-export function stateWords(bits: BitsInfo, state: number): string {
+export function bitStateWords(bits: BitsInfo, state: number): string {
   if (state === NOTHING) return "";
   if (state === MIXED) return "changing";
   const choice = bits.choices[String(state)];
@@ -279,7 +279,7 @@ export class Lanes {
     // names are on the data if the gutter is narrow: words start after them
     let free = look.narrow ? w.left + NAME_PX : w.left;
     bars.forEach(({ a, b, state, hot }, k) => {
-      const text = state === MIXED || (state === 0 && !hot && bits.width === 1) ? "" : stateWords(bits, state);
+      const text = state === MIXED || (state === 0 && !hot && bits.width === 1) ? "" : bitStateWords(bits, state);
       const width = x.measureText(text).width;
       // the text of a fault is on its own colour if there is room, else after it; never on the next one's colour
       const inside = b - Math.max(a + 7, free) >= width + 5;

@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { Dialog } from "../ui/dialog";
 import type { PlotSpec } from "./plot-selection";
-import { rangeOf } from "./y-axis";
+import { typedRange } from "./y-axis";
 import { setYAxis } from "./y-gutter";
 import { TEXT } from "../texts/plots";
 
@@ -38,7 +38,7 @@ function Form({ viewState, plot, range }: Props) {
   const problem = useSignal("");
   const close = (): void => void (viewState.yAxisForm.value = undefined);
   const apply = (): void => {
-    const found = rangeOf(low.value, high.value);
+    const found = typedRange(low.value, high.value);
     if (found === "number") problem.value = TEXT.notANumber;
     else if (found === "order") problem.value = TEXT.wrongOrder(low.value, high.value);
     else if (isLog.value && found[0] <= 0) problem.value = TEXT.logNeedsPositive(low.value);

@@ -9,7 +9,7 @@ import { giveSizes } from "../testing/live-page";
 import { feed, recorded } from "../testing/recorded";
 import type { Panel } from "../ui/dom";
 import { mountStack } from "./plot-stack";
-import { isLogarithmic, logTicks, rangeOf, shifted, zoomed } from "./y-axis";
+import { isLogarithmic, logTicks, typedRange, shifted, zoomed } from "./y-axis";
 import { YAxisDialog } from "./y-axis-dialog";
 
 describe("the arithmetic", () => {
@@ -27,8 +27,8 @@ describe("the arithmetic", () => {
   });
 
   it("reads ranges with any minus and decimal sign", () => {
-    expect(rangeOf("−2,5", " 3e2")).toEqual([-2.5, 300]);
-    expect([rangeOf("", "3"), rangeOf("a", "3"), rangeOf("3", "3")]).toEqual(["number", "number", "order"]);
+    expect(typedRange("−2,5", " 3e2")).toEqual([-2.5, 300]);
+    expect([typedRange("", "3"), typedRange("a", "3"), typedRange("3", "3")]).toEqual(["number", "number", "order"]);
   });
 
   it("is logarithmic only while all values and the range are positive", () => {

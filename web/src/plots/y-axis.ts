@@ -38,7 +38,7 @@ function usable(next: YRange, now: YRange): YRange {
 }
 
 /** The axis with a range that is typed; a text says what is wrong with it. */
-export function rangeOf(low: string, high: string): YRange | "number" | "order" {
+export function typedRange(low: string, high: string): YRange | "number" | "order" {
   const [a, b] = [low, high].map((text) => {
     const plain = text.trim().replace("−", "-").replace(",", ".");
     return plain === "" ? NaN : Number(plain);

@@ -1,5 +1,5 @@
 /** The routes of the library and of a recording, a function each. */
-import { addressOf, type Outcome, type Problem, problemOf, request, respond } from "../ui/http";
+import { addressOf, type Outcome, type HttpProblem, problemOf, request, respond } from "../ui/http";
 import type { ColumnStatistics, EvidenceRequest, HealthHistory } from "../wire/routes";
 import type { StatisticsRequest } from "./statistics-feed";
 import type {
@@ -26,7 +26,7 @@ export interface WindowQuery {
   readonly channels: readonly number[];
 }
 
-export const server = {
+export const recordingsApi = {
   list: (q = "") => request("GET /api/recordings", { query: q ? { q } : {} }),
   /** State of the uploads to the store. */
   uploads: () => request("GET /api/uploads"),
@@ -82,7 +82,7 @@ export async function fetchWindow(
   recording: string,
   { t0, t1, width, base, channels }: WindowQuery,
   signal: AbortSignal,
-): Promise<WindowAnswer | Problem> {
+): Promise<WindowAnswer | HttpProblem> {
   const query = { t0, t1, width, base, channels: channels.join(","), partial: true };
   const answer = await respond("GET /api/recordings/{recording}/window", { path: { recording }, query, signal });
   if (!(answer instanceof Response)) return answer;

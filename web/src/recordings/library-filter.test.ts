@@ -8,10 +8,10 @@ import {
   heardIn,
   withReceiving,
   length,
-  matches,
+  recordingMatches,
   messagesOf,
-  tally,
-  titleOf,
+  countedValues,
+  recordingTitle,
 } from "./library-filter";
 import type { RecordingDetail, RecordingInfo } from "./types";
 
@@ -51,8 +51,8 @@ const all = { category: "all", device: "", tag: "", query: "" } as const;
 
 it("finds by any words of title, notes, tags, devices and date", () => {
   for (const query of ["yard", "LAPS three", "04f9", "mti-630 yard", "21 nov", "2025-11-21", ""])
-    expect(matches(one(), query), query).toBe(true);
-  expect(matches(one(), "yard crane")).toBe(false);
+    expect(recordingMatches(one(), query), query).toBe(true);
+  expect(recordingMatches(one(), "yard crane")).toBe(false);
 });
 
 it("separates deleted recordings", () => {
@@ -81,18 +81,18 @@ it("writes lengths and sizes", () => {
     "00:59.999",
   ]);
   expect(bytes(154.3e6)).toEqual({ value: "154.3", unit: "MB" });
-  expect(tally(["a", "b", "b"])).toEqual([
+  expect(countedValues(["a", "b", "b"])).toEqual([
     ["b", 2],
     ["a", 1],
   ]);
 });
 
 it("names an untitled recording after its devices", () => {
-  expect([titleOf(one()), titleOf(one({ title: "" })), titleOf(one({ title: "a", devices: [] }))]).toEqual([
-    "Yard loop",
-    "MTi-630",
-    "a",
-  ]);
+  expect([
+    recordingTitle(one()),
+    recordingTitle(one({ title: "" })),
+    recordingTitle(one({ title: "a", devices: [] })),
+  ]).toEqual(["Yard loop", "MTi-630", "a"]);
 });
 
 it("shows no message count before it is known", () => {
@@ -113,7 +113,7 @@ it("a device without data is in no recording name and no filter", () => {
     rejects: 0,
   };
   const info = one({ title: "", devices: [...one().devices, silent] });
-  expect(titleOf(withReceiving(info))).toBe("MTi-630");
+  expect(recordingTitle(withReceiving(info))).toBe("MTi-630");
   expect(withReceiving(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
   expect(withReceiving(one({ devices: [silent] })).devices).toHaveLength(1); // a recording without data keeps its only device
   const detail = {

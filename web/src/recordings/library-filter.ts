@@ -54,7 +54,7 @@ export function inCategory(info: RecordingInfo, category: Category): boolean {
 }
 
 /** Selected filters and the search text. */
-export interface Choice {
+export interface LibraryChoice {
   readonly category: Category;
   /** A name of `deviceName`, or "" for any. */
   readonly device: string;
@@ -69,13 +69,13 @@ export function deviceName({ name, product, serial_number: serial }: RecordingIn
 }
 
 /** Title of a recording; an untitled one is named by its devices, with its date beside it. */
-export function titleOf({ title, id, devices }: Pick<RecordingInfo, "title" | "id" | "devices">): string {
+export function recordingTitle({ title, id, devices }: Pick<RecordingInfo, "title" | "id" | "devices">): string {
   if (title !== "" && title !== id) return title;
   return [...new Set(devices.map(({ name, product }) => name || product))].join(" + ") || id;
 }
 
 /** Whether every typed word occurs in its metadata. */
-export function matches(info: RecordingInfo, query: string): boolean {
+export function recordingMatches(info: RecordingInfo, query: string): boolean {
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);
   if (words.length === 0) return true;
   const devices = info.devices.flatMap((one) => [one.name, one.product, one.serial_number, one.protocol]);
@@ -95,19 +95,19 @@ export function matches(info: RecordingInfo, query: string): boolean {
 
 export function chosen(
   all: readonly RecordingInfo[],
-  { category, device, tag, query }: Choice,
+  { category, device, tag, query }: LibraryChoice,
 ): readonly RecordingInfo[] {
   return all.filter(
     (info) =>
       inCategory(info, category) &&
       (device === "" || info.devices.some((one) => deviceName(one) === device)) &&
       (tag === "" || info.tags.includes(tag)) &&
-      matches(info, query),
+      recordingMatches(info, query),
   );
 }
 
 /** How often each value occurs, most often first. */
-export function tally(values: readonly string[]): readonly (readonly [string, number])[] {
+export function countedValues(values: readonly string[]): readonly (readonly [string, number])[] {
   const counts = new Map<string, number>();
   for (const value of values) counts.set(value, (counts.get(value) ?? 0) + 1);
   return [...counts].sort(([a, m], [b, n]) => n - m || a.localeCompare(b));

@@ -9,7 +9,7 @@ import type { CustomPlot } from "../data/view-state";
 import { href } from "../pages/route";
 import { plotsOfWords, plotWord } from "../signals/custom-plots";
 
-export interface Place {
+export interface LinkedPlace {
   readonly t0?: number;
   readonly t1?: number;
   /** Length of a window that follows the newest sample, s. */
@@ -34,7 +34,7 @@ export interface Place {
 const DIGITS = 4;
 const FRAMES: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 
-export function readPlace(query: string): Place {
+export function readPlace(query: string): LinkedPlace {
   const given = new URLSearchParams(query);
   const time = (name: string): number | undefined => {
     const value = Number(given.get(name) ?? NaN);
@@ -82,7 +82,7 @@ function safely(read: () => readonly string[]): readonly string[] {
 }
 
 /** The query part of a link to a place. */
-export function placeQuery(place: Place): string {
+export function placeQuery(place: LinkedPlace): string {
   const given = new URLSearchParams();
   const time = (name: string, value: number | undefined): void => {
     if (value !== undefined) given.set(name, value.toFixed(DIGITS));
@@ -105,18 +105,21 @@ export function placeQuery(place: Place): string {
 }
 
 /** The hash of a link to a place in a recording. */
-export function placeHref(id: string, place: Place): string {
+export function placeHref(id: string, place: LinkedPlace): string {
   const query = placeQuery(place);
   return href("recordings", id) + (query ? `?${query}` : "");
 }
 
 /** The part of the hidden series stored in a link: norms are hidden by default, so their shown ones are listed. */
-export function seriesOf(hidden: ReadonlySet<string>, norms: ReadonlySet<string>): Pick<Place, "hide" | "show"> {
+export function seriesOf(hidden: ReadonlySet<string>, norms: ReadonlySet<string>): Pick<LinkedPlace, "hide" | "show"> {
   return { hide: [...hidden].filter((key) => !norms.has(key)), show: [...norms].filter((key) => !hidden.has(key)) };
 }
 
 /** The hidden series of a link. Norms that it shows count as known, so that they are not hidden when first seen. */
-export function takeSeries({ hide, show }: Pick<Place, "hide" | "show">, norms: Set<string>): ReadonlySet<string> {
+export function takeSeries(
+  { hide, show }: Pick<LinkedPlace, "hide" | "show">,
+  norms: Set<string>,
+): ReadonlySet<string> {
   for (const key of show) norms.add(key);
   return new Set([...hide, ...[...norms].filter((key) => !show.includes(key))]);
 }

@@ -11,7 +11,7 @@
 import type { Outcome } from "../ui/http";
 import { heardIn } from "./library-filter";
 import { VisibleRange } from "./visible-range";
-import { isOpening, server } from "./api";
+import { isOpening, recordingsApi } from "./api";
 import type { OpeningState, RecordingDetail, RecordingInfo } from "./types";
 
 /** A pointer passing over a list rests for less than this, ms. */
@@ -33,7 +33,7 @@ interface Prepared {
 
 /** Everything about a recording except its samples. */
 export async function detailOf(id: string): Promise<Answer["outcome"]> {
-  const outcome = await server.detail(id);
+  const outcome = await recordingsApi.detail(id);
   return outcome.ok && !isOpening(outcome.value) ? { ok: true, value: heardIn(outcome.value) } : outcome;
 }
 

@@ -15,16 +15,16 @@ import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
 import { RecentHealth } from "../panels/health-history";
-import { type Reading, readingAt } from "../panels/cursor-time";
+import { type CursorReading, readingAt } from "../panels/cursor-time";
 import type { SampleAccess } from "../measure/sample-access";
 import type { Deps } from "../panels/panel-context";
-import type { Problem } from "../ui/http";
-import { type Place, seriesOf, takeSeries } from "./permalink";
+import type { HttpProblem } from "../ui/http";
+import { type LinkedPlace, seriesOf, takeSeries } from "./permalink";
 import { HealthHistoryFeed, minuteAt } from "./health-history";
 import { healthAt, lostAfter, until } from "./health-at";
 import { advance, begin, followed, type Playing } from "./playback";
 import { ReplayStore } from "./replay-store";
-import { VisibleRange, type Shown } from "./visible-range";
+import { VisibleRange, type ShownChannels } from "./visible-range";
 import { changedStats, StatisticsFeed } from "./statistics-feed";
 import type { DeviceInfo } from "../wire/types";
 import type { Bounds } from "./time-range";
@@ -52,7 +52,7 @@ export class ReplayController {
   readonly loop = signal<readonly [number, number] | undefined>(undefined);
   readonly looping = signal(false);
   readonly follow = signal(true);
-  readonly problem: Signal<Problem | undefined>;
+  readonly problem: Signal<HttpProblem | undefined>;
   /** Decoded fraction, 0..1. */
   readonly progress = signal(1);
   /** Reading position, unix s. Changes with every frame: not a signal. */
@@ -70,7 +70,7 @@ export class ReplayController {
   /** @param screen of this recording, if prefetched */
   constructor(
     readonly detail: RecordingDetail,
-    place: Place,
+    place: LinkedPlace,
     readonly viewState: ViewState,
     screen = new VisibleRange(detail),
   ) {
@@ -83,7 +83,7 @@ export class ReplayController {
     this.far = new ReplayStore(detail, () => this.head);
     this.#history = new HealthHistoryFeed(detail.info.id, this.bounds);
     this.#statistics = new StatisticsFeed(detail.info.id);
-    const onProblem = (problem: Problem): void => void (this.problem.value = problem);
+    const onProblem = (problem: HttpProblem): void => void (this.problem.value = problem);
     this.#read = new Vicinity(detail, this.near, this.bounds, onProblem);
     this.#measured = new Vicinity(detail, this.far, this.bounds, onProblem);
     this.#unframe = effect(() =>
@@ -128,7 +128,7 @@ export class ReplayController {
     return this.#screen.has(this.#shown);
   }
 
-  get #shown(): Shown {
+  get #shown(): ShownChannels {
     const { end, span, device, timeBase: base } = this.viewState.view.peek();
     return {
       device,
@@ -142,7 +142,7 @@ export class ReplayController {
   }
 
   /** Show a place; by default the whole recording and its first device. */
-  go(place: Place): void {
+  go(place: LinkedPlace): void {
     const { first, last } = this.bounds;
     const known = this.detail.devices.some(({ id }) => id === place.device);
     const device = known ? place.device : this.detail.devices[0]?.id;
@@ -199,7 +199,7 @@ export class ReplayController {
   }
 
   /** Content of a link to the view. */
-  place(): Place {
+  place(): LinkedPlace {
     const { end, span, device, timeBase } = this.viewState.view.peek();
     const loop = this.loop.peek();
     return {
@@ -314,7 +314,7 @@ export class ReplayController {
   }
 
   /** Statistics of the window: from its samples if all are loaded, else from the server. */
-  #statisticsOf(channel: Channel, column: number, { from, to }: Reading): Stats | undefined {
+  #statisticsOf(channel: Channel, column: number, { from, to }: CursorReading): Stats | undefined {
     const base = this.viewState.view.peek().timeBase;
     const ring = this.#every(channel, from, to);
     if (ring) return ring.stats(column, from, to, base);

@@ -2,7 +2,7 @@
  * Statistics of a window whose samples the page holds only summarised. The server counts them all (recordings/statistics.py); one
  * answer is held, for all channels of the selected device, and is valid for windows that hardly differ from its own.
  */
-import { type Row, valueOf } from "../data/frames";
+import { type MatrixRow, inFrame } from "../data/frames";
 import type { Stats } from "../data/statistics";
 import type { TimeBase } from "../data/view-state";
 import type { ColumnStatistics } from "../wire/routes";
@@ -106,7 +106,7 @@ export class StatisticsFeed {
  * extremes only if the column is one of the others, possibly with another sign or reference direction.
  */
 export function changedStats(
-  row: Row | undefined,
+  row: MatrixRow | undefined,
   column: number,
   period: number,
   of: (column: number) => Stats | undefined,
@@ -114,7 +114,7 @@ export function changedStats(
   if (row === undefined) return of(column);
   const parts = row.terms.map(([from]) => of(from));
   if (!parts.every((part) => part !== undefined)) return undefined;
-  const mean = valueOf(row, (from) => of(from)!.mean, period);
+  const mean = inFrame(row, (from) => of(from)!.mean, period);
   const [only] = parts;
   const factor = row.terms[0]?.[1] ?? 1;
   if (parts.length !== 1 || only === undefined) return { n: parts[0]?.n ?? 0, mean, sigma: NaN, min: NaN, max: NaN };

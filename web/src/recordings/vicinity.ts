@@ -5,7 +5,7 @@
  *               └─ no ──▶ one WindowFetcher for each group of channels (`nearOf`) ──▶ GET …/window ──▶ store
  */
 import type { TimeBase } from "../data/view-state";
-import type { Problem } from "../ui/http";
+import type { HttpProblem } from "../ui/http";
 import { WindowFetcher } from "./window-fetcher";
 import type { ReplayStore } from "./replay-store";
 import { type Bounds, type Near, nearOf } from "./time-range";
@@ -21,7 +21,7 @@ const PATIENCE_MS = 400;
 const LONGEST_LEAD_S = 0.5;
 
 /** Reading position, its clock, and recorded seconds per second. */
-export interface Moment {
+interface Moment {
   /** The selected device, and those of other signals on screen. */
   readonly devices: readonly string[];
   readonly time: number;
@@ -47,7 +47,7 @@ export class Vicinity {
     readonly store: ReplayStore,
     readonly bounds: Bounds,
     /** Called with problems. */
-    readonly onProblem: (problem: Problem) => void,
+    readonly onProblem: (problem: HttpProblem) => void,
   ) {}
 
   /** Load the samples around a moment; call it every frame, `now` in ms. */
@@ -119,7 +119,7 @@ export class Vicinity {
     this.#devices = devices.join("\n");
     this.dispose();
     const own = this.detail.channels.filter((info) => devices.includes(info.device));
-    const onProblem = (problem: Problem | undefined): void => {
+    const onProblem = (problem: HttpProblem | undefined): void => {
       if (problem) this.onProblem(problem);
     };
     this.#around = nearOf(own, this.detail.longest_s).map((near) => ({

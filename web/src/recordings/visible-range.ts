@@ -10,10 +10,10 @@ import { signal } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { CustomPlot, TimeBase } from "../data/view-state";
 import { protocolAmong } from "../wire/capabilities";
-import { plotsOf } from "../plots/plot-selection";
+import { usualPlots } from "../plots/plot-selection";
 import { withCustomPlots } from "../signals/custom-plots";
-import type { Problem } from "../ui/http";
-import { WindowFetcher, type Held } from "./window-fetcher";
+import type { HttpProblem } from "../ui/http";
+import { WindowFetcher, type HeldWindow } from "./window-fetcher";
 import { ReplayStore } from "./replay-store";
 import { type Bounds, isEnough, stretchFor } from "./time-range";
 import type { RecordingDetail } from "./types";
@@ -21,7 +21,7 @@ import type { RecordingDetail } from "./types";
 /** Usual width of plots before it is known, px. */
 const USUAL_PX = 1200;
 
-export interface Shown {
+export interface ShownChannels {
   readonly device: string | undefined;
   readonly t0: number;
   readonly t1: number;
@@ -41,7 +41,7 @@ export class VisibleRange {
   readonly store: ReplayStore;
   readonly bounds: Bounds;
   /** Problem of the last answer. */
-  readonly problem = signal<Problem | undefined>(undefined);
+  readonly problem = signal<HttpProblem | undefined>(undefined);
   readonly #fetcher: WindowFetcher;
   #chosen:
     | {
@@ -68,7 +68,7 @@ export class VisibleRange {
     VisibleRange.#lastPixels = width;
   }
 
-  get held(): Held | undefined {
+  get held(): HeldWindow | undefined {
     return this.#fetcher.held;
   }
 
@@ -78,7 +78,7 @@ export class VisibleRange {
   }
 
   /** The initial view of a recording opened without a place. */
-  whole(extraPlots: ReadonlySet<string>): Shown {
+  whole(extraPlots: ReadonlySet<string>): ShownChannels {
     return {
       device: this.detail.devices[0]?.id,
       t0: this.bounds.first,
@@ -91,7 +91,7 @@ export class VisibleRange {
   }
 
   /** Whether the samples of this window are loaded at screen resolution. */
-  has(shown: Shown): boolean {
+  has(shown: ShownChannels): boolean {
     const { t0, t1, base, speed } = shown;
     const { held } = this.#fetcher;
     return (
@@ -102,7 +102,7 @@ export class VisibleRange {
   }
 
   /** Load them, unless they are loaded. */
-  want(shown: Shown): void {
+  want(shown: ShownChannels): void {
     if (this.has(shown)) return;
     const { t0, t1, base, speed } = shown;
     const channels = this.#channels(shown);
@@ -120,14 +120,14 @@ export class VisibleRange {
   }
 
   /** Channels of the plots on screen, of the status words under them, and of the position. */
-  #channels({ device, extraPlots, customPlots }: Shown): readonly number[] {
+  #channels({ device, extraPlots, customPlots }: ShownChannels): readonly number[] {
     const from = this.store.channels.peek();
     const known = this.#chosen;
     const isSame = known?.from === from && known.device === device;
     if (isSame && known.extraPlots === extraPlots && known.customPlots === customPlots) return known.ids;
     const own = from.filter(({ info }) => info.device === device);
     const protocol = protocolAmong(this.store.devices.peek(), device);
-    const chosen = plotsOf(own, protocol?.plots).filter(({ primary, key }) => primary !== extraPlots.has(key));
+    const chosen = usualPlots(own, protocol?.plots).filter(({ primary, key }) => primary !== extraPlots.has(key));
     const shown = withCustomPlots(chosen, customPlots, from, device);
     const ids = shown.flatMap(({ series }) => series.map(({ channel }) => channel.info.id));
     const status = own.filter(({ info }) => info.kind === "status").map(({ info }) => info.id);

@@ -3,7 +3,7 @@
  * answer the newest one is requested. The screen always shows the newest answer.
  */
 import { decode } from "../wire/codec";
-import type { Problem } from "../ui/http";
+import type { HttpProblem } from "../ui/http";
 import type { ReplayStore } from "./replay-store";
 import { fetchWindow } from "./api";
 import type { Stretch } from "./time-range";
@@ -13,7 +13,7 @@ import { TEXT } from "../texts/recordings";
 /** Wait after a refusal before the same is requested again, ms. */
 const PATIENCE_MS = 1500;
 
-const OFFLINE: Problem = {
+const OFFLINE: HttpProblem = {
   kind: "offline",
   message: COMMON.serverSilent,
   hint: TEXT.showingEarlier,
@@ -27,12 +27,12 @@ export interface FetchRequest {
   readonly base: "device" | "arrival";
 }
 
-export interface Held extends FetchRequest {
+export interface HeldWindow extends FetchRequest {
   readonly exact: boolean;
 }
 
 export class WindowFetcher {
-  held: Held | undefined;
+  held: HeldWindow | undefined;
   /** Duration of the last request until its samples were in their rings, ms. */
   took = NaN;
   readonly #stop = new AbortController();
@@ -43,7 +43,7 @@ export class WindowFetcher {
     readonly recording: string,
     readonly store: ReplayStore,
     /** Called after every answer with its problem, or undefined. */
-    readonly onProblem: (problem: Problem | undefined) => void,
+    readonly onProblem: (problem: HttpProblem | undefined) => void,
   ) {}
 
   /** Whether this matches the held data, apart from the range. */
@@ -92,7 +92,7 @@ export class WindowFetcher {
     }
   }
 
-  #refused(problem: Problem): void {
+  #refused(problem: HttpProblem): void {
     this.#notBefore = performance.now() + PATIENCE_MS;
     this.onProblem(problem);
   }

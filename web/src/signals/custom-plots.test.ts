@@ -2,7 +2,7 @@
 import { expect, test } from "vitest";
 import type { Channel } from "../data/channels";
 import type { CustomPlot } from "../data/view-state";
-import { rowsOf } from "../plots/legend";
+import { legendRows } from "../plots/legend";
 import { labelOf, type PlotSpec } from "../plots/plot-selection";
 import { placeQuery, readPlace } from "../recordings/permalink";
 import { added, heldOf, misfit, removed, withCustomPlots } from "./custom-plots";
@@ -79,7 +79,7 @@ test("rows of two devices tell the device and the axis where names were cut to o
   ]);
   expect(labelOf(plot.series[4]!)).toBe("Temperature #2");
   expect(plot.series.map(({ dash }) => dash.length > 0)).toEqual([false, false, true, true, true]);
-  expect(rowsOf(plot)).toBe(6); // the plot grows with them
+  expect(legendRows(plot)).toBe(6); // the plot grows with them
 });
 
 test("a signal is added once, and the last one removed takes the plot away", () => {

@@ -35,7 +35,7 @@ export function plottable({ info }: Channel): readonly number[] {
   return info.kind === "table" ? [] : info.columns.flatMap(({ bits }, c) => (bits.length === 0 ? [c] : []));
 }
 
-export function refOf({ info }: Channel, column: number): SignalRef {
+export function signalRef({ info }: Channel, column: number): SignalRef {
   return { device: info.device, channel: info.name, column: info.columns[column]?.name ?? "" };
 }
 

@@ -9,14 +9,24 @@ import type { CustomPlot } from "../data/view-state";
 import { Slot } from "../extension";
 import { type Deps, reading } from "../panels/panel-context";
 import { protocolAmong } from "../wire/capabilities";
-import { type PlotSpec, plotsOf } from "../plots/plot-selection";
+import { type PlotSpec, usualPlots } from "../plots/plot-selection";
 import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/signals";
-import { added, heldOf, misfit, refOf, removed, type Target, targetOf, unitOf, withCustomPlots } from "./custom-plots";
+import {
+  added,
+  heldOf,
+  misfit,
+  signalRef,
+  removed,
+  type Target,
+  targetOf,
+  unitOf,
+  withCustomPlots,
+} from "./custom-plots";
 import { listenForDrops } from "./drag";
-import { Row } from "./row";
+import { SignalRow } from "./row";
 import { parentOf, type TreeRow, treeRows } from "./tree-rows";
 import "./signals.css";
 
@@ -42,7 +52,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   const plots = useComputed(() => {
     const device = viewState.device.value;
     const own = store.channels.value.filter(({ info }) => info.device === device);
-    const all = plotsOf(own, protocolAmong(store.devices.value, device)?.plots);
+    const all = usualPlots(own, protocolAmong(store.devices.value, device)?.plots);
     const shown = all.filter(({ primary, key }) => primary !== extraPlots.value.has(key));
     return withCustomPlots(shown, customPlots.value, store.channels.value, device);
   });
@@ -119,7 +129,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         open={open}
         onEnter={() => root.current?.querySelector<HTMLElement>(".signal-targets button")?.focus()}
         row={(row, isTabStop, onKey) => (
-          <Row
+          <SignalRow
             key={row.key}
             row={row}
             at={at}
@@ -256,7 +266,7 @@ const toggled = (open: ReadonlySet<string>, key: string): ReadonlySet<string> =>
 function refsOf({ channel, columns }: TreeRow) {
   if (!channel) return [];
   const plain = columns.filter((c) => columns.length === 1 || channel.info.columns[c]?.name !== "norm");
-  return plain.map((c) => refOf(channel, c));
+  return plain.map((c) => signalRef(channel, c));
 }
 
 function unitsOf({ channel, columns }: TreeRow): readonly string[] {

@@ -1,5 +1,5 @@
 /** A row of the tree of signals: name, rate and frame, the last seconds, the newest value with its unit, and a button that plots it. */
-import type { Reading } from "../panels/cursor-time";
+import type { CursorReading } from "../panels/cursor-time";
 import { sampleAt } from "../panels/panel-context";
 import { decimalsOf, number, rate } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
@@ -12,7 +12,7 @@ const SPARK = { width: 64, height: 18, intervals: 40, seconds: 10 };
 
 interface Props {
   readonly row: TreeRow;
-  readonly at: Reading;
+  readonly at: CursorReading;
   readonly isCurrent: boolean;
   readonly isTabStop: boolean;
   readonly onFold: () => void;
@@ -21,7 +21,7 @@ interface Props {
   readonly onKey: (event: KeyboardEvent) => void;
 }
 
-export function Row({ row, at, isCurrent, isTabStop, onFold, onChoose, onPlot, onKey }: Props) {
+export function SignalRow({ row, at, isCurrent, isTabStop, onFold, onChoose, onPlot, onKey }: Props) {
   const { key, level, name, channel, columns, open } = row;
   const isSignal = channel !== undefined && columns.length > 0;
   const about = aboutOf(row);
@@ -96,7 +96,7 @@ function aboutOf({ channel, level }: TreeRow): string {
 }
 
 /** The newest value of a signal; of several together their unit only. */
-function valueOf({ channel, columns }: TreeRow, at: Reading): { readonly value: string; readonly unit: string } {
+function valueOf({ channel, columns }: TreeRow, at: CursorReading): { readonly value: string; readonly unit: string } {
   const [column = 0] = columns;
   const info = channel?.info.columns[column];
   if (!channel || !info) return { value: "", unit: "" };
@@ -108,7 +108,7 @@ function valueOf({ channel, columns }: TreeRow, at: Reading): { readonly value: 
 
 interface SparkProps {
   readonly row: TreeRow;
-  readonly at: Reading;
+  readonly at: CursorReading;
 }
 
 function Spark({ row: { channel, columns }, at }: SparkProps) {

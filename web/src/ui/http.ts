@@ -6,21 +6,23 @@ import { COMMON } from "../texts/common";
 import { serverRoot } from "./server-place";
 
 /** The only shape of errors: what went wrong, and what to do next. */
-export interface Problem extends ProblemBody {
+export interface HttpProblem extends ProblemBody {
   /** The HTTP status; 0 without an answer. */
   readonly status: number;
 }
 
 /** Whether the server is reachable but refuses this page. */
-export function isRefusal(problem: Problem): boolean {
+export function isRefusal(problem: HttpProblem): boolean {
   return problem.status === 401 || problem.status === 403;
 }
 
-export type Outcome<T> = { readonly ok: true; readonly value: T } | { readonly ok: false; readonly problem: Problem };
+export type Outcome<T> =
+  | { readonly ok: true; readonly value: T }
+  | { readonly ok: false; readonly problem: HttpProblem };
 
 /** A method and a path as the server's OpenAPI document writes them: "POST /api/devices/{device}/retry". */
-export type Route = keyof Routes;
-export type Answer<R extends Route> = Routes[R]["answer"];
+type Route = keyof Routes;
+type Answer<R extends Route> = Routes[R]["answer"];
 
 /** Input of a route: path, query and body, as far as it has them. */
 type Input<R extends Route> = Omit<Routes[R], "answer">;
@@ -68,7 +70,7 @@ export async function request<R extends Route>(route: R, ...input: Arguments<R, 
   return { ok: true, value: (isJson ? parse(text) : text === "" ? undefined : text) as Answer<R> };
 }
 
-const UNREACHED: Problem = {
+const UNREACHED: HttpProblem = {
   kind: "offline",
   message: COMMON.serverSilent,
   hint: COMMON.serverSilentHint,
@@ -79,7 +81,7 @@ const UNREACHED: Problem = {
 export async function respond<R extends Route>(
   route: R,
   ...[input]: Arguments<R, Cancel>
-): Promise<Response | Problem> {
+): Promise<Response | HttpProblem> {
   const parts = (input ?? {}) as Parts;
   const method = route.slice(0, route.indexOf(" "));
   // the server requires JSON for every change, so that no form of another page can make one
@@ -111,8 +113,8 @@ function parse(text: string): unknown {
 }
 
 /** The problem in an answer. */
-export function problemOf(value: unknown, status: number): Problem {
-  const given = (value ?? {}) as Partial<Record<keyof Problem, unknown>>;
+export function problemOf(value: unknown, status: number): HttpProblem {
+  const given = (value ?? {}) as Partial<Record<keyof HttpProblem, unknown>>;
   const words = (key: "kind" | "message" | "hint", other: string): string => {
     const text = given[key];
     return typeof text === "string" && text !== "" ? text : other;

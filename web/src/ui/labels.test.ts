@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { ChannelInfo } from "../wire/types";
-import { choiceWords, titlesOf, words } from "./labels";
+import { choiceWords, titlesOf, labelWords } from "./labels";
 
 describe("texts", () => {
   it("writes names as in the documents", () => {
@@ -22,10 +22,10 @@ describe("texts", () => {
       "RTK position valid",
       "X",
     ];
-    expect(names.map(words).map((text) => text.toLowerCase())).toEqual(said.map((text) => text.toLowerCase()));
+    expect(names.map(labelWords).map((text) => text.toLowerCase())).toEqual(said.map((text) => text.toLowerCase()));
   });
   it("writes abbreviations in their usual case", () => {
-    expect(["RtkStatus", "GnssFix", "Selftest", "insStatus"].map(words)).toEqual([
+    expect(["RtkStatus", "GnssFix", "Selftest", "insStatus"].map(labelWords)).toEqual([
       "RTK status",
       "GNSS fix",
       "Self-test",
@@ -33,7 +33,7 @@ describe("texts", () => {
     ]);
   });
   it("uses the usual names of satellite systems", () => {
-    expect(["GPS", "QZS", "GAL", "BDS", "GLO", "SBS"].map(words)).toEqual([
+    expect(["GPS", "QZS", "GAL", "BDS", "GLO", "SBS"].map(labelWords)).toEqual([
       "GPS",
       "QZSS",
       "Galileo",

@@ -72,7 +72,7 @@ function constantWords(name: string): string {
 }
 
 /** A name as words, starting with a capital if it is a constant. */
-export function words(name: string): string {
+export function labelWords(name: string): string {
   if (/\s/.test(name)) return name;
   if (CONSTANT.test(name) && name.length > 1) {
     const text = constantWords(name);

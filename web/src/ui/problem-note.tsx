@@ -1,8 +1,8 @@
 /** A failed request in a dialog: what went wrong, and what to do next. */
-import type { Problem } from "./http";
+import type { HttpProblem } from "./http";
 import { Message } from "./message";
 
-export function ProblemNote({ problem }: { readonly problem: Pick<Problem, "message" | "hint"> }) {
+export function ProblemNote({ problem }: { readonly problem: Pick<HttpProblem, "message" | "hint"> }) {
   return (
     <div class="problem" role="alert">
       <b>

@@ -11,13 +11,13 @@ import {
   maximise,
   moveBy,
   moveTo,
-  type Placed,
+  type PanelPlacement,
   setHeight,
   setSize,
   show,
 } from "./layout";
 
-const panel = (id: string, where: string, optional = false): Placed => ({ id, where, optional });
+const panel = (id: string, where: string, optional = false): PanelPlacement => ({ id, where, optional });
 const ALL = [
   panel("attitude", "main"),
   panel("plots", "main"),
@@ -26,7 +26,14 @@ const ALL = [
   panel("health", "below"),
   panel("events", "below"),
 ];
-const [attitude, , analysis, values, , events] = ALL as [Placed, Placed, Placed, Placed, Placed, Placed];
+const [attitude, , analysis, values, , events] = ALL as [
+  PanelPlacement,
+  PanelPlacement,
+  PanelPlacement,
+  PanelPlacement,
+  PanelPlacement,
+  PanelPlacement,
+];
 const ids = (layout: Layout) => AREAS.map((area) => inArea(layout, area, ALL).map(({ id }) => id));
 const DEFAULT = [["attitude", "plots"], ["values"], ["health", "events"]];
 

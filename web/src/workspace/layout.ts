@@ -30,7 +30,7 @@ export interface Layout {
 }
 
 /** A panel as a layout sees it. */
-export interface Placed {
+export interface PanelPlacement {
   readonly id: string;
   readonly where: string;
   /** Shown on request only. */
@@ -42,12 +42,12 @@ export const DEFAULT_LAYOUT: Layout = { panels: {}, order: {} };
 export const SIDE_WIDTH = [240, 720] as const;
 export const HEIGHT = [60, 2000] as const;
 
-export const areaOf = ({ panels }: Layout, { id, where }: Placed): string => panels[id]?.area ?? where;
-export const isShown = ({ panels }: Layout, { id, optional }: Placed): boolean =>
+export const areaOf = ({ panels }: Layout, { id, where }: PanelPlacement): string => panels[id]?.area ?? where;
+export const isShown = ({ panels }: Layout, { id, optional }: PanelPlacement): boolean =>
   panels[id]?.shown ?? optional !== true;
 
 /** The panels of an area in order: as a person put them, then the others by default. @param all in their default order */
-export function inArea<T extends Placed>(layout: Layout, area: Area, all: readonly T[]): readonly T[] {
+export function inArea<T extends PanelPlacement>(layout: Layout, area: Area, all: readonly T[]): readonly T[] {
   const here = all.filter((panel) => areaOf(layout, panel) === area && isShown(layout, panel));
   const order = layout.order[area];
   if (order === undefined) return here;
@@ -69,13 +69,13 @@ function choose(
   return { ...layout, panels: Object.keys(choice).length > 0 ? { ...others, [id]: choice } : others };
 }
 
-export function show<T extends Placed>(layout: Layout, panel: T, shown: boolean): Layout {
+export function show<T extends PanelPlacement>(layout: Layout, panel: T, shown: boolean): Layout {
   const next = choose(layout, panel.id, { shown: shown === (panel.optional !== true) ? undefined : shown });
   return !shown && layout.maximised === panel.id ? maximise(next, undefined) : next;
 }
 
 /** Move a panel to place `at` of an area; default: its end. @param all in their default order */
-export function moveTo<T extends Placed>(
+export function moveTo<T extends PanelPlacement>(
   layout: Layout,
   panel: T,
   area: Area,
@@ -98,7 +98,7 @@ export function moveTo<T extends Placed>(
 }
 
 /** Move a panel by `steps` within its area. */
-export function moveBy<T extends Placed>(layout: Layout, panel: T, steps: number, all: readonly T[]): Layout {
+export function moveBy<T extends PanelPlacement>(layout: Layout, panel: T, steps: number, all: readonly T[]): Layout {
   const area = areaOf(layout, panel) as Area;
   const ids = inArea(layout, area, all).map(({ id }) => id);
   const to = ids.indexOf(panel.id) + steps;

@@ -1,7 +1,7 @@
 import { signal } from "@preact/signals";
 import { expect, it } from "vitest";
 import { createViewState } from "../data/view-state";
-import { type Place, placeQuery, readPlace } from "../recordings/permalink";
+import { type LinkedPlace, placeQuery, readPlace } from "../recordings/permalink";
 import {
   applyLinkText,
   linkTextOf,
@@ -115,7 +115,7 @@ it("a link holds what it does not name by itself, and one that was cut changes n
     if (text === undefined) continue;
     expect(applyLinkText(to, text.slice(0, -3))).toHaveLength(1);
     expect(linkTextOf(to)).toBe(text);
-    const place: Place = { hide: [], show: [], panels: [], workspace: text };
+    const place: LinkedPlace = { hide: [], show: [], panels: [], workspace: text };
     expect(readPlace(placeQuery(place)).workspace).toBe(text);
   }
 });

@@ -3,7 +3,7 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Slot } from "../extension";
 import { selected, type Deps } from "../panels/panel-context";
-import type { Problem } from "../ui/http";
+import type { HttpProblem } from "../ui/http";
 import { Icon } from "../ui/icons";
 import { ProblemNote } from "../ui/problem-note";
 import { protocolOf } from "../wire/capabilities";
@@ -19,7 +19,7 @@ interface Props {
 
 export function StoredSection({ session, deps }: Props) {
   const list = useSignal<WorkspaceList>({ workspaces: [], defaults: {} });
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const said = useSignal("");
   const refresh = async (): Promise<void> => {
     const outcome = await listWorkspaces();
@@ -29,7 +29,7 @@ export function StoredSection({ session, deps }: Props) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: read when the sheet is opened
   useEffect(() => void refresh(), []);
   /** Carry out a change; its problem, or the words of its success, stay on screen. */
-  const run = async (act: () => Promise<Problem | undefined>, done: string): Promise<void> => {
+  const run = async (act: () => Promise<HttpProblem | undefined>, done: string): Promise<void> => {
     problem.value = await act();
     said.value = problem.value ? "" : done;
     await refresh();
@@ -92,7 +92,7 @@ export function StoredSection({ session, deps }: Props) {
   );
 }
 
-type Run = (act: () => Promise<Problem | undefined>, done: string) => Promise<void>;
+type Run = (act: () => Promise<HttpProblem | undefined>, done: string) => Promise<void>;
 
 function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
   const text = useSignal("");

@@ -1,5 +1,5 @@
 /** Stored workspaces: on the server by name, as a file, and the last state of this browser. */
-import { type Outcome, type Problem, request } from "../ui/http";
+import { type Outcome, type HttpProblem, request } from "../ui/http";
 import type { WorkspaceList } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
 import { accompanied, takeCompanions } from "./companions";
@@ -12,7 +12,7 @@ const MAX_FILE = 256 * 1024;
 export const listWorkspaces = (): Promise<Outcome<WorkspaceList>> => request("GET /api/workspaces");
 
 /** Show the workspace of that name. */
-export async function openStored(session: WorkspaceSession, name: string): Promise<Problem | undefined> {
+export async function openStored(session: WorkspaceSession, name: string): Promise<HttpProblem | undefined> {
   const outcome = await request("GET /api/workspaces/{name}", { path: { name } });
   if (!outcome.ok) return outcome.problem;
   session.open(outcome.value.workspace);
@@ -27,7 +27,7 @@ export async function saveAs(
   devices: readonly DeviceInfo[],
   name: string,
   ifMatch: string | undefined,
-): Promise<Problem | undefined> {
+): Promise<HttpProblem | undefined> {
   const { workspace } = await accompanied(workspaceOf(session.view, withoutMoment), devices);
   const outcome = await request("PUT /api/workspaces/{name}", {
     path: { name },
@@ -39,7 +39,7 @@ export async function saveAs(
   return undefined;
 }
 
-export async function removeStored(session: WorkspaceSession): Promise<Problem | undefined> {
+export async function removeStored(session: WorkspaceSession): Promise<HttpProblem | undefined> {
   const current = session.current.peek();
   if (!current) return undefined;
   const { name, revision } = current;
@@ -50,7 +50,7 @@ export async function removeStored(session: WorkspaceSession): Promise<Problem |
 }
 
 /** Set or remove the workspace that devices of a family open with, for everyone. */
-export async function setDefault(family: string, name: string | null): Promise<Problem | undefined> {
+export async function setDefault(family: string, name: string | null): Promise<HttpProblem | undefined> {
   const outcome = await request("PUT /api/workspace-defaults/{family}", { path: { family }, body: { name } });
   return outcome.ok ? undefined : outcome.problem;
 }

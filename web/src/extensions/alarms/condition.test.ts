@@ -1,12 +1,12 @@
 /** The condition of an alarm that is made from a signal. */
 import { expect, test } from "vitest";
 import type { Channel } from "../../data/channels";
-import type { Reading } from "../../panels/cursor-time";
+import type { CursorReading } from "../../panels/cursor-time";
 import type { DeviceInfo } from "../../wire/types";
 import { alarmCondition, canAlarm, limitOf } from "./condition";
 import type { TreeRow } from "../../signals/tree-rows";
 
-const NOW: Reading = { time: Number.POSITIVE_INFINITY, word: "now", from: 0, to: 100, base: "device" };
+const NOW: CursorReading = { time: Number.POSITIVE_INFINITY, word: "now", from: 0, to: 100, base: "device" };
 
 /** A row of a channel whose sample i, of time i, has these values. */
 function row(names: readonly string[], samples: readonly (readonly number[])[], columns: readonly number[], id = 1) {
@@ -38,7 +38,7 @@ test("without a cursor the limit is a little above all values of the window", ()
 test("with a cursor it is the value there, on the side that is less usual", () => {
   expect(limitOf([1, 2, 3, 4, 5], 4.56789)).toEqual({ sign: ">", limit: 4.57 });
   expect(limitOf([1, 2, 3, 4, 5], 1.5)).toEqual({ sign: "<", limit: 1.5 });
-  const at: Reading = { ...NOW, word: "cursor", time: 1 };
+  const at: CursorReading = { ...NOW, word: "cursor", time: 1 };
   expect(alarmCondition(row(["x", "y", "z"], VECTOR, [1]), at)).toBe('"Free acceleration.y" > 6 m/s²');
   expect(alarmCondition(row(["value"], [[5], [1], [7]], [0]), at)).toBe('"Free acceleration" < 1 m/s²');
 });

@@ -1,5 +1,5 @@
 /** The condition of a new alarm on a signal, with a limit from the cursor or from what the window holds. Pure. */
-import type { Reading } from "../../panels/cursor-time";
+import type { CursorReading } from "../../panels/cursor-time";
 import { sampleAt } from "../../panels/panel-context";
 import { quoted } from "../../signals/names";
 import type { TreeRow } from "../../signals/tree-rows";
@@ -21,7 +21,7 @@ export function canAlarm({ channel, columns }: Signals): boolean {
  * A condition such as `norm(Acceleration) > 12 m/s²`. With a cursor its limit is the value there, on the side that is less usual in
  * the window; else it is a little above all values of the window.
  */
-export function alarmCondition(row: Signals, at: Reading): string {
+export function alarmCondition(row: Signals, at: CursorReading): string {
   const { channel, columns } = row;
   if (!channel) return "";
   const { info, ring } = channel;

@@ -3,14 +3,14 @@ import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { type Deps, selected } from "../../panels/panel-context";
 import { Dialog } from "../../ui/dialog";
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import { fullName } from "../../wire/device-name";
 import { protocolOf } from "../../wire/capabilities";
 import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../../wire/routes";
 import type { ChannelInfo, DeviceInfo } from "../../wire/types";
-import { ANY, definitionOf, fieldsOf, lastingName, nameOf, type Fields, type Figure } from "./fields";
-import { AlarmPreview, type PreviewPlace } from "./preview";
+import { ANY, definitionOf, fieldsOf, lastingName, alarmName, type AlarmFields, type HealthFigure } from "./fields";
+import { PreviewNote, type PreviewPlace } from "./preview";
 import { NumberField, RecordingChoice } from "./recording-choice";
 import type { App } from "../../pages/app-state";
 import { COMMON } from "../../texts/common";
@@ -37,9 +37,9 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   const device = draft.device ?? (over ? selected(over.deps) : app.device.value);
   const fields = useSignal(fieldsOf(draft, device));
   const checked = useSignal<{ readonly stamp: string; readonly found: AlarmCheck } | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const isRemoving = useSignal(false);
-  const set = (change: Partial<Fields>): void => {
+  const set = (change: Partial<AlarmFields>): void => {
     fields.value = { ...fields.peek(), ...change };
   };
   const definition = definitionOf(fields.value, draft.definition);
@@ -62,7 +62,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   // of what is in the form now, not of what was there before
   const check = checked.value?.stamp === stamp ? checked.value.found : undefined;
 
-  const done = (outcome: { readonly ok: true } | { readonly ok: false; readonly problem: Problem }): void => {
+  const done = (outcome: { readonly ok: true } | { readonly ok: false; readonly problem: HttpProblem }): void => {
     if (!outcome.ok) {
       problem.value = outcome.problem;
       return;
@@ -117,7 +117,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
             type="text"
             maxLength={80}
             value={fields.value.name}
-            placeholder={nameOf(fields.value)}
+            placeholder={alarmName(fields.value)}
             onInput={(event) => set({ name: event.currentTarget.value })}
           />
         </label>
@@ -132,7 +132,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
             {TEXT.level}
             <select
               value={fields.value.level}
-              onChange={(event) => set({ level: event.currentTarget.value as Fields["level"] })}
+              onChange={(event) => set({ level: event.currentTarget.value as AlarmFields["level"] })}
             >
               <option value="warning">{TEXT.levels.warning}</option>
               <option value="error">{TEXT.levels.error}</option>
@@ -177,7 +177,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
             onInput={(event) => set({ webhook: event.currentTarget.value })}
           />
         </label>
-        <AlarmPreview
+        <PreviewNote
           stamp={check?.valid === true ? stamp : undefined}
           source={over?.recording ?? device?.id}
           recorded={over && device && { device: device.id, show: over.show }}
@@ -203,8 +203,8 @@ export function AlarmDialog({ app, onClose, over }: Props) {
 }
 
 interface FieldProps {
-  readonly fields: Signal<Fields>;
-  readonly set: (change: Partial<Fields>) => void;
+  readonly fields: Signal<AlarmFields>;
+  readonly set: (change: Partial<AlarmFields>) => void;
   readonly channels: readonly ChannelInfo[];
   readonly check: AlarmCheck | undefined;
 }
@@ -217,8 +217,8 @@ function ConditionFields({ fields, set, channels, check }: FieldProps) {
       <div class="alarm-pair">
         <label>
           {TEXT.figure}
-          <select value={figure} onChange={(event) => set({ figure: event.currentTarget.value as Figure })}>
-            {(Object.keys(TEXT.figures) as Figure[]).map((name) => (
+          <select value={figure} onChange={(event) => set({ figure: event.currentTarget.value as HealthFigure })}>
+            {(Object.keys(TEXT.figures) as HealthFigure[]).map((name) => (
               <option key={name} value={name}>
                 {TEXT.figures[name]}
               </option>
@@ -305,7 +305,7 @@ function statusWords(
 }
 
 /** The first flag of a device, before one is chosen. */
-function firstFlag(channels: readonly ChannelInfo[]): Partial<Fields> {
+function firstFlag(channels: readonly ChannelInfo[]): Partial<AlarmFields> {
   const [first] = statusWords(channels);
   return first === undefined ? {} : { signal: first.name, flag: first.flags[0] ?? "" };
 }
@@ -355,8 +355,8 @@ function FlagFields({ fields, set, channels }: FieldProps) {
 }
 
 interface DeviceProps {
-  readonly fields: Fields;
-  readonly set: (change: Partial<Fields>) => void;
+  readonly fields: AlarmFields;
+  readonly set: (change: Partial<AlarmFields>) => void;
   readonly device: DeviceInfo | undefined;
   /** Filter of a stored alarm. */
   readonly stored: DeviceFilter | undefined;

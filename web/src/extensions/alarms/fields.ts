@@ -5,11 +5,11 @@ import type { DeviceInfo } from "../../wire/types";
 import { type RecordingFields, recordingFieldsOf, recordingOf } from "./recording-choice";
 import { TEXT } from "./texts";
 
-export type Kind = AlarmDefinition["condition"]["kind"];
-export type Figure = keyof typeof TEXT.figures;
+type Kind = AlarmDefinition["condition"]["kind"];
+export type HealthFigure = keyof typeof TEXT.figures;
 
 /** The fields of the form, as typed. */
-export interface Fields {
+export interface AlarmFields {
   readonly name: string;
   readonly kind: Kind;
   readonly expression: string;
@@ -17,7 +17,7 @@ export interface Fields {
   readonly signal: string;
   readonly flag: string;
   readonly isSet: boolean;
-  readonly figure: Figure;
+  readonly figure: HealthFigure;
   readonly limit: string;
   readonly level: "warning" | "error";
   readonly raise: string;
@@ -30,7 +30,7 @@ export interface Fields {
 }
 
 /** The fields for a draft: a stored alarm, an expression to start from, or a new one. */
-export function fieldsOf(draft: AlarmDraft, device: DeviceInfo | undefined): Fields {
+export function fieldsOf(draft: AlarmDraft, device: DeviceInfo | undefined): AlarmFields {
   const { definition } = draft;
   const condition = definition?.condition;
   return {
@@ -67,10 +67,10 @@ export function lastingName({ serial_number, source }: DeviceInfo): string {
 }
 
 /** The definition in the fields; of a stored alarm what the form does not have stays. */
-export function definitionOf(fields: Fields, before: AlarmDefinition | undefined): AlarmDefinition {
+export function definitionOf(fields: AlarmFields, before: AlarmDefinition | undefined): AlarmDefinition {
   return {
     ...before,
-    name: fields.name.trim() || nameOf(fields),
+    name: fields.name.trim() || alarmName(fields),
     condition: conditionOf(fields),
     devices: fields.devices,
     level: fields.level,
@@ -83,7 +83,7 @@ export function definitionOf(fields: Fields, before: AlarmDefinition | undefined
   };
 }
 
-function conditionOf(fields: Fields): AlarmDefinition["condition"] {
+function conditionOf(fields: AlarmFields): AlarmDefinition["condition"] {
   const { kind, figure, limit } = fields;
   if (kind === "expression") return { kind, expression: fields.expression.trim(), clear: fields.clear.trim() };
   if (kind === "flag") return { kind, signal: fields.signal, flag: fields.flag, is_set: fields.isSet };
@@ -92,7 +92,7 @@ function conditionOf(fields: Fields): AlarmDefinition["condition"] {
 }
 
 /** The name of an alarm that was given none. */
-export function nameOf({ kind, expression, flag, figure }: Fields): string {
+export function alarmName({ kind, expression, flag, figure }: AlarmFields): string {
   const text = kind === "expression" ? expression : kind === "flag" ? flag : TEXT.figures[figure];
   return text.trim().slice(0, 80);
 }

@@ -2,7 +2,7 @@
 import { type Signal, signal } from "@preact/signals";
 import { render } from "preact";
 import { clock } from "../../ui/format";
-import { request, type Problem } from "../../ui/http";
+import { request, type HttpProblem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
 import type { Panel } from "../../ui/dom";
@@ -19,7 +19,7 @@ import "./alarms.css";
 /** State of one panel: the alarm that is being acknowledged, and the last problem. */
 interface PanelState {
   readonly acknowledging: Signal<string | undefined>;
-  readonly problem: Signal<Problem | undefined>;
+  readonly problem: Signal<HttpProblem | undefined>;
   readonly notices: Signal<NoticeState>;
 }
 

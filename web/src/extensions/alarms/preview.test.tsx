@@ -3,7 +3,7 @@
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
 import { answering } from "../../testing/recorded";
-import { AlarmPreview, previewWords } from "./preview";
+import { PreviewNote, previewWords } from "./preview";
 
 const found = { times: 3, t0: 1000, t1: 1588, worst: 34.25, unit: "m/s²", seconds: 2, intervals: [] };
 const condition = { kind: "expression", expression: "Acceleration.x > 1 g", clear: "" };
@@ -25,7 +25,7 @@ test("over a recording it has when, and each time is shown in the plots", async 
   const asked = answering({ "POST /api/alarms/preview": { ...found, times: 9, intervals } });
   const show = vi.fn();
   const stamp = JSON.stringify({ name: "Shock", condition });
-  render(<AlarmPreview stamp={stamp} source="yard" recorded={{ device: "2", show }} />);
+  render(<PreviewNote stamp={stamp} source="yard" recorded={{ device: "2", show }} />);
   const times = await screen.findByRole("list", { name: "Raised at" });
   expect(screen.getByRole("status").textContent).toBe(
     "Would have been raised 9 times in this recording; worst 34.250 m/s².",
@@ -40,12 +40,12 @@ test("over a recording it has when, and each time is shown in the plots", async 
 test("a valid definition is judged on the device, one that is not valid and one of a link figure are not", async () => {
   const asked = answering({ "POST /api/alarms/preview": found });
   const stamp = JSON.stringify({ name: "Shock", condition });
-  const { rerender } = render(<AlarmPreview stamp={undefined} source="1" />);
-  rerender(<AlarmPreview stamp={JSON.stringify({ condition: { kind: "health" } })} source="1" />);
-  rerender(<AlarmPreview stamp={stamp} source="1" />);
+  const { rerender } = render(<PreviewNote stamp={undefined} source="1" />);
+  rerender(<PreviewNote stamp={JSON.stringify({ condition: { kind: "health" } })} source="1" />);
+  rerender(<PreviewNote stamp={stamp} source="1" />);
   await waitFor(() => expect(screen.getByRole("status").textContent).toContain("raised 3 times"));
   expect(asked).toHaveLength(1);
   expect(asked[0]?.body).toEqual({ definition: { name: "Shock", condition }, source: "1", seconds: 600 });
-  rerender(<AlarmPreview stamp={undefined} source="1" />);
+  rerender(<PreviewNote stamp={undefined} source="1" />);
   await waitFor(() => expect(screen.getByRole("status").textContent).toBe(""));
 });

@@ -27,7 +27,7 @@ interface Props {
   readonly recorded?: PreviewPlace | undefined;
 }
 
-export function AlarmPreview({ stamp, source, recorded }: Props) {
+export function PreviewNote({ stamp, source, recorded }: Props) {
   const device = recorded?.device;
   const found = useSignal<Preview | undefined>(undefined);
   useEffect(() => {

@@ -37,7 +37,7 @@ function rankOf({ alarm, state }: AlarmOnDevice): number {
   return order + (alarm.definition.level === "error" ? 0 : 1);
 }
 
-export interface Mark {
+interface Mark {
   readonly symbol: string;
   readonly word: string;
   readonly tone: "" | "warn" | "bad";

@@ -4,7 +4,7 @@
  *
  *     {"format": "imuscope-workspace", "version": 1, "parts": {…}, "alarms": [{"name": "Hot", "condition": {…}, …}]}
  */
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import type { AlarmDefinition, AlarmInfo, DeviceFilter } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
 import { signal } from "@preact/signals";
@@ -58,13 +58,13 @@ export function missingAlarms(json: unknown, present: readonly AlarmInfo[]): rea
 export interface Added {
   readonly names: readonly string[];
   /** Those that the server refuses, with why. */
-  readonly refused: readonly { readonly definition: AlarmDefinition; readonly problem: Problem }[];
+  readonly refused: readonly { readonly definition: AlarmDefinition; readonly problem: HttpProblem }[];
 }
 
 /** Add alarms to the server, one after the other. */
 export async function addAlarms(definitions: readonly AlarmDefinition[]): Promise<Added> {
   const names: string[] = [];
-  const refused: { definition: AlarmDefinition; problem: Problem }[] = [];
+  const refused: { definition: AlarmDefinition; problem: HttpProblem }[] = [];
   for (const body of definitions) {
     const outcome = await request("POST /api/alarms", { body });
     if (outcome.ok) names.push(body.name);

@@ -12,28 +12,28 @@ import {
   share,
   valueAtShare,
 } from "../../charts/axes";
-import { type Area, Crosshair, Grid } from "../../charts/grid";
+import { type ChartArea, Crosshair, Grid } from "../../charts/grid";
 import { useWidth } from "../../charts/use-size";
 
-export type Numbers = readonly (number | null)[];
+export type CurveNumbers = readonly (number | null)[];
 
-export interface Curve {
+export interface ChartCurve {
   readonly name: string;
   readonly colour: string;
-  readonly x: Numbers;
-  readonly y: Numbers;
+  readonly x: CurveNumbers;
+  readonly y: CurveNumbers;
   /** Ends of an interval around the curve. */
-  readonly low?: Numbers;
-  readonly high?: Numbers;
+  readonly low?: CurveNumbers;
+  readonly high?: CurveNumbers;
   /** A dashed curve beside it. */
-  readonly model?: Numbers;
+  readonly model?: CurveNumbers;
   /** A dotted curve without a colour, to compare with. */
-  readonly reference?: Numbers;
+  readonly reference?: CurveNumbers;
 }
 
 interface Props {
   readonly label: string;
-  readonly curves: readonly Curve[];
+  readonly curves: readonly ChartCurve[];
   readonly xKind: Kind;
   readonly xTitle: string;
   readonly xUnit: string;
@@ -101,8 +101,8 @@ export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, mark
   );
 }
 
-interface DrawnProps extends Area {
-  readonly curve: Curve;
+interface DrawnProps extends ChartArea {
+  readonly curve: ChartCurve;
   readonly axes: { readonly x: Axis; readonly y: Axis };
 }
 
@@ -157,7 +157,7 @@ function placed(marks: NonNullable<Props["marks"]>, axis: Axis, width: number): 
     });
 }
 
-function Mark({ at, text, width, height }: Placed & Area) {
+function Mark({ at, text, width, height }: Placed & ChartArea) {
   const isRight = at > width - WORD_PX;
   return (
     <g class="mark" transform={`translate(${at} 0)`}>
@@ -170,7 +170,7 @@ function Mark({ at, text, width, height }: Placed & Area) {
 }
 
 interface ReadingProps {
-  readonly curves: readonly Curve[];
+  readonly curves: readonly ChartCurve[];
   readonly at: number | undefined;
   readonly xUnit: string;
   readonly yUnit: string;

@@ -1,7 +1,7 @@
 /** What of an analysis a person chooses, with its defaults. A panel's choice is part of the workspace, that of the dialog is its own. */
 import { type ReadonlySignal, useComputed, useSignal } from "@preact/signals";
 import type { AnalysisChoice, AnalysisPanel, ViewState } from "../../data/view-state";
-import { inertialNames, type Name, type Range } from "./figures";
+import { inertialNames, type Name, type RangeName } from "./figures";
 
 export const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"] as const;
 /** Samples of a segment; 0: automatic. */
@@ -10,7 +10,7 @@ export const LENGTHS = [0, 64, 256, 1024, 4096, 16384, 65536] as const;
 /** A choice with what is at its default. */
 export interface WholeChoice
   extends Required<Omit<AnalysisChoice, "scale" | "frequencyAxis" | "motion" | "temperature">> {
-  readonly range: Range;
+  readonly range: RangeName;
   readonly scale: "amplitude" | "power";
   readonly frequencyAxis: "linear" | "log";
   readonly motion: "exclude" | "include";
@@ -48,18 +48,18 @@ const DEFAULTS = {
   temperature: "exclude",
 };
 
-export type Change = { readonly [name in keyof WholeChoice]?: WholeChoice[name] };
+export type ChoiceChange = { readonly [name in keyof WholeChoice]?: WholeChoice[name] };
 
 export interface ChoiceState {
   readonly choice: ReadonlySignal<AnalysisChoice>;
-  readonly set: (part: Change) => void;
+  readonly set: (part: ChoiceChange) => void;
 }
 
 /** @param panel whose choice it is; undefined: of the component that calls this */
 export function useChoice({ analyses }: ViewState, panel: AnalysisPanel | undefined): ChoiceState {
   const own = useSignal<AnalysisChoice>({});
   const choice = useComputed(() => (panel ? (analyses.value[panel] ?? {}) : own.value));
-  const set = (part: Change): void => {
+  const set = (part: ChoiceChange): void => {
     const next = Object.fromEntries(
       Object.entries({ ...choice.peek(), ...part }).filter(
         ([name, value]) => DEFAULTS[name as keyof typeof DEFAULTS] !== value,

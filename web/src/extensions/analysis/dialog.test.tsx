@@ -10,7 +10,7 @@ import { answering, type Asked } from "../../testing/recorded";
 import type { SignalFigures } from "../../wire/routes";
 import { AnalysisDialog } from "./dialog";
 import { colourAt, scaleOf, shareOf } from "../../charts/colours";
-import { csvOf, signalNames, signalsIn, ends } from "./figures";
+import { analysisCsv, signalNames, signalsIn, ends } from "./figures";
 
 const ROUTE = "POST /api/analysis";
 const UNITS = { psd: "m/s²/√Hz", frequency: "Hz", "peaks.rms": "m/s²", adev: "m/s²", mean: "m/s²" };
@@ -240,8 +240,8 @@ test("channels that are numbers are offered, acceleration first", () => {
 });
 
 test("figures are copied as CSV", () => {
-  const lines = csvOf("psd", [figures("x"), figures("y")]).split("\n");
+  const lines = analysisCsv("psd", [figures("x"), figures("y")]).split("\n");
   expect(lines[0]).toBe("frequency (Hz),Acceleration.x (m/s²/√Hz),Acceleration.y (m/s²/√Hz)");
   expect(lines[1]).toBe("1,1,1");
-  expect(csvOf("statistics", [figures("x")])).toContain("mean,m/s²,9.81");
+  expect(analysisCsv("statistics", [figures("x")])).toContain("mean,m/s²,9.81");
 });

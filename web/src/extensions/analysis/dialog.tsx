@@ -4,18 +4,26 @@ import { useId, useMemo } from "preact/hooks";
 import type { AnalysisPanel } from "../../data/view-state";
 import type { Deps } from "../../panels/panel-context";
 import { Dialog } from "../../ui/dialog";
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
-import { type Change, type ChoiceState, LENGTHS, useChoice, type WholeChoice, wholeChoice, WINDOWS } from "./choice";
+import {
+  type ChoiceChange,
+  type ChoiceState,
+  LENGTHS,
+  useChoice,
+  type WholeChoice,
+  wholeChoice,
+  WINDOWS,
+} from "./choice";
 import { hasCursors } from "../../data/view-state";
-import { type Name, type Range, signalNames, signalsIn, timesOf } from "./figures";
-import { type Answered, Result } from "./results";
+import { type Name, type RangeName, signalNames, signalsIn, timesOf } from "./figures";
+import { type Answered, AnalysisResult } from "./results";
 import { TEXT } from "./texts";
 import "./analysis.css";
 
 const NAMES: readonly Name[] = ["psd", "spectrogram", "allan", "statistics"];
-const RANGES: readonly Range[] = ["window", "cursors", "everything"];
+const RANGES: readonly RangeName[] = ["window", "cursors", "everything"];
 /** Pause after typing, ms. */
 const TYPED_MS = 350;
 /** Figures of a range that moves are computed this often, ms, as far as the server keeps up. */
@@ -68,7 +76,7 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
   const between = useSignal(only === undefined && hasCursors(viewState)).peek();
   const choice = useComputed(() => wholeChoice(shown.value, state.choice.value, names.value, between));
   const answered = useSignal<Answered | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const busy = useSignal(true);
   const wanted = useComputed(() => bodyOf(shown.value, choice.value, prefix));
   useSignalEffect(() => {
@@ -124,7 +132,7 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
       />
       {problem.value && <ProblemNote problem={problem.value} />}
       {answered.value ? (
-        <Result
+        <AnalysisResult
           xKind={choice.value.frequencyAxis}
           plots={only !== undefined && choice.value.range === "window" ? plots : undefined}
           {...answered.value}
@@ -166,7 +174,9 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
     key: K,
     label: string,
     values: readonly WholeChoice[K][],
-  ) => <Select label={label} value={choice[key]} values={values} set={(value) => set({ [key]: value } as Change)} />;
+  ) => (
+    <Select label={label} value={choice[key]} values={values} set={(value) => set({ [key]: value } as ChoiceChange)} />
+  );
   const range = (
     <div class="segmented" role="group" aria-label={TEXT.range}>
       {RANGES.filter((one) => one !== "cursors" || cursors).map((one) => (

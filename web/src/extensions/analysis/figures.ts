@@ -1,14 +1,14 @@
 /** What an analysis is asked for, and its figures as the dialog shows them. */
-import { colourOf, shortName } from "../../charts/curve-colours";
+import { colourOf, curveName } from "../../charts/curve-colours";
 import type { Channel } from "../../data/channels";
 import type { ViewState } from "../../data/view-state";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { figure } from "../../charts/axes";
 import { isOfQuaternion } from "../../signals/names";
-import type { Curve, Numbers } from "./chart";
+import type { ChartCurve, CurveNumbers } from "./chart";
 
 export type Name = "statistics" | "psd" | "spectrogram" | "allan";
-export type Range = "window" | "cursors" | "everything";
+export type RangeName = "window" | "cursors" | "everything";
 
 /**
  * The times of a range, unix s; null is the beginning or the end.
@@ -16,7 +16,7 @@ export type Range = "window" | "cursors" | "everything";
  * @param edge right edge of a window that is live: now, or the end of a source that ended
  */
 export function timesOf(
-  range: Range,
+  range: RangeName,
   { view, cursor, measure }: Pick<ViewState, "view" | "cursor" | "measure">,
   edge: number,
 ): Pick<AnalysisRequest, "t0" | "t1"> {
@@ -71,21 +71,21 @@ export function signalsIn(text: string): readonly string[] {
 }
 
 /** Signals whose figure has the same unit share a chart. */
-export function byUnit(answers: readonly SignalFigures[], name: string): readonly (readonly SignalFigures[])[] {
+export function signalsByUnit(answers: readonly SignalFigures[], name: string): readonly (readonly SignalFigures[])[] {
   const units = new Map<string, SignalFigures[]>();
   for (const one of answers) units.set(one.units[name] ?? "", [...(units.get(one.units[name] ?? "") ?? []), one]);
   return [...units.values()];
 }
 
-const list = (figures: SignalFigures["figures"], name: string): Numbers => {
+const list = (figures: SignalFigures["figures"], name: string): CurveNumbers => {
   const value = figures[name];
-  return Array.isArray(value) ? (value as Numbers) : [];
+  return Array.isArray(value) ? (value as CurveNumbers) : [];
 };
 
 /** Curves of a spectrum or an Allan deviation. 0 Hz has no place on a logarithmic axis and holds only what is left of the trend. */
-export function curvesOf(name: Name, answers: readonly SignalFigures[]): readonly Curve[] {
+export function curvesOf(name: Name, answers: readonly SignalFigures[]): readonly ChartCurve[] {
   return answers.map(({ signal, figures }, at) => {
-    const shown = { name: shortName(signal), colour: colourOf(signal, at) };
+    const shown = { name: curveName(signal), colour: colourOf(signal, at) };
     if (name === "psd") {
       const [x, y, low, high] = ["frequency", "psd", "low", "high"].map((key) => list(figures, key).slice(1));
       return { ...shown, x: x ?? [], y: y ?? [], low: low ?? [], high: high ?? [] };
@@ -164,7 +164,7 @@ function shared(
 ): readonly string[] {
   const holders = new Map<string, string[]>();
   for (const one of answers)
-    for (const note of sentences(one)) holders.set(note, [...(holders.get(note) ?? []), shortName(one.signal)]);
+    for (const note of sentences(one)) holders.set(note, [...(holders.get(note) ?? []), curveName(one.signal)]);
   return [...holders].map(([note, names]) => (names.length === answers.length ? note : `${names.join(", ")}: ${note}`));
 }
 
@@ -176,7 +176,7 @@ export function ends(low: number, high: number): readonly [string, string] {
 }
 
 /** The figures as CSV: a column of x, then one per signal; of statistics a line per figure. */
-export function csvOf(name: Name, answers: readonly SignalFigures[]): string {
+export function analysisCsv(name: Name, answers: readonly SignalFigures[]): string {
   const quoted = (text: string): string => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
   const head = answers.map(({ signal }) => quoted(signal));
   const first = answers[0];

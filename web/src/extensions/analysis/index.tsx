@@ -8,7 +8,7 @@ import {
   type Slots,
 } from "../../extension";
 import type { App } from "../../pages/app-state";
-import { titleOf } from "../../recordings/library-filter";
+import { recordingTitle } from "../../recordings/library-filter";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { late } from "../../ui/late";
@@ -85,7 +85,7 @@ function Recording({ recording: { replay, deps }, onClose }: RecordingDialogProp
       key={device}
       deps={deps}
       source={info.id}
-      title={titleOf(info)}
+      title={recordingTitle(info)}
       prefix={devices.length > 1 ? `${device}/` : ""}
       isLive={false}
       onClose={onClose}

@@ -2,16 +2,16 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { copyText } from "../../ui/copy";
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { figure } from "../../charts/axes";
 import { Chart } from "./chart";
-import { shortName } from "../../charts/curve-colours";
+import { curveName } from "../../charts/curve-colours";
 import {
-  byUnit,
-  csvOf,
+  signalsByUnit,
+  analysisCsv,
   curvesOf,
   ends,
   type Name,
@@ -43,7 +43,7 @@ interface ResultProps extends Answered {
   readonly plots?: PlotAxis | undefined;
 }
 
-export function Result({ name, figures, body, xKind, plots }: ResultProps) {
+export function AnalysisResult({ name, figures, body, xKind, plots }: ResultProps) {
   if (figures.length === 0) return null;
   const [notes, obstacles] = [notesOf(figures), obstaclesOf(figures)];
   return (
@@ -58,9 +58,9 @@ export function Result({ name, figures, body, xKind, plots }: ResultProps) {
         </ul>
       )}
       {name === "psd" &&
-        byUnit(figures, "psd").map((some) => <Spectrum key={some[0]?.signal} figures={some} xKind={xKind} />)}
+        signalsByUnit(figures, "psd").map((some) => <Spectrum key={some[0]?.signal} figures={some} xKind={xKind} />)}
       {name === "allan" &&
-        byUnit(figures, "adev").map((some) => <AllanDeviation key={some[0]?.signal} figures={some} />)}
+        signalsByUnit(figures, "adev").map((some) => <AllanDeviation key={some[0]?.signal} figures={some} />)}
       {name === "spectrogram" && figures.map((one) => <Spectrogram key={one.signal} figures={one} plots={plots} />)}
       {name === "statistics" && <Statistics figures={figures} />}
       {notes.length > 0 && (
@@ -144,7 +144,7 @@ function Verdicts({ figures }: Figures) {
         <li key={`${signal} ${verdict.parameter}`} class={verdict.state}>
           <b>{TEXT.verdict[verdict.state]}</b>
           <span>
-            <i>{shortName(signal)}</i> {verdict.words}
+            <i>{curveName(signal)}</i> {verdict.words}
           </span>
         </li>
       ))}
@@ -173,7 +173,7 @@ function Peaks({ figures }: Figures) {
       <tbody>
         {rows.map(({ peak, signal, unit }) => (
           <tr key={`${signal} ${peak.frequency}`}>
-            <th scope="row">{shortName(signal)}</th>
+            <th scope="row">{curveName(signal)}</th>
             <td>
               {figure(peak.frequency, 6)} ± {figure(peak.uncertainty, 2)} Hz
             </td>
@@ -248,7 +248,7 @@ function BySignal({ label, figures, rows, title, cell }: BySignalProps) {
         <tr>
           <th />
           {figures.map(({ signal }) => (
-            <th key={signal}>{shortName(signal)}</th>
+            <th key={signal}>{curveName(signal)}</th>
           ))}
         </tr>
       </thead>
@@ -276,7 +276,7 @@ function Scroll({ label, children }: { readonly label: string; readonly children
 
 function Copy({ name, figures, body }: Answered) {
   const said = useSignal("");
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const copy = async (text: string): Promise<void> => {
     said.value = (await copyText(text)) ? COMMON.copied : COMMON.notCopied;
   };
@@ -289,7 +289,7 @@ function Copy({ name, figures, body }: Answered) {
     <>
       <p class="analysis-row">
         {name !== "spectrogram" && (
-          <button type="button" class="btn edge" onClick={() => void copy(csvOf(name, figures))}>
+          <button type="button" class="btn edge" onClick={() => void copy(analysisCsv(name, figures))}>
             {TEXT.copy}
           </button>
         )}

@@ -8,8 +8,8 @@ import { palette } from "../../plots/canvas-style";
 import { timeWindow, type TimeWindow } from "../../plots/time-window";
 import { clock } from "../../ui/format";
 import type { SignalFigures } from "../../wire/routes";
-import { type Axis, axisOf, figure, nearest, share, ticks, valueAtShare } from "../../charts/axes";
-import { colourAt, type Scale, scaleOf, shareOf } from "../../charts/colours";
+import { type Axis, axisOf, figure, nearest, share, axisTicks, valueAtShare } from "../../charts/axes";
+import { colourAt, type ColourScale, scaleOf, shareOf } from "../../charts/colours";
 import { useWidth } from "../../charts/use-size";
 import { TEXT } from "./texts";
 
@@ -30,7 +30,7 @@ interface Picture {
   readonly rows: readonly (readonly (number | null)[])[];
   /** Duration that a column stands for, s. */
   readonly step: number;
-  readonly scale: Scale;
+  readonly scale: ColourScale;
   readonly x: Axis;
   readonly y: Axis;
 }
@@ -174,7 +174,7 @@ export function Spectrogram({ figures, plots }: SpectrogramProps) {
           {figures.signal} · {TEXT.overTime}
         </text>
         <g transform={`translate(${left} ${TOP})`}>
-          {ticks(y, Math.max(2, Math.floor(inner.height / 34))).map((tick) => (
+          {axisTicks(y, Math.max(2, Math.floor(inner.height / 34))).map((tick) => (
             <text key={tick.text} x={-8} y={(1 - tick.at) * inner.height} dy="0.32em" text-anchor="end">
               {tick.text}
             </text>
@@ -213,13 +213,21 @@ function timeTicks(x: Axis, width: number): readonly { readonly t: number; reado
   const most = Math.max(2, Math.floor(width / LABEL_PX));
   const span = x.high - x.low;
   const decimals = span / most < 0.2 ? 2 : span / most < 1 ? 1 : 0;
-  return ticks(relative, most).map(({ at }) => {
+  return axisTicks(relative, most).map(({ at }) => {
     const t = valueAtShare(x, at);
     return { t, text: clock(t + 1e-6, decimals) };
   });
 }
 
-function ColourBar({ scale, unit, right }: { readonly scale: Scale; readonly unit: string; readonly right: number }) {
+function ColourBar({
+  scale,
+  unit,
+  right,
+}: {
+  readonly scale: ColourScale;
+  readonly unit: string;
+  readonly right: number;
+}) {
   const left = right - BAR.width;
   const part = BAR.width / BAR.steps;
   return (

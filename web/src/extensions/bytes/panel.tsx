@@ -8,10 +8,10 @@ import { spaced } from "../../forms/frame-chips";
 import { ageOf, type Deps, reading, selected } from "../../panels/panel-context";
 import { type Panel, throttle } from "../../ui/dom";
 import { clock, number } from "../../ui/format";
-import type { Problem } from "../../ui/http";
+import type { HttpProblem } from "../../ui/http";
 import { Message } from "../../ui/message";
 import type { PacketInfo } from "../../wire/routes";
-import { fetchFrames, titleOf } from "../../pages/packet-frames";
+import { fetchFrames, packetTitle } from "../../pages/packet-frames";
 import { TEXT as PACKETS } from "../../texts/packets";
 import { TEXT } from "./texts";
 import "./bytes.css";
@@ -26,7 +26,7 @@ const BYTES = 24;
 interface State {
   /** Newest first. */
   readonly frames: readonly PacketInfo[];
-  readonly problem: Problem | undefined;
+  readonly problem: HttpProblem | undefined;
 }
 
 const NOTHING: State = { frames: [], problem: undefined };
@@ -144,7 +144,7 @@ function View({ state, isHeld, open }: ViewProps) {
             <button type="button" title={packet.verdict} onClick={() => open(packet)}>
               <span class="num dim">{clock(packet.arrival, 3)}</span>
               <b class="ellipsis">
-                {packet.kind === "reject" && <span class="dot bad" />} {titleOf(packet)}
+                {packet.kind === "reject" && <span class="dot bad" />} {packetTitle(packet)}
               </b>
               <span class="num dim">{PACKETS.size(packet.size)}</span>
               <span class="num dim">{packet.gap_ms === null ? "" : PACKETS.gap(number(packet.gap_ms, 2))}</span>

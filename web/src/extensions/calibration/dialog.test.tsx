@@ -7,7 +7,7 @@ import type { CalibrationReport, CalibrationState } from "../../wire/routes";
 import type { DeviceInfo, DeviceJobs, Job } from "../../wire/types";
 import { CalibrationDialog } from "./dialog";
 import { digits } from "./result";
-import { cellPaths, placeOf } from "./sphere";
+import { cellPaths, screenPlaceOf } from "./sphere";
 
 const RINGS = [3, 9, 12];
 const REPORT: CalibrationReport = {
@@ -234,12 +234,12 @@ test("a refusal of the server is shown", async () => {
 
 test("cells fill the disc, and a direction has its place in one of the halves", () => {
   expect(cellPaths(RINGS, 90)).toHaveLength(24);
-  expect(placeOf([0, 0, 1])).toEqual({ half: 0, x: 0, y: 0 });
-  expect(placeOf([1, 0, 0])).toEqual({ half: 0, x: 1, y: 0 });
-  const below = placeOf([0, Math.SQRT1_2, -Math.SQRT1_2]);
+  expect(screenPlaceOf([0, 0, 1])).toEqual({ half: 0, x: 0, y: 0 });
+  expect(screenPlaceOf([1, 0, 0])).toEqual({ half: 0, x: 1, y: 0 });
+  const below = screenPlaceOf([0, Math.SQRT1_2, -Math.SQRT1_2]);
   expect(below?.half).toBe(1);
   expect(below?.y).toBeCloseTo(Math.sqrt(1 - Math.SQRT1_2));
-  expect(placeOf([])).toBeUndefined();
+  expect(screenPlaceOf([])).toBeUndefined();
 });
 
 test("numbers have the digits that count", () => {

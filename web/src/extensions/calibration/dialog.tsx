@@ -7,14 +7,14 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
-import { addressOf, type Outcome, type Problem, request } from "../../ui/http";
+import { addressOf, type Outcome, type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import { fullName } from "../../wire/device-name";
 import type { AvailableCalibration, CalibrationReport, CalibrationState } from "../../wire/routes";
 import type { DeviceInfo, DeviceJobs } from "../../wire/types";
-import { Bar, Drive, Positions, Rest, Sphere } from "./progress";
-import { Result } from "./result";
+import { ProgressBar, Drive, Positions, Rest, Sphere } from "./progress";
+import { CalibrationResult } from "./result";
 import { Write } from "./write";
 import { TEXT } from "./texts";
 import "./calibration.css";
@@ -32,7 +32,7 @@ type Kind = CalibrationReport["kind"];
 
 export function CalibrationDialog({ device, jobs, onClose }: Props) {
   const state = useSignal<CalibrationState | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   /** Whether the choice is shown although there is a result. */
   const chooses = useSignal(false);
   const path = { device: device.id };
@@ -136,7 +136,7 @@ function Coach({ report, finish, stop }: CoachProps) {
       <p class="calibration-advice" aria-live="polite">
         {report.advice}
       </p>
-      <Bar label={TEXT.progress} share={report.progress} />
+      <ProgressBar label={TEXT.progress} share={report.progress} />
       {report.coverage && <Sphere coverage={report.coverage} />}
       {report.positions && <Positions positions={report.positions} />}
       {report.drive && <Drive drive={report.drive} />}
@@ -174,7 +174,7 @@ function Ended({ report, device, write, again, others }: EndedProps) {
     <>
       <h3>{TEXT.names[report.kind]}</h3>
       {correction ? (
-        <Result report={report} correction={correction} />
+        <CalibrationResult report={report} correction={correction} />
       ) : (
         <div class="calibration-none">
           <b class="calibration-big">{TEXT.noResult}</b>

@@ -1,7 +1,7 @@
 /** Live progress of a calibration: the sphere of directions, stillness, six positions, the drive. */
 import { number } from "../../ui/format";
 import type { DirectionCoverage, DriveProgress, RestProgress, SixPositions } from "../../wire/routes";
-import { cellPaths, placeOf } from "./sphere";
+import { cellPaths, screenPlaceOf } from "./sphere";
 import { TEXT } from "./texts";
 
 const RADIUS = 90;
@@ -9,7 +9,7 @@ const ROOM = 112;
 
 export function Sphere({ coverage }: { readonly coverage: DirectionCoverage }) {
   const paths = cellPaths(coverage.rings, RADIUS);
-  const place = placeOf(coverage.now);
+  const place = screenPlaceOf(coverage.now);
   const words = TEXT.coverage(number(100 * coverage.share, 0));
   return (
     <figure class="calibration-sphere">
@@ -48,7 +48,7 @@ export function Rest({ rest }: { readonly rest: RestProgress }) {
       <b class="calibration-big" role="status">
         {rest.is_still ? TEXT.still : TEXT.moving}
       </b>
-      <Bar label={TEXT.stillness} share={still} />
+      <ProgressBar label={TEXT.stillness} share={still} />
       <span class="calibration-seconds">
         {TEXT.rested(number(Math.min(rest.seconds, rest.goal), 0), number(rest.goal, 0))}
       </span>
@@ -101,7 +101,7 @@ export function Drive({ drive }: { readonly drive: DriveProgress }) {
       {rows.map(({ name, share, words }) => (
         <li key={name}>
           <span>{name}</span>
-          <Bar label={name} share={share} />
+          <ProgressBar label={name} share={share} />
           <span>{words}</span>
         </li>
       ))}
@@ -109,7 +109,7 @@ export function Drive({ drive }: { readonly drive: DriveProgress }) {
   );
 }
 
-export function Bar({ label, share }: { readonly label: string; readonly share: number }) {
+export function ProgressBar({ label, share }: { readonly label: string; readonly share: number }) {
   const percent = Math.round(100 * Math.max(0, Math.min(1, share)));
   return (
     <div

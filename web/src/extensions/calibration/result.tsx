@@ -8,7 +8,7 @@ const WIDTH = 600;
 const HEIGHT = 150;
 const AXES = ["x", "y", "z"];
 
-export function Result({
+export function CalibrationResult({
   report,
   correction,
 }: {

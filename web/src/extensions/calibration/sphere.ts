@@ -5,7 +5,7 @@
  * are those of the server (DirectionCoverage): rings of sectors of equal area.
  */
 
-export interface Place {
+interface Place {
   readonly half: 0 | 1;
   /** In a disc of radius 1, y upwards. */
   readonly x: number;
@@ -35,7 +35,7 @@ function sector(inner: number, outer: number, from: number, to: number): string 
 }
 
 /** The place of a direction; undefined without one. */
-export function placeOf(direction: readonly number[]): Place | undefined {
+export function screenPlaceOf(direction: readonly number[]): Place | undefined {
   const [x, y, z] = direction;
   if (x === undefined || y === undefined || z === undefined) return undefined;
   const flat = Math.hypot(x, y);

@@ -1,6 +1,6 @@
 /** Writing a result to the device: an ordinary change of its settings, with its warning, job and snapshot. */
 import { useSignal } from "@preact/signals";
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import type { CalibrationWrite } from "../../wire/routes";
@@ -14,7 +14,7 @@ interface Props {
 }
 
 export function Write({ device, write, jobs }: Props) {
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const job = useSignal<{ readonly id: number; readonly isWrite: boolean } | undefined>(undefined);
   const path = { device };
   const { setting, values } = write;

@@ -1,7 +1,7 @@
 /** Corrections: a stream of RTCM 3 from a caster, a server or a file, forwarded to the device in whole messages. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { BLANK, flowOf, type Ntrip, ntripProblem, sourceOf } from "./ntrip";
+import { BLANK, flowOf, type Ntrip, ntripProblem, ntripUrl } from "./ntrip";
 import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
 import type { Model } from "../../pages/configure/model";
@@ -16,7 +16,7 @@ const ASK_EVERY_MS = 1000;
 
 const pathOf = ({ id }: Model) => ({ device: id });
 
-export function Corrections({ model }: { readonly model: Model }) {
+export function CorrectionsForm({ model }: { readonly model: Model }) {
   const state = useSignal<CorrectionsState | undefined>(undefined);
   const kind = useSignal<"ntrip" | "other">("ntrip");
   const caster = useSignal<Ntrip>(BLANK);
@@ -37,7 +37,7 @@ export function Corrections({ model }: { readonly model: Model }) {
     const found = await model.run(
       request("PUT /api/devices/{device}/corrections", {
         path: pathOf(model),
-        body: { source: kind.value === "ntrip" ? sourceOf(caster.value) : other.value.trim() },
+        body: { source: kind.value === "ntrip" ? ntripUrl(caster.value) : other.value.trim() },
       }),
     );
     if (found) state.value = found;

@@ -4,7 +4,7 @@ import { registerExtension } from "../../extension";
 import { late } from "../../ui/late";
 import { TEXT } from "./texts";
 
-const Corrections = late(async () => (await import("./form")).Corrections);
+const Corrections = late(async () => (await import("./form")).CorrectionsForm);
 
 registerExtension({
   name: "corrections",

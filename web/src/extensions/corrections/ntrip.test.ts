@@ -1,11 +1,11 @@
 import { expect, it } from "vitest";
-import { BLANK, flowOf, ntripProblem, sourceOf } from "./ntrip";
+import { BLANK, flowOf, ntripProblem, ntripUrl } from "./ntrip";
 
 it("gives a valid source for any password", () => {
   expect(
-    sourceOf({ ...BLANK, host: "caster.example", port: "2101", mount: "NEAR", user: "me", password: "p@ss/w:rd" }),
+    ntripUrl({ ...BLANK, host: "caster.example", port: "2101", mount: "NEAR", user: "me", password: "p@ss/w:rd" }),
   ).toBe("ntrip://me:p%40ss%2Fw%3Ard@caster.example:2101/NEAR");
-  expect(sourceOf({ ...BLANK, host: "caster", mount: "/M 1", tls: true })).toBe("ntrips://caster/%2FM%201");
+  expect(ntripUrl({ ...BLANK, host: "caster", mount: "/M 1", tls: true })).toBe("ntrips://caster/%2FM%201");
 });
 
 it("reports missing parts", () => {

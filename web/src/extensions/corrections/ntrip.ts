@@ -13,7 +13,7 @@ export interface Ntrip {
 export const BLANK: Ntrip = { host: "", port: "", mount: "", user: "", password: "", tls: false };
 
 /** ntrip://user:password@host:2101/MOUNT; every part quoted, so that a password may contain anything. */
-export function sourceOf({ host, port, mount, user, password, tls }: Ntrip): string {
+export function ntripUrl({ host, port, mount, user, password, tls }: Ntrip): string {
   const who = user || password ? `${encodeURIComponent(user)}:${encodeURIComponent(password)}@` : "";
   const name = host.trim();
   const address = name.includes(":") && !name.startsWith("[") ? `[${name}]` : name;

@@ -3,9 +3,9 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import type { ViewState } from "../../data/view-state";
 import type { FigureSource } from "../../measure/figure-source";
-import { server } from "../../recordings/api";
+import { recordingsApi } from "../../recordings/api";
 import { Dialog } from "../../ui/dialog";
-import type { Problem } from "../../ui/http";
+import type { HttpProblem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
 import { type App, run } from "../../pages/app-state";
@@ -15,10 +15,10 @@ import { TEXT } from "./texts";
 import "../../pages/recordings/export.css";
 import "./dialog.css";
 
-export type Part = "view" | "cursors" | "whole";
+type Part = "view" | "cursors" | "whole";
 
 /** A part of what is on screen; null: from the beginning, or to the end. */
-export interface Range {
+export interface EvidenceRange {
   readonly t0: number | null;
   readonly t1: number | null;
 }
@@ -31,8 +31,8 @@ interface Props {
   /** Name of the whole. */
   readonly wholeName: string;
   /** The recording with that range; undefined when it failed, and a problem was shown. */
-  readonly recordingOf: (range: Range) => Promise<string | undefined>;
-  readonly problem?: Problem | undefined;
+  readonly recordingOf: (range: EvidenceRange) => Promise<string | undefined>;
+  readonly problem?: HttpProblem | undefined;
   readonly children?: ComponentChildren;
   readonly onClose: () => void;
 }
@@ -58,7 +58,7 @@ export function EvidenceDialog(props: Props) {
     };
   }
   const { a, b, plots } = now;
-  const range: Range =
+  const range: EvidenceRange =
     part.value === "view"
       ? now.view
       : part.value === "cursors" && a !== null && b !== null
@@ -70,7 +70,7 @@ export function EvidenceDialog(props: Props) {
     if (recording !== undefined) {
       const job = await run(
         app,
-        server.evidence(recording, {
+        recordingsApi.evidence(recording, {
           ...range,
           base: now.base,
           plots: plots.plots,

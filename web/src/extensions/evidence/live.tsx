@@ -1,10 +1,10 @@
 /** Evidence of Live: what is in memory becomes a recording, of which the file is made. */
 import { useSignal } from "@preact/signals";
 import type { FigureSource } from "../../measure/figure-source";
-import { server } from "../../recordings/api";
-import type { Problem } from "../../ui/http";
+import { recordingsApi } from "../../recordings/api";
+import type { HttpProblem } from "../../ui/http";
 import type { LiveDialogProps } from "../../extension";
-import { EvidenceDialog, type Range } from "./dialog";
+import { EvidenceDialog, type EvidenceRange } from "./dialog";
 import { TEXT } from "./texts";
 import { TEXT as LIVE } from "../../texts/live";
 
@@ -12,15 +12,15 @@ import { TEXT as LIVE } from "../../texts/live";
 const MARGIN_S = 1;
 
 export function LiveEvidence({ app, onClose }: LiveDialogProps) {
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const source: FigureSource = {
     id: "",
     prefix: (device) => `${device}/`,
     sent: (id) => app.store.sent(id),
     changeOf: (id) => app.store.changeOf(id),
   };
-  const save = async ({ t0, t1 }: Range): Promise<string | undefined> => {
-    const saved = await server.saveMemory({
+  const save = async ({ t0, t1 }: EvidenceRange): Promise<string | undefined> => {
+    const saved = await recordingsApi.saveMemory({
       devices: null,
       seconds: null,
       t0: t0 === null ? null : t0 - MARGIN_S,

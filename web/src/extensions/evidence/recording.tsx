@@ -1,6 +1,6 @@
 /** Evidence of an open recording. */
 import type { RecordingDialogProps } from "../../extension";
-import { titleOf } from "../../recordings/library-filter";
+import { recordingTitle } from "../../recordings/library-filter";
 import { EvidenceDialog } from "./dialog";
 import { TEXT } from "./texts";
 
@@ -10,7 +10,7 @@ export function RecordingEvidence({ recording, onClose }: RecordingDialogProps) 
   return (
     <EvidenceDialog
       app={app}
-      title={titleOf(info)}
+      title={recordingTitle(info)}
       viewState={replay.viewState}
       source={replay.samples.source}
       wholeName={TEXT.whole}

@@ -3,7 +3,7 @@ import { expect, test } from "vitest";
 import type { Channel } from "../../data/channels";
 import type { ExpressionWords, SignalFigures } from "../../wire/routes";
 import { quoted } from "../../signals/names";
-import { completionsAt, expressionNames, placeOf } from "./completion";
+import { completionsAt, expressionNames, mistakePlace } from "./completion";
 import { columnsOf, usualName } from "./new-signal";
 
 const WORDS: ExpressionWords = {
@@ -69,7 +69,7 @@ test("Euler angles that the page derives from a quaternion are offered: the serv
 test("a mistake is marked from its character to the end of the word", () => {
   const text = 'norm(Foo.x) + "Rate of';
   const marked = (message: string): string => {
-    const place = placeOf(message, text);
+    const place = mistakePlace(message, text);
     return place ? text.slice(place.begin, place.end) : "none";
   };
   expect(marked("Signal Foo.x not found. (character 6)")).toBe("Foo.x");

@@ -59,7 +59,10 @@ export function completionsAt(
 }
 
 /** Where a mistake is: from the character that the server names to the end of the word there. */
-export function placeOf(message: string, text: string): { readonly begin: number; readonly end: number } | undefined {
+export function mistakePlace(
+  message: string,
+  text: string,
+): { readonly begin: number; readonly end: number } | undefined {
   const found = /\(character (\d+)\)/.exec(message);
   if (!found) return undefined;
   const begin = Math.min(Number(found[1]) - 1, text.length);

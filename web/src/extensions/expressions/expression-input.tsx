@@ -3,7 +3,7 @@ import type { Signal } from "@preact/signals";
 import { useCallback, useEffect, useRef } from "preact/hooks";
 import { CompletionList, completed } from "../../completion/completion-list";
 import { useCompletion } from "../../completion/use-completion";
-import { completionsAt, placeOf } from "./completion";
+import { completionsAt, mistakePlace } from "./completion";
 import type { ExpressionWords } from "../../wire/routes";
 import { TEXT } from "./texts";
 
@@ -31,7 +31,7 @@ export function ExpressionInput({ text, names, words, mistake, onEnter }: Props)
     event.preventDefault();
     onEnter();
   };
-  const place = mistake === "" ? undefined : placeOf(mistake, text.value);
+  const place = mistake === "" ? undefined : mistakePlace(mistake, text.value);
   return (
     <div class="expression">
       <span class="field">

@@ -3,7 +3,7 @@ import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Deps } from "../../panels/panel-context";
 import { Dialog } from "../../ui/dialog";
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import { number } from "../../ui/format";
 import type { ComputedSignal, ExpressionWords, SignalFigures } from "../../wire/routes";
 import { TEXT as SIGNALS } from "../../texts/signals";
@@ -33,7 +33,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
   const name = useSignal(signal?.name ?? "");
   const words = useSignal<ExpressionWords | undefined>(undefined);
   const figures = useSignal<readonly SignalFigures[]>([]);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const busy = useSignal(false);
   const names = useComputed(() => expressionNames(deps.store.channels.value, device, signal?.name));
   useEffect(() => {
@@ -134,7 +134,7 @@ export function usualName(expression: string): string {
 }
 
 /** The place of a mistake without the bracket before the expression. */
-function unbracketed(problem: Problem): Problem {
+function unbracketed(problem: HttpProblem): HttpProblem {
   const message = problem.message.replace(
     /\(character (\d+)\)/,
     (_, at) => `(character ${Math.max(1, Number(at) - 1)})`,

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useRef } from "preact/hooks";
 import { type Axis, axisOf, figure, share, valueAtShare } from "../../charts/axes";
-import { type Area, Crosshair, Grid } from "../../charts/grid";
+import { type ChartArea, Crosshair, Grid } from "../../charts/grid";
 import { useHeight, useWidth } from "../../charts/use-size";
 import { type Bins, normal } from "./figures";
 import { TEXT } from "./texts";
@@ -10,14 +10,14 @@ import { TEXT } from "./texts";
 const [LEFT, RIGHT, TOP, BOTTOM] = [60, 12, 18, 34];
 const CURVE_POINTS = 160;
 
-export interface Shown {
+export interface HistogramContent {
   readonly name: string;
   readonly colour: string;
   readonly bins: Bins;
 }
 
 interface Props {
-  readonly shown: readonly Shown[];
+  readonly shown: readonly HistogramContent[];
   readonly unit: string;
   readonly isDensity: boolean;
   readonly hasCurve: boolean;
@@ -83,7 +83,7 @@ export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Prop
   );
 }
 
-interface Place extends Area {
+interface Place extends ChartArea {
   readonly x: Axis;
   readonly y: Axis;
 }
@@ -106,7 +106,7 @@ function bell({ edges, mean, sigma }: Bins, scale: number, { x, y, width, height
 }
 
 interface ReadingProps {
-  readonly shown: readonly Shown[];
+  readonly shown: readonly HistogramContent[];
   readonly at: number | undefined;
   readonly unit: string;
   readonly values: (bins: Bins) => readonly number[];

@@ -1,6 +1,6 @@
 /** A histogram as displayed, from the figures of the server. */
 import type { Wanted } from "../../measure/figure-source";
-import { valueOf } from "../../data/frames";
+import { inFrame } from "../../data/frames";
 import type { SignalFigures } from "../../wire/routes";
 
 export interface Bins {
@@ -41,7 +41,7 @@ export function binsOf(figures: SignalFigures["figures"], { factor, offset, peri
     density: put(list(figures["density"])).map((value) => value / size),
     n: finite(figures["n"]),
     ...{ below, above, atMin, atMax },
-    mean: valueOf({ terms: [[0, factor]], offset }, () => finite(figures["mean"]), period),
+    mean: inFrame({ terms: [[0, factor]], offset }, () => finite(figures["mean"]), period),
     sigma: size * finite(figures["sigma"]),
     min: Math.min(low, high),
     max: Math.max(low, high),

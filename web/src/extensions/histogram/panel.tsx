@@ -18,7 +18,7 @@ import { request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { rangeOf } from "../../charts/range";
-import { HistogramChart, type Shown } from "./chart";
+import { HistogramChart, type HistogramContent } from "./chart";
 import { chosenChannel, chosenSignals, countable } from "./choice";
 import { binsOf, clippedIn } from "./figures";
 import { HistogramTools } from "./tools";
@@ -34,7 +34,7 @@ const PER_SECOND = 10;
 interface Answered {
   /** What it is of, apart from the range. */
   readonly of: string;
-  readonly shown: readonly Shown[];
+  readonly shown: readonly HistogramContent[];
   readonly unit: string;
 }
 
@@ -120,7 +120,7 @@ async function ask(
         words.findIndex((one) => one.word === word),
       )
       .reduce((sum, { parts }) => sum + parts, 0);
-  const shown = wanted.flatMap(({ found, how }, k): readonly Shown[] => {
+  const shown = wanted.flatMap(({ found, how }, k): readonly HistogramContent[] => {
     const { columns } = found.channel.info;
     const column = columns[found.column];
     const figures = list[firstOf(how.word) + how.part]?.figures;

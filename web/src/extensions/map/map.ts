@@ -10,7 +10,7 @@ import { geographic, NONE } from "../../ui/format";
 import { api } from "../../ui/http";
 import { pathOf } from "./path";
 import { fixLine, isPlace, positionOf } from "./position";
-import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomed } from "./track";
+import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomedTrack } from "./track";
 import { type Origin, TileCache, tilesUnder } from "./tiles";
 
 import "./map.css";
@@ -46,7 +46,7 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
     due = true;
   };
   const zoom = (factor: number, u = to.width() / 2, v = to.height() / 2): void => {
-    if (shown) change(zoomed(shown, factor, u, v, to.width(), to.height()));
+    if (shown) change(zoomedTrack(shown, factor, u, v, to.width(), to.height()));
   };
   const move = (du: number, dv: number): void => {
     if (shown) change({ ...shown, middle: [shown.middle[0] - du / shown.scale, shown.middle[1] + dv / shown.scale] });

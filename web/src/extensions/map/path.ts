@@ -1,15 +1,15 @@
 /** The track of a window as points on a local metric grid, thinned to the picture's resolution; gaps in the samples are breaks. */
 import { lowerBound } from "../../data/line-breaks";
 import type { Channel } from "../../data/channels";
-import type { Reading } from "../../panels/cursor-time";
+import type { CursorReading } from "../../panels/cursor-time";
 import { metresFrom } from "../../attitude/projection";
-import { isPlace, type Position, qualityOf, wordsOf } from "./position";
-import type { Point, TrackPoint } from "./track";
+import { isPlace, type Position, qualityOf, facetWords } from "./position";
+import type { GridPoint, TrackPoint } from "./track";
 
-export interface Path {
+interface Path {
   readonly points: readonly (TrackPoint | undefined)[];
   /** The point at the reading position. */
-  readonly here: Point | undefined;
+  readonly here: GridPoint | undefined;
   /** The origin of the grid; undefined before the first position. */
   readonly origin: readonly [lat: number, lon: number] | undefined;
 }
@@ -18,11 +18,11 @@ export interface Path {
 const origins = new WeakMap<Channel, readonly [lat: number, lon: number]>();
 
 /** The path within the window of `at`, of at most `most` points; `i` is the sample at the reading position. */
-export function pathOf(position: Position, at: Reading, i: number, most: number): Path {
+export function pathOf(position: Position, at: CursorReading, i: number, most: number): Path {
   const { ring } = position.channel;
   const { base } = at;
   const [first, last] = [Math.max(0, ring.indexAt(at.from, base)), ring.indexAt(at.to, base)];
-  const pointAt = (k: number): Point | undefined => {
+  const pointAt = (k: number): GridPoint | undefined => {
     const [lat, lon] = [ring.value(position.lat, k), ring.value(position.lon, k)];
     if (!isPlace(lat, lon)) return undefined;
     const origin = origins.get(position.channel);
@@ -39,7 +39,7 @@ export function pathOf(position: Position, at: Reading, i: number, most: number)
     if (broken) points.push(undefined);
     before = k;
     const where = pointAt(k);
-    const quality = qualityOf(wordsOf(position, position.fix, k), wordsOf(position, position.carrier, k));
+    const quality = qualityOf(facetWords(position, position.fix, k), facetWords(position, position.carrier, k));
     points.push(where && { at: where, quality });
   }
   return { points, here: i < 0 ? undefined : pointAt(i), origin: origins.get(position.channel) };

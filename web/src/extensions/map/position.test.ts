@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { Channel } from "../../data/channels";
 import type { BitsInfo, ChannelInfo } from "../../wire/types";
-import { fixLine, metresOf, positionOf, qualityOf, wordsOf } from "./position";
+import { fixLine, metresOf, positionOf, qualityOf, facetWords } from "./position";
 
 type Named = readonly (readonly [
   name: string,
@@ -103,7 +103,7 @@ describe("positionOf", () => {
       word,
     ])!;
     expect(fixLine(position, 0)).toBe("fix · RTK floating");
-    expect(wordsOf(position, position.fix, -1)).toBe("");
+    expect(facetWords(position, position.fix, -1)).toBe("");
     expect(positionOf([base])).toBeUndefined();
   });
 });

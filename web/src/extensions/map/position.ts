@@ -80,7 +80,7 @@ function facetOf(channels: readonly Channel[], pattern: RegExp): Facet | undefin
 }
 
 /** The facet's value when the position had sample `i`; undefined where there is none. */
-export function valueOf(position: Position, facet: Facet | undefined, i: number): number | undefined {
+function valueOf(position: Position, facet: Facet | undefined, i: number): number | undefined {
   if (!facet || i < 0) return undefined;
   const own = facet.channel === position.channel;
   const k = own ? i : facet.channel.ring.indexAt(position.channel.ring.arrival(i), "arrival");
@@ -91,7 +91,7 @@ export function valueOf(position: Position, facet: Facet | undefined, i: number)
 }
 
 /** The facet in words: "3D", "RTK fix"; "" if unknown. */
-export function wordsOf(position: Position, facet: Facet | undefined, i: number): string {
+export function facetWords(position: Position, facet: Facet | undefined, i: number): string {
   const value = valueOf(position, facet, i);
   if (!facet || value === undefined) return "";
   const choices = facet.bits?.choices ?? facet.channel.info.columns[facet.column]?.choices ?? {};
@@ -122,10 +122,10 @@ export function qualityOf(fix: string, carrier: string): Quality {
 
 /** The fix in one line: "3D · RTK floating · 17 sat". */
 export function fixLine(position: Position, i: number): string {
-  const carrier = wordsOf(position, position.carrier, i);
+  const carrier = facetWords(position, position.carrier, i);
   const rtk = carrier === "" || /^(none|no rtk)$/i.test(carrier) ? "" : TEXT.rtk(carrier);
   const satellites = valueOf(position, position.satellites, i);
-  return [wordsOf(position, position.fix, i), rtk, satellites === undefined ? "" : TEXT.satelliteCount(satellites)]
+  return [facetWords(position, position.fix, i), rtk, satellites === undefined ? "" : TEXT.satelliteCount(satellites)]
     .filter(Boolean)
     .join(" · ");
 }

@@ -5,7 +5,7 @@
  */
 import { serverRoot } from "../../ui/server-place";
 import { metresFrom } from "../../attitude/projection";
-import type { Point, TrackView } from "./track";
+import type { GridPoint, TrackView } from "./track";
 
 export const TILE_PX = 256;
 /** Tile servers rarely go deeper; a closer view enlarges these. */
@@ -21,13 +21,13 @@ const NORTHMOST = 85.0511;
 
 export type Origin = readonly [lat: number, lon: number];
 
-export interface Placed {
+interface Placed {
   readonly z: number;
   readonly x: number;
   readonly y: number;
   /** Corners on the track's grid, m. */
-  readonly northWest: Point;
-  readonly southEast: Point;
+  readonly northWest: GridPoint;
+  readonly southEast: GridPoint;
 }
 
 /** The zoom at which a tile's pixels are closest to the picture's; `scale` in px a metre. */
@@ -71,7 +71,7 @@ export function tilesUnder(view: TrackView, origin: Origin, w: number, h: number
   const found: Placed[] = [];
   for (let x = left; x <= right; x += 1) {
     for (let y = Math.max(0, top); y <= Math.min(n - 1, bottom); y += 1) {
-      const corner = (dx: number, dy: number): Point => metresFrom(origin, ...placeAt(x + dx, y + dy, z));
+      const corner = (dx: number, dy: number): GridPoint => metresFrom(origin, ...placeAt(x + dx, y + dy, z));
       found.push({ z, x: ((x % n) + n) % n, y, northWest: corner(0, 0), southEast: corner(1, 1) }); // round the world
     }
   }

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { fitView, roundLength, stretches, type TrackPoint, zoomed } from "./track";
+import { fitView, roundLength, stretches, type TrackPoint, zoomedTrack } from "./track";
 
 const point = (east: number, north: number, quality: TrackPoint["quality"] = "plain"): TrackPoint => ({
   at: [east, north],
@@ -53,7 +53,7 @@ describe("the view", () => {
   it("zooms about the pointer: the position under it stays", () => {
     const [w, h, u, v] = [200, 100, 150, 20];
     const before = { middle: [10, 20], scale: 2 } as const;
-    const after = zoomed(before, 3, u, v, w, h);
+    const after = zoomedTrack(before, 3, u, v, w, h);
     const under = (view: typeof before | typeof after): number[] => [
       view.middle[0] + (u - w / 2) / view.scale,
       view.middle[1] - (v - h / 2) / view.scale,

@@ -4,16 +4,16 @@ import { number } from "../../ui/format";
 import type { Quality } from "./position";
 import { TEXT } from "./texts";
 
-export type Point = readonly [east: number, north: number];
+export type GridPoint = readonly [east: number, north: number];
 
 export interface TrackPoint {
-  readonly at: Point;
+  readonly at: GridPoint;
   readonly quality: Quality;
 }
 
 /** View of the track: the point in its middle, and px per metre. */
 export interface TrackView {
-  readonly middle: Point;
+  readonly middle: GridPoint;
   readonly scale: number;
 }
 
@@ -52,7 +52,7 @@ export function fitView(points: readonly (TrackPoint | undefined)[], w: number, 
 }
 
 /** The view after `factor` more px a metre about a place on the picture. */
-export function zoomed(view: TrackView, factor: number, u: number, v: number, w: number, h: number): TrackView {
+export function zoomedTrack(view: TrackView, factor: number, u: number, v: number, w: number, h: number): TrackView {
   const scale = Math.min(1e4, Math.max(1e-4, view.scale * factor));
   const shift = 1 / view.scale - 1 / scale;
   return { middle: [view.middle[0] + (u - w / 2) * shift, view.middle[1] - (v - h / 2) * shift], scale };
@@ -61,8 +61,8 @@ export function zoomed(view: TrackView, factor: number, u: number, v: number, w:
 /** Segments of one quality; a break (undefined) or no fix ends one, and a change of quality joins on. */
 export function stretches(
   points: readonly (TrackPoint | undefined)[],
-): readonly { readonly quality: Exclude<Quality, "none">; readonly points: readonly Point[] }[] {
-  const found: { quality: Exclude<Quality, "none">; points: Point[] }[] = [];
+): readonly { readonly quality: Exclude<Quality, "none">; readonly points: readonly GridPoint[] }[] {
+  const found: { quality: Exclude<Quality, "none">; points: GridPoint[] }[] = [];
   let last: TrackPoint | undefined;
   for (const point of points) {
     const quality = point?.quality ?? "none";
@@ -77,13 +77,13 @@ export function stretches(
 }
 
 /** Draws the ground under the track; true if lines on it need an outline. */
-export type Ground = (view: TrackView, place: (point: Point) => Point) => boolean;
+export type Ground = (view: TrackView, place: (point: GridPoint) => GridPoint) => boolean;
 
 /** Draws `points`, oldest first; `here` is the reading position. Returns the view, fitted if none is given. */
 export function drawTrack(
   to: Surface,
   points: readonly (TrackPoint | undefined)[],
-  here: Point | undefined,
+  here: GridPoint | undefined,
   wanted?: TrackView,
   ground?: Ground,
 ): TrackView | undefined {
@@ -99,7 +99,7 @@ export function drawTrack(
     x.fillText(TEXT.noPositionInWindow, w / 2, h / 2);
     return undefined;
   }
-  const place = ([east, north]: Point): Point => [
+  const place = ([east, north]: GridPoint): GridPoint => [
     w / 2 + (east - view.middle[0]) * view.scale,
     h / 2 - (north - view.middle[1]) * view.scale,
   ];
@@ -113,7 +113,7 @@ export function drawTrack(
 }
 
 /** Lines every `step` px, through the origin of the track, so that they move with it. */
-function drawGrid(x: CanvasRenderingContext2D, w: number, h: number, [u0, v0]: Point, step: number): void {
+function drawGrid(x: CanvasRenderingContext2D, w: number, h: number, [u0, v0]: GridPoint, step: number): void {
   x.fillStyle = css("--grid");
   for (let u = ((u0 % step) + step) % step; u < w; u += step) x.fillRect(Math.round(u), 0, 1, h);
   for (let v = ((v0 % step) + step) % step; v < h; v += step) x.fillRect(0, Math.round(v), w, 1);
@@ -122,7 +122,7 @@ function drawGrid(x: CanvasRenderingContext2D, w: number, h: number, [u0, v0]: P
 function drawLine(
   x: CanvasRenderingContext2D,
   quality: Exclude<Quality, "none">,
-  points: readonly Point[],
+  points: readonly GridPoint[],
   edged: boolean,
 ): void {
   const { width, dash } = STYLES[quality];
@@ -146,7 +146,7 @@ function drawLine(
   x.setLineDash([]);
 }
 
-function drawHere(x: CanvasRenderingContext2D, [u, v]: Point): void {
+function drawHere(x: CanvasRenderingContext2D, [u, v]: GridPoint): void {
   x.beginPath();
   x.arc(u, v, 4.5, 0, 7);
   x.fillStyle = css("--ink");

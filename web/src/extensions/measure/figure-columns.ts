@@ -28,7 +28,7 @@ export const FIGURE_KEYS: readonly FigureKey[] = [
 const SIGNIFICANT: ReadonlySet<FigureKey> = new Set(["sigma", "rms", "slope", "integral"]);
 
 /** Unit of a figure of a signal. */
-export function unitOf(key: FigureKey, unit: string): string {
+export function figureUnit(key: FigureKey, unit: string): string {
   if (key === "n" || key === "gaps") return "";
   if (key === "slope") return timesSeconds(unit, -1);
   return key === "integral" ? timesSeconds(unit, 1) : unit;
@@ -73,7 +73,7 @@ const quoted = (text: string): string => (/[",\n]/.test(text) ? `"${text.replace
 const plain = (value: number): string => (Number.isFinite(value) ? String(Number(value.toPrecision(DIGITS))) : "");
 
 /** The table as CSV: a line for each series, with the times of both cursors, unix s, and the units of the figures. */
-export function csvOf(a: number, b: number, rows: readonly MeasuredRow[]): string {
+export function measuredCsv(a: number, b: number, rows: readonly MeasuredRow[]): string {
   const head = [
     "signal",
     "unit",
@@ -90,19 +90,19 @@ export function csvOf(a: number, b: number, rows: readonly MeasuredRow[]): strin
       a.toFixed(TIME_DIGITS),
       b.toFixed(TIME_DIGITS),
       ...FIGURE_KEYS.map((key) => plain(figures[key])),
-      unitOf("slope", unit),
-      unitOf("integral", unit),
+      figureUnit("slope", unit),
+      figureUnit("integral", unit),
     ].join(","),
   );
   return `${[head.join(","), ...lines].join("\n")}\n`;
 }
 
 /** The table as aligned text under the lines in `heading`. */
-export function textOf(heading: readonly string[], rows: readonly MeasuredRow[]): string {
+export function measuredText(heading: readonly string[], rows: readonly MeasuredRow[]): string {
   const cells = rows.map(({ signal, unit, decimals, figures }) => [
     signal,
     ...FIGURE_KEYS.map((key) => {
-      const own = unitOf(key, unit);
+      const own = figureUnit(key, unit);
       return figureText(key, figures[key], decimals) + (own === "" ? "" : ` ${own}`);
     }),
   ]);

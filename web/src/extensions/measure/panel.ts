@@ -3,11 +3,11 @@
  * follow ten times a second; figures over the range are computed a little in every frame, once for each range, and are dimmed until
  * they are those of the range shown.
  */
-import { figuresOf, NO_FIGURES, type RangeFigures } from "./range-figures";
+import { rangeFigures, NO_FIGURES, type RangeFigures } from "./range-figures";
 import type { ViewState } from "../../data/view-state";
 import { figure } from "../../charts/axes";
 import { duration } from "../../plots/axis";
-import { changeOf, valueAt } from "../../plots/legend";
+import { differenceOf, valueAt } from "../../plots/legend";
 import { labelOf, type PlotSpec, type Series } from "../../plots/plot-selection";
 import { byUnit, visible } from "../../plots/visible-plots";
 import { copyText } from "../../ui/copy";
@@ -15,14 +15,14 @@ import { el, LiveText, type Panel, throttle, unit } from "../../ui/dom";
 import { NONE } from "../../ui/format";
 import { CursorHandle } from "./cursor-handle";
 import {
-  csvOf,
+  measuredCsv,
   FIGURE_KEYS,
   type FigureKey,
   type Figures,
   figureText,
   type MeasuredRow,
-  textOf,
-  unitOf,
+  measuredText,
+  figureUnit,
 } from "./figure-columns";
 import type { SampleAccess } from "../../measure/sample-access";
 import type { MeasuredRange } from "../../measure/figure-source";
@@ -100,8 +100,8 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     said,
     snap,
     bytes,
-    copy(TEXT.copyText, () => textOf(heading(), rows())),
-    copy(TEXT.copyCsv, () => csvOf(actions.cursorTime() ?? NaN, viewState.measure.peek() ?? NaN, rows())),
+    copy(TEXT.copyText, () => measuredText(heading(), rows())),
+    copy(TEXT.copyCsv, () => measuredCsv(actions.cursorTime() ?? NaN, viewState.measure.peek() ?? NaN, rows())),
     close,
   );
   const columns = el("tr", {}, el("th", { scope: "col" }, el("span", { class: "visually-hidden" }, TEXT.signal)));
@@ -151,7 +151,7 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     line.values = {
       a: valueAt(series, a, base, reads),
       b: valueAt(series, b, base, reads),
-      delta: changeOf(series, a, b, base, reads),
+      delta: differenceOf(series, a, b, base, reads),
     };
     for (const key of ["a", "b", "delta"] as const)
       line.cells[key].set(figureText(key, line.values[key], series.decimals));
@@ -166,7 +166,7 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     const stamp = `${t0} ${t1} ${base} ${place}`;
     if (stamp === line.stamp) return true;
     const period = series.channel.info.columns[series.column]?.period ?? 0;
-    const found = ring ? figuresOf(ring, series.column, t0, t1, base, period) : server?.of(series, range);
+    const found = ring ? rangeFigures(ring, series.column, t0, t1, base, period) : server?.of(series, range);
     if (found === undefined) return false;
     line.figures = found;
     line.stamp = stamp;
@@ -224,7 +224,7 @@ function build(body: HTMLTableSectionElement, plots: readonly PlotSpec[]): Line[
   return plots.flatMap(byUnit).flatMap((plot) => {
     const title = el("th", { scope: "rowgroup" }, plot.title);
     const group = el("tr", { class: "group-row" }, title);
-    for (const key of FIGURE_KEYS) group.append(el("td", { class: "num" }, unit(unitOf(key, plot.unit))));
+    for (const key of FIGURE_KEYS) group.append(el("td", { class: "num" }, unit(figureUnit(key, plot.unit))));
     body.append(group);
     return plot.series.map((series) => lineOf(body, plot, series));
   });
@@ -236,7 +236,7 @@ function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): 
   const tr = el("tr", { class: "pending" }, el("th", { scope: "row", class: series.colour }, labelOf(series)));
   const cells = Object.fromEntries(FIGURE_KEYS.map((key) => [key, new LiveText()])) as Record<FigureKey, LiveText>;
   for (const key of FIGURE_KEYS) {
-    const text = unitOf(key, own);
+    const text = figureUnit(key, own);
     const cell = el("td", { class: "num", "data-head": TEXT.heads[key] }, cells[key].node);
     if (text !== "") cell.append(unit(text));
     tr.append(cell);

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { figuresOf, NO_FIGURES } from "./range-figures";
+import { rangeFigures, NO_FIGURES } from "./range-figures";
 import { Ring } from "../../data/ring-buffer";
 
 /** A ring with one column. */
@@ -30,7 +30,7 @@ describe("figures of a range", () => {
       times,
       times.map((t) => 3 * (t - START) - 1),
     );
-    const found = figuresOf(ring, 0, START, START + 2, "device", 0);
+    const found = rangeFigures(ring, 0, START, START + 2, "device", 0);
     expect(found).toMatchObject({ n: 9, gaps: 0, min: -1, max: 5, peakToPeak: 6 });
     expect(found.mean).toBeCloseTo(2, 12);
     expect(found.slope).toBeCloseTo(3, 9);
@@ -40,7 +40,7 @@ describe("figures of a range", () => {
 
   it("count both ends, leave missing values out, and see the gap between them", () => {
     const values = [9, 1, 2, NaN, NaN, 5, 6, 9];
-    const found = figuresOf(ringOf(even(8), values), 0, START + 0.25, START + 1.5, "device", 0);
+    const found = rangeFigures(ringOf(even(8), values), 0, START + 0.25, START + 1.5, "device", 0);
     expect(found).toMatchObject({ n: 4, mean: 3.5, min: 1, max: 6, gaps: 1 });
     expect(found.rms).toBeCloseTo(Math.sqrt((1 + 4 + 25 + 36) / 4), 12);
     expect(found.integral).toBeCloseTo(0.25 * 1.5 + 0.75 * 3.5 + 0.25 * 5.5, 9);
@@ -48,9 +48,9 @@ describe("figures of a range", () => {
 
   it("go around the circle", () => {
     const turning = [170, 175, -180, -175, -170];
-    const found = figuresOf(ringOf(even(5), turning, 360), 0, START, START + 1, "device", 360);
+    const found = rangeFigures(ringOf(even(5), turning, 360), 0, START, START + 1, "device", 360);
     expect(found).toMatchObject({ n: 5, peakToPeak: 20, rms: NaN, min: 170, max: -170 });
-    const round = figuresOf(ringOf(even(5), [0, 90, 180, -90, 0], 360), 0, START, START + 1, "device", 360);
+    const round = rangeFigures(ringOf(even(5), [0, 90, 180, -90, 0], 360), 0, START, START + 1, "device", 360);
     expect(round).toMatchObject({ peakToPeak: 360, min: NaN, max: NaN });
     expect(Math.abs(found.mean)).toBeCloseTo(180, 9);
     expect(found.sigma).toBeCloseTo(Math.sqrt(250 / 4), 9);
@@ -60,8 +60,8 @@ describe("figures of a range", () => {
 
   it("are none without samples, and have no slope from one", () => {
     const ring = ringOf(even(3), [1, 2, 3]);
-    expect(figuresOf(ring, 0, START + 0.3, START + 0.4, "device", 0)).toEqual(NO_FIGURES);
-    const one = figuresOf(ring, 0, START + 0.2, START + 0.3, "device", 0);
+    expect(rangeFigures(ring, 0, START + 0.3, START + 0.4, "device", 0)).toEqual(NO_FIGURES);
+    const one = rangeFigures(ring, 0, START + 0.2, START + 0.3, "device", 0);
     expect(one).toMatchObject({ n: 1, mean: 2, integral: 0, gaps: 0 });
     expect(one.slope).toBeNaN();
   });

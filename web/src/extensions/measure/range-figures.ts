@@ -39,7 +39,7 @@ export const NO_FIGURES: RangeFigures = {
 /** A step of more than this many usual ones is a gap. */
 const GAP = 1.5;
 
-export function figuresOf(
+export function rangeFigures(
   ring: Ring,
   column: number,
   t0: number,

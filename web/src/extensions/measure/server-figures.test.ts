@@ -1,9 +1,9 @@
 import { expect, it, vi } from "vitest";
-import { changeOf } from "../../data/frames";
+import { frameChange } from "../../data/frames";
 import { Ring } from "../../data/ring-buffer";
 import type { Series } from "../../plots/plot-selection";
 import { CHANNELS } from "../../testing/synthetic";
-import type { Problem } from "../../ui/http";
+import type { HttpProblem } from "../../ui/http";
 import type { AnalysisRequest } from "../../wire/routes";
 import type { ChannelInfo } from "../../wire/types";
 import { type FigureSource, wantedOf } from "../../measure/figure-source";
@@ -41,7 +41,7 @@ const source: FigureSource = {
 };
 const inNed: FigureSource = {
   ...source,
-  changeOf: (id) => changeOf(sent.find((one) => one.id === id)!, "ENU", "NED"),
+  changeOf: (id) => frameChange(sent.find((one) => one.id === id)!, "ENU", "NED"),
 };
 
 const seriesOf = (info: ChannelInfo, column: number): Series => ({
@@ -108,7 +108,7 @@ it("changes figures to the frame shown, and gives none that it cannot know", () 
 });
 
 const range = { t0: 10, t1: 20, base: "device" } as const;
-const problem = (kind: string): Problem => ({ kind, message: kind, hint: "", status: 404 });
+const problem = (kind: string): HttpProblem => ({ kind, message: kind, hint: "", status: 404 });
 
 it("asks once for a range, and for each signal alone if one of them has no sample", async () => {
   const asked: (readonly string[])[] = [];

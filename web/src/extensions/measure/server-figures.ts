@@ -3,10 +3,10 @@
  *
  *     want(range, series) ── range stands still ──▶ POST /api/analysis/statistics ──▶ of(series)
  */
-import { valueOf } from "../../data/frames";
+import { inFrame } from "../../data/frames";
 import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import type { Series } from "../../plots/plot-selection";
-import { type Outcome, type Problem, request } from "../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../ui/http";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { NO_FIGURES, type RangeFigures } from "./range-figures";
 
@@ -22,7 +22,7 @@ export function displayed(figures: SignalFigures["figures"], { factor, offset, p
   const [min = NaN, max = NaN] = ends; // of an angle the ends of its arc: max may be the smaller number
   return {
     n: of("n"),
-    mean: valueOf({ terms: [[0, factor]], offset }, () => of("mean"), period),
+    mean: inFrame({ terms: [[0, factor]], offset }, () => of("mean"), period),
     sigma: size * of("sigma"),
     rms: offset === 0 ? size * of("rms") : NaN,
     min,
@@ -60,7 +60,7 @@ export class ServerFigures {
   #notBefore = -Infinity;
   #busy = false;
   /** Of the last answer. */
-  problem: Problem | undefined;
+  problem: HttpProblem | undefined;
 
   /** @param ask another one in tests */
   constructor(

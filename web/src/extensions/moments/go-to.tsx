@@ -5,7 +5,7 @@
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { day, duration } from "../../plots/axis";
 import { clock } from "../../ui/format";
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
@@ -193,7 +193,7 @@ async function placeOf(
   from: number,
   forward: boolean,
   { viewState, source }: UnderPlots,
-): Promise<Place | { readonly problem: Problem }> {
+): Promise<Place | { readonly problem: HttpProblem }> {
   const { device, timeBase: base } = viewState.view.peek();
   const options = { [forward ? "after" : "before"]: from, order: forward ? "ascending" : "descending", limit: 1 };
   const body = { source: source(), signals: [text], t0: null, t1: null, base, device: device ?? "", options };

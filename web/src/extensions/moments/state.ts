@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import type { ViewState } from "../../data/view-state";
 import { madeFor } from "../../pages/app-state";
-import type { Problem } from "../../ui/http";
+import type { HttpProblem } from "../../ui/http";
 
 /** What "next" and "previous" go to. */
 export type Destination = "sample" | "event" | "marker" | "gap" | "condition";
@@ -14,7 +14,7 @@ export interface GoToBar {
   readonly text: string;
   readonly kind: Destination;
   /** The answer to the last move. */
-  readonly said?: { readonly words: string } | { readonly problem: Problem } | undefined;
+  readonly said?: { readonly words: string } | { readonly problem: HttpProblem } | undefined;
 }
 
 export const stateOf = madeFor((_view: ViewState) => ({

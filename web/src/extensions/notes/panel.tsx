@@ -3,9 +3,9 @@ import { useComputed, useSignal } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Deps } from "../../panels/panel-context";
-import { server } from "../../recordings/api";
+import { recordingsApi } from "../../recordings/api";
 import type { Panel } from "../../ui/dom";
-import type { Problem } from "../../ui/http";
+import type { HttpProblem } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import { piecesOf, timeText } from "./times";
 import { TEXT } from "./texts";
@@ -38,13 +38,13 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   const before = useSignal<string | undefined>(undefined);
   const started = useSignal<number | undefined>(undefined);
   const theirs = useSignal<string | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const field = useRef<HTMLTextAreaElement>(null);
   /** Counts what sets the stored text: an answer that a later one has overtaken is old. */
   const turn = useRef(0);
   const read = async (): Promise<string | undefined> => {
     const mine = ++turn.current;
-    const list = await server.list();
+    const list = await recordingsApi.list();
     if (mine !== turn.current) return stored.peek();
     const info = list.ok ? list.value.find((one) => one.id === id) : undefined;
     problem.value = list.ok ? undefined : list.problem;
@@ -80,7 +80,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   };
   const save = async (): Promise<void> => {
     const notes = field.current?.value ?? "";
-    const outcome = await server.edit(id, { notes, notes_before: before.peek() ?? "" });
+    const outcome = await recordingsApi.edit(id, { notes, notes_before: before.peek() ?? "" });
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) {
       turn.current++;

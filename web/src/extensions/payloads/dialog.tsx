@@ -1,6 +1,6 @@
 /** Defines a vendor's own payload: a short text in TOML, checked by the server; its bytes become plots. */
 import { useSignal } from "@preact/signals";
-import { api, type Problem } from "../../ui/http";
+import { api, type HttpProblem } from "../../ui/http";
 import { Dialog } from "../../ui/dialog";
 import { Message } from "../../ui/message";
 import { protocolOf } from "../../wire/capabilities";
@@ -17,7 +17,7 @@ interface Props {
 }
 
 export function PayloadDialog({ app, payload, onClose }: Props) {
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const busy = useSignal(false);
   const protocol = app.store.devices.value.find(({ id }) => id === payload.device)?.protocol;
   const family = protocolOf(protocol);

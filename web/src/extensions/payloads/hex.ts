@@ -18,13 +18,13 @@ export interface HexLine {
 }
 
 /** The bytes of a hex string, up to the first character that is not a hex digit. */
-export function bytesOf(hex: string): Uint8Array {
+export function hexBytes(hex: string): Uint8Array {
   const digits = /^(?:[0-9a-f]{2})*/i.exec(hex)?.[0] ?? "";
   return Uint8Array.from({ length: digits.length / 2 }, (_, k) => parseInt(digits.slice(2 * k, 2 * k + 2), 16));
 }
 
 /** The lines of `bytes`; those that differ from `before` are marked. Without a `before` none are. */
-export function linesOf(bytes: Uint8Array, before: Uint8Array | undefined): readonly HexLine[] {
+export function hexLines(bytes: Uint8Array, before: Uint8Array | undefined): readonly HexLine[] {
   const changed = (k: number): boolean => before !== undefined && bytes[k] !== before[k];
   const lines: HexLine[] = [];
   for (let at = 0; at < bytes.length; at += PER_LINE) {

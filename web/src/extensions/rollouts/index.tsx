@@ -2,7 +2,7 @@
 import { registerExtension, type Slots } from "../../extension";
 import { late } from "../../ui/late";
 
-const Rollout = late(async () => (await import("./rollout")).Rollout);
+const Rollout = late(async () => (await import("./rollout")).RolloutSection);
 
 const RolloutView = (properties: Slots["comparisonActions"]) => <Rollout {...properties} />;
 

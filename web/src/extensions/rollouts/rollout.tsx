@@ -7,13 +7,13 @@ import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../forms/types";
 import type { Present } from "../../forms/edits";
-import type { Outcome, Problem } from "../../ui/http";
+import type { Outcome, HttpProblem } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { fullName, shortName } from "../../wire/device-name";
 import type { DeviceInfo, Job } from "../../wire/types";
 import { isOver, jobIn, Outcomes, stateWords } from "../../pages/configure/jobs";
 import type { Model } from "../../pages/configure/model";
-import { server } from "../../pages/configure/api";
+import { configureApi } from "../../pages/configure/api";
 import { refFor } from "../../pages/configure/sides";
 import type { ComparisonActionProps } from "../../pages/configure/compare";
 import type { ConfigureState } from "../../pages/configure/view-state";
@@ -29,13 +29,13 @@ type Checks = Readonly<Record<string, Check>>;
 
 /** Result of each device that a profile was written to: the job, as last seen, or why there is none. */
 type RolloutResults = Readonly<
-  Record<string, { readonly id: number; readonly last: Job | undefined } | { readonly problem: Problem }>
+  Record<string, { readonly id: number; readonly last: Job | undefined } | { readonly problem: HttpProblem }>
 >;
 
 /** They stay until they are dismissed, whatever is shown meanwhile. */
 const resultsOf = madeFor((_page: ConfigureState) => signal<RolloutResults>({}));
 
-export function Rollout({ model, store, others, side, take, title }: ComparisonActionProps) {
+export function RolloutSection({ model, store, others, side, take, title }: ComparisonActionProps) {
   const own = model.device.value;
   const devices = [...(own ? [own] : []), ...others].filter(({ id }) => refFor(side, "", model.id, id) !== undefined);
   const checks = useSignal<Checks>({});
@@ -111,11 +111,11 @@ export function Rollout({ model, store, others, side, take, title }: ComparisonA
 
 /** Changes of a device; one that was never read is not compared. */
 async function compared(device: string, right: SideRef, take: ComparisonActionProps["take"]): Promise<Check> {
-  const body = await server.values(device);
+  const body = await configureApi.values(device);
   if (!body.ok) return body;
   if (body.value.info.taken === 0)
     return { ok: false, problem: { status: 409, kind: "not-read", message: TEXT.notReadYetSentence, hint: "" } };
-  const found = await server.compare(device, {
+  const found = await configureApi.compare(device, {
     left: { side: "device", snapshot: "", device: "", text: "" },
     right,
     take,
@@ -186,7 +186,7 @@ function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "
             type="button"
             class="btn small edge"
             disabled={model.page.viewOnly.value}
-            onClick={() => void model.run(server.read(device.id))}
+            onClick={() => void model.run(configureApi.read(device.id))}
           >
             {TEXT.readDevice(fullName(device))}
           </button>
@@ -298,7 +298,7 @@ function ask(
     for (const { device, named, check } of found) {
       const { changes, product, base } = check;
       const own = Object.entries(base).filter(([name]) => name in changes);
-      void server
+      void configureApi
         .apply(named, {
           changes,
           reason: TEXT.profile(title),

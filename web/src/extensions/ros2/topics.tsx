@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { bytes } from "../../recordings/library-filter";
 import { Dialog } from "../../ui/dialog";
 import { rate } from "../../ui/format";
-import { type Outcome, type Problem, request } from "../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import { fullName } from "../../wire/device-name";
@@ -22,7 +22,7 @@ interface Props {
 
 export function RosTopics({ device, onClose }: Props) {
   const state = useSignal<RosState | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const take = (outcome: Outcome<RosState>): void => {
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) state.value = outcome.value;

@@ -5,7 +5,15 @@
 import { el, throttle, LiveText, type Panel } from "../../ui/dom";
 import { number } from "../../ui/format";
 import { channelsOf, type Deps, reading, sampleAt } from "../../panels/panel-context";
-import { type Constellation, type Satellite, skyAt, type SkyTable, skyTables, tally, type Use } from "./satellite-data";
+import {
+  type Constellation,
+  type Satellite,
+  skyAt,
+  type SkyTable,
+  skyTables,
+  satelliteTally,
+  type Use,
+} from "./satellite-data";
 import { TEXT } from "./texts";
 import "./satellites.css";
 
@@ -43,7 +51,7 @@ class Sky {
       this.#build(sky);
     }
     for (const { name, satellites } of sky) {
-      this.#tallies.get(name)?.set(tally(satellites));
+      this.#tallies.get(name)?.set(satelliteTally(satellites));
       for (const satellite of satellites) this.#write(satellite);
     }
   }

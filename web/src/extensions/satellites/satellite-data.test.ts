@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { Channel } from "../../data/channels";
 import type { BitsInfo } from "../../wire/types";
-import { skyAt, skyTables, tally } from "./satellite-data";
+import { skyAt, skyTables, satelliteTally } from "./satellite-data";
 
 const bit = (name: string, low: number, width: number, choices: Record<string, string> = {}): BitsInfo => ({
   name,
@@ -75,7 +75,7 @@ describe("skyAt", () => {
       [1, 6, 2, 34, 32],
     ]);
     const sky = skyAt(skyTables([channel])[0]!, 3);
-    expect(sky.map(({ name, satellites }) => [name, tally(satellites), satellites[0]!.strength])).toEqual([
+    expect(sky.map(({ name, satellites }) => [name, satelliteTally(satellites), satellites[0]!.strength])).toEqual([
       ["GPS", "1 used", 33],
       ["GLONASS", "1 unhealthy", 34],
     ]);

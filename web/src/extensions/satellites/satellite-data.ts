@@ -122,7 +122,7 @@ function usageOf({ channel, flags, used, health }: SkyTable, k: number): Use {
 }
 
 /** "8 used · 3 healthy · 1 not used": how many satellites of each use. */
-export function tally(satellites: readonly Satellite[]): string {
+export function satelliteTally(satellites: readonly Satellite[]): string {
   const counts = ORDER.map((use) => [use, satellites.filter((one) => one.use === use).length] as const);
   return counts
     .filter(([, n]) => n > 0)

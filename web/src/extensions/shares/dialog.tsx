@@ -3,7 +3,7 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { bytes } from "../../recordings/library-filter";
 import { Dialog } from "../../ui/dialog";
-import { type Outcome, type Problem, request } from "../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import { fullName } from "../../wire/device-name";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../../wire/routes";
@@ -21,7 +21,7 @@ const FIRST_PORT = 4001;
 
 interface State {
   readonly port: Signal<SharedPort | undefined>;
-  readonly problem: Signal<Problem | undefined>;
+  readonly problem: Signal<HttpProblem | undefined>;
   /** Sends a request; its answer is the new state, or a problem. */
   readonly send: (request: Promise<Outcome<SharedPort>>) => Promise<boolean>;
   readonly device: string;

@@ -1,7 +1,7 @@
 /** The 3D scene in a frame, by viser: of live devices, or of a recording, where it follows the player. What prevents it is said in words. */
 import { useEffect, useState } from "preact/hooks";
 import { onFrame } from "../../data/render-loop";
-import { type Problem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { theme } from "../../ui/theme";
 import { Frame } from "../../views/frame";
@@ -13,7 +13,7 @@ function Scene({ address }: { readonly address: string }) {
   return <Frame address={address + dark} title={TEXT.sceneByViser} />;
 }
 
-function Waiting({ problem }: { readonly problem: Problem | undefined }) {
+function Waiting({ problem }: { readonly problem: HttpProblem | undefined }) {
   if (!problem)
     return (
       <p class="wait" role="status">
@@ -33,7 +33,7 @@ function Waiting({ problem }: { readonly problem: Problem | undefined }) {
 /** A live scene: requested first, so that a refusal is reported in our words. */
 export function Begun({ device }: { readonly device: string }) {
   const [address, setAddress] = useState<string>();
-  const [problem, setProblem] = useState<Problem>();
+  const [problem, setProblem] = useState<HttpProblem>();
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
   useEffect(() => {
     let wanted = true;
@@ -62,7 +62,7 @@ export interface Player {
 /** A scene that follows a player. */
 export function Following({ player }: { readonly player: Player }) {
   const [address, setAddress] = useState<string>();
-  const [problem, setProblem] = useState<Problem>();
+  const [problem, setProblem] = useState<HttpProblem>();
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
   useEffect(() => {
     const scheme = location.protocol === "https:" ? "wss" : "ws";

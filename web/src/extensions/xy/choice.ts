@@ -47,7 +47,7 @@ function usualPair(signals: readonly Found[]): readonly Found[] {
 }
 
 /** "Magnetic field y". */
-export function nameOf({ channel: { info }, column }: Found): string {
+export function signalName({ channel: { info }, column }: Found): string {
   const title = info.title || info.name;
   if (info.columns.length === 1) return title;
   return `${title} ${info.columns[column]?.label || info.columns[column]?.name || ""}`;
@@ -56,5 +56,5 @@ export function nameOf({ channel: { info }, column }: Found): string {
 /** "Magnetic field y (µT)". */
 export function nameWithUnit(found: Found): string {
   const unit = unitOf(found);
-  return unit === "" ? nameOf(found) : `${nameOf(found)} (${unit})`;
+  return unit === "" ? signalName(found) : `${signalName(found)} (${unit})`;
 }

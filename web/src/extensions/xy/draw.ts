@@ -33,7 +33,7 @@ export interface Drawing {
 }
 
 /** Places of values, px. */
-export interface Placed {
+export interface PlacedSample {
   readonly x: (value: number) => number;
   readonly y: (value: number) => number;
 }
@@ -49,7 +49,7 @@ export function timeColour(share: number, light = isLight()): string {
 }
 
 /** @returns where values are; undefined without room */
-export function drawXy(to: Surface, of: Drawing): Placed | undefined {
+export function drawXy(to: Surface, of: Drawing): PlacedSample | undefined {
   const [width, height] = [to.width() - LEFT - RIGHT, to.height() - TOP - BOTTOM];
   if (width < 40 || height < 40 || !to.begin()) return undefined;
   const x = to.context;
@@ -58,7 +58,7 @@ export function drawXy(to: Surface, of: Drawing): Placed | undefined {
     y: [number, number];
   };
   if (of.isEqual) makeEqual(ends, width, height);
-  const place: Placed = {
+  const place: PlacedSample = {
     x: (value) => LEFT + ((value - ends.x[0]) / (ends.x[1] - ends.x[0])) * width,
     y: (value) => TOP + ((ends.y[1] - value) / (ends.y[1] - ends.y[0])) * height,
   };
@@ -95,7 +95,7 @@ export function makeEqual(ends: { x: [number, number]; y: [number, number] }, wi
 function drawGrid(
   x: CanvasRenderingContext2D,
   ends: { readonly x: readonly [number, number]; readonly y: readonly [number, number] },
-  place: Placed,
+  place: PlacedSample,
   width: number,
   height: number,
 ): void {
@@ -120,7 +120,7 @@ function drawGrid(
   x.fillRect(LEFT, TOP + height, width, 1);
 }
 
-function drawPairs(x: CanvasRenderingContext2D, of: Drawing, place: Placed): void {
+function drawPairs(x: CanvasRenderingContext2D, of: Drawing, place: PlacedSample): void {
   const { pairs, t0, t1, isTrail, isPoints } = of;
   const { time, x: xs, y: ys, starts } = pairs;
   const step = STEPS / Math.max(t1 - t0, 1e-9);
@@ -175,7 +175,7 @@ function drawMark(x: CanvasRenderingContext2D, u: number, v: number, letter: str
 }
 
 /** The pair nearest to a point of the picture, within `reach` px; −1 without one. */
-export function nearestPair(pairs: Pairs, place: Placed, u: number, v: number, reach = 28): number {
+export function nearestPair(pairs: Pairs, place: PlacedSample, u: number, v: number, reach = 28): number {
   let [best, least] = [-1, reach * reach];
   for (let k = 0; k < pairs.time.length; k++) {
     const [du, dv] = [place.x(pairs.x[k]!) - u, place.y(pairs.y[k]!) - v];

@@ -13,9 +13,9 @@ import { type Found, unitOf } from "../../signals/custom-plots";
 import { surface } from "../../ui/canvas";
 import { el, LiveText, type Panel, throttle } from "../../ui/dom";
 import { clock, decimalsOf, number } from "../../ui/format";
-import { chosenPair, nameOf, nameWithUnit, plottableOf } from "./choice";
+import { chosenPair, signalName, nameWithUnit, plottableOf } from "./choice";
 import { rangeOf } from "../../charts/range";
-import { drawXy, nearestPair, type Placed, timeColour } from "./draw";
+import { drawXy, nearestPair, type PlacedSample, timeColour } from "./draw";
 import { ServerPairs } from "./server-pairs";
 import { XyTools } from "./tools";
 import { TEXT } from "./texts";
@@ -60,7 +60,7 @@ class XyPlot {
   /** What the pairs in memory were taken of: the same again gives the same pairs. */
   #taken = "";
   #told = "";
-  #place: Placed | undefined;
+  #place: PlacedSample | undefined;
   /** The pair under the pointer. */
   #aimed = -1;
 
@@ -197,13 +197,13 @@ class XyPlot {
     const isNearest = this.#deps.viewState.xy.peek().pairing === "nearest";
     const [leader, follower] = pairs.leader === "y" ? [y, x] : [x, y];
     parts.push(
-      pairs.leader === undefined ? TEXT.sameTimes : TEXT.atTimesOf(nameOf(leader), nameOf(follower), isNearest),
+      pairs.leader === undefined ? TEXT.sameTimes : TEXT.atTimesOf(signalName(leader), signalName(follower), isNearest),
     );
     const isEmpty = pairs.n === 0;
     this.#about.set(
       isEmpty && problem !== undefined ? problem : isEmpty ? (isNewest ? TEXT.none : TEXT.loading) : parts.join(" · "),
     );
-    const label = TEXT.canvas(nameOf(y), nameOf(x), TEXT.samples(pairs.n));
+    const label = TEXT.canvas(signalName(y), signalName(x), TEXT.samples(pairs.n));
     if (this.#canvas.getAttribute("aria-label") !== label) this.#canvas.setAttribute("aria-label", label);
     const values = (u: number, v: number): string => `x ${inUnit(u, x)}  y ${inUnit(v, y)}`;
     const k = this.#aimed;

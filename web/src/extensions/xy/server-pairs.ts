@@ -1,11 +1,11 @@
 /** Pairs from the server, for a range of which the page holds only some of the samples. */
-import { valueOf } from "../../data/frames";
+import { inFrame } from "../../data/frames";
 import { LatestAnswer } from "../../measure/latest-answer";
 import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import { type Found, unitOf } from "../../signals/custom-plots";
-import { type Outcome, type Problem, request } from "../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../ui/http";
 import type { PairsInfo, PairsRequest } from "../../wire/routes";
-import { nameOf } from "./choice";
+import { signalName } from "./choice";
 import type { Pairing, Pairs } from "./pairs";
 import { COMMON } from "../../texts/common";
 
@@ -29,14 +29,14 @@ export class ServerPairs {
   readonly #source: FigureSource;
   readonly #ask: Ask;
   readonly #latest = new LatestAnswer<{ readonly signals: string; readonly pairs: Pairs }>();
-  #refused: Pick<Problem, "message"> | undefined;
+  #refused: Pick<HttpProblem, "message"> | undefined;
 
   constructor(source: FigureSource, ask: Ask = askServer) {
     this.#source = source;
     this.#ask = ask;
   }
 
-  get problem(): Pick<Problem, "message"> | undefined {
+  get problem(): Pick<HttpProblem, "message"> | undefined {
     return this.#refused ?? this.#latest.problem;
   }
 
@@ -45,7 +45,7 @@ export class ServerPairs {
     const question = stampOf(wanted);
     const [x, y] = [wantedOf(wanted.x, this.#source), wantedOf(wanted.y, this.#source)];
     const unknown = x === undefined ? wanted.x : y === undefined ? wanted.y : undefined;
-    this.#refused = unknown && { message: COMMON.frameUnknown(nameOf(unknown)) };
+    this.#refused = unknown && { message: COMMON.frameUnknown(signalName(unknown)) };
     if (x && y) this.#latest.want(question, now, (signal) => this.#request(wanted, x, y, signal));
     const { held } = this.#latest;
     if (held?.answer.signals !== signalsOf(wanted)) return undefined;
@@ -84,7 +84,7 @@ function pairsOf(info: PairsInfo, x: Wanted, y: Wanted): Pairs {
   const shown = (values: readonly number[], { factor, offset, period }: Wanted): readonly number[] =>
     factor === 1 && offset === 0
       ? values
-      : values.map((value) => valueOf({ terms: [[0, factor]], offset }, () => value, period));
+      : values.map((value) => inFrame({ terms: [[0, factor]], offset }, () => value, period));
   const { leader, n, t0, time } = info;
   const ledBy = (wanted: Wanted): boolean => wanted.word === leader || wanted.word.endsWith(`/${leader}`);
   return {

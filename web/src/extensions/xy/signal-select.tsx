@@ -2,7 +2,7 @@
 import type { Channel } from "../../data/channels";
 import { type Found, unitOf } from "../../signals/custom-plots";
 import { Icon } from "../../ui/icons";
-import { nameOf, nameWithUnit } from "./choice";
+import { signalName, nameWithUnit } from "./choice";
 
 interface Props {
   readonly label: string;
@@ -37,7 +37,7 @@ export function SignalSelect({ label, signals, value, onChange }: Props) {
               <optgroup key={channel.info.id} label={groupName(channel)}>
                 {own.map((one) => (
                   <option key={one.column} value={at(one)}>
-                    {own.every((other) => unitOf(other) === unitOf(one)) ? nameOf(one) : nameWithUnit(one)}
+                    {own.every((other) => unitOf(other) === unitOf(one)) ? signalName(one) : nameWithUnit(one)}
                   </option>
                 ))}
               </optgroup>

@@ -1,21 +1,21 @@
 /** The routes of one device's configuration, a function each. */
 import type { ApplyRequest, CompareRequest } from "../../forms/types";
-import type { Values } from "../../forms/values";
+import type { FormValues } from "../../forms/values";
 import { addressOf, request } from "../../ui/http";
 
-export const server = {
+export const configureApi = {
   build: () => request("GET /api/build"),
   forms: (device: string) => request("GET /api/devices/{device}/forms", { path: { device } }),
   values: (device: string) => request("GET /api/devices/{device}/values", { path: { device } }),
-  previewSetting: (device: string, setting: string, values: Values) =>
+  previewSetting: (device: string, setting: string, values: FormValues) =>
     request("POST /api/devices/{device}/preview", { path: { device }, body: { setting, values } }),
-  previewCommand: (device: string, command: string, values: Values) =>
+  previewCommand: (device: string, command: string, values: FormValues) =>
     request("POST /api/devices/{device}/preview", { path: { device }, body: { command, values } }),
   read: (device: string, confirmed = false) =>
     request("POST /api/devices/{device}/read", { path: { device }, body: { confirmed } }),
   apply: (device: string, body: ApplyRequest) =>
     request("POST /api/devices/{device}/apply", { path: { device }, body }),
-  run: (device: string, command: string, values: Values, confirmed: boolean) =>
+  run: (device: string, command: string, values: FormValues, confirmed: boolean) =>
     request("POST /api/devices/{device}/run", { path: { device }, body: { command, values, confirmed } }),
   raw: (device: string, hex: string, confirmed = false) =>
     request("POST /api/devices/{device}/raw", { path: { device }, body: { hex, confirmed } }),
@@ -36,6 +36,6 @@ export const server = {
     request("DELETE /api/devices/{device}/snapshots/{name}", { path: { device, name } }),
   compare: (device: string, body: CompareRequest) =>
     request("POST /api/devices/{device}/compare", { path: { device }, body }),
-  fit: (device: string, setting: string, values: Values, baud: number | null) =>
+  fit: (device: string, setting: string, values: FormValues, baud: number | null) =>
     request("POST /api/devices/{device}/fit-rates", { path: { device }, body: { setting, values, baud } }),
 };

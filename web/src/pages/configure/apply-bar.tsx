@@ -5,7 +5,7 @@ import { IconButton } from "../../ui/icon-button";
 import { Message } from "../../ui/message";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import type { Model } from "./model";
-import { server } from "./api";
+import { configureApi } from "./api";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -115,7 +115,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
     base: model.basesOf(names),
     confirm_s: null,
   };
-  const outcome = await server.apply(model.writeName, body);
+  const outcome = await configureApi.apply(model.writeName, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
     await model.asking.now(names); // who is quick applies before the preview has said that the change is temporary
     const temporary = names.some((name) => model.previews.value[name]?.line);

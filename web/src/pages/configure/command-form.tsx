@@ -1,15 +1,15 @@
 /** One command as a form: its description, arguments, bytes, Send, and result. */
 import { useEffect } from "preact/hooks";
 import { BytesView } from "../../forms/frame-view";
-import { Fields } from "../../forms/field";
+import { FieldList } from "../../forms/field";
 import type { FormContext } from "../../forms/form-context";
 import type { CommandForm } from "../../forms/types";
-import { type Path, words as wordsOf } from "../../forms/values";
+import { type Path, valueWords as wordsOf } from "../../forms/values";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { route } from "../route";
 import type { Model } from "./model";
-import { server } from "./api";
+import { configureApi } from "./api";
 import { Words } from "./setting-form";
 import { JobLine } from "./jobs";
 import { unfinishedOf } from "./view-state";
@@ -54,7 +54,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
   return (
     <section class="setting" aria-label={form.title} data-command={form.name}>
       <Words form={form} />
-      {form.arguments.length > 0 && <Fields sheet={sheet} fields={form.arguments} />}
+      {form.arguments.length > 0 && <FieldList sheet={sheet} fields={form.arguments} />}
       {loose.map(({ path, message, hint }) => (
         <p class="problem inset" role="alert" key={path}>
           <b>
@@ -107,7 +107,7 @@ async function send(model: Model, form: CommandForm, confirmed = false): Promise
   const harms =
     form.caution !== "" && !Object.entries(form.harmless).some(([name, those]) => those.includes(Number(values[name])));
   if (!confirmed && harms && unfinishedOf(model).length === 0) return ask(form.consequence || TEXT.cannotBeUndone);
-  const outcome = await server.run(model.writeName, form.name, values, confirmed);
+  const outcome = await configureApi.run(model.writeName, form.name, values, confirmed);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") return ask(outcome.problem.message);
   const job = await model.run(Promise.resolve(outcome));
   if (job === undefined) return;

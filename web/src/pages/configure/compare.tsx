@@ -11,8 +11,8 @@ import type { DeviceInfo } from "../../wire/types";
 import { route } from "../route";
 import type { Model } from "./model";
 import { Slot } from "../../extension";
-import { server } from "./api";
-import { refOf, type Side, titleOf } from "./sides";
+import { configureApi } from "./api";
+import { sideRef, type SideName, snapshotTitle } from "./sides";
 import { SnapshotActs } from "./snapshot";
 import { goTo } from "./view-state";
 import { COMMON } from "../../texts/common";
@@ -27,7 +27,7 @@ export interface ComparisonActionProps {
   readonly store: Store;
   /** The other devices of the same protocol. */
   readonly others: readonly DeviceInfo[];
-  readonly side: Side;
+  readonly side: SideName;
   /** The differences to write, of each device. */
   readonly take: Take;
   readonly title: string;
@@ -54,8 +54,12 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
     if (right === "~file" && !file) why.value = TEXT.chooseFile;
     else if ((left === "device" || right === "device") && !model.isRead.value) why.value = TEXT.deviceNotRead;
     else {
-      const sides = { left: refOf(left, file?.text ?? ""), right: refOf(right, file?.text ?? ""), take: take.value };
-      void server.compare(model.id, sides).then((answer) => {
+      const sides = {
+        left: sideRef(left, file?.text ?? ""),
+        right: sideRef(right, file?.text ?? ""),
+        take: take.value,
+      };
+      void configureApi.compare(model.id, sides).then((answer) => {
         if (stale) return;
         if (answer.ok) difference.value = answer.value;
         else why.value = `${answer.problem.message} ${answer.problem.hint}`;
@@ -114,9 +118,9 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
   );
 }
 
-const titleHere = (model: Model, side: Side): string | undefined => {
+const titleHere = (model: Model, side: SideName): string | undefined => {
   const snapshot = model.snapshots.value.find(({ name }) => name === side);
-  return snapshot && titleOf(snapshot);
+  return snapshot && snapshotTitle(snapshot);
 };
 
 /** Problems of the right side: misspelt, out of range. Shown before anything is written. */
@@ -146,8 +150,8 @@ interface PickerProps {
   readonly label: string;
   readonly model: Model;
   readonly others: readonly DeviceInfo[];
-  readonly side: Side;
-  readonly choose: (side: Side) => void;
+  readonly side: SideName;
+  readonly choose: (side: SideName) => void;
 }
 
 function SidePicker({ label, model, others, side, choose }: PickerProps) {
@@ -161,7 +165,7 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
         {(model.forms.value?.factory || side === "~factory") && <option value="~factory">{TEXT.factoryDefault}</option>}
         {model.snapshots.value.map((snapshot) => (
           <option key={snapshot.name} value={snapshot.name}>
-            {titleOf(snapshot)} · {stamp(snapshot.taken)}
+            {snapshotTitle(snapshot)} · {stamp(snapshot.taken)}
           </option>
         ))}
         {others.map((device) => (

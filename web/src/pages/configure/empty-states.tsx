@@ -62,7 +62,7 @@ export function NotRead({ model }: { readonly model: Model }) {
   );
 }
 
-export function Reading({ model }: { readonly model: Model }) {
+export function ReadingNote({ model }: { readonly model: Model }) {
   const job = model.jobs.value?.running;
   if (!job) return null;
   return (

@@ -1,10 +1,10 @@
 /** "Fit to link": the server lowers rates until the line can carry them; the result is shown, and can be undone like any edit. */
 import type { SettingForm } from "../../forms/types";
 import type { Model } from "./model";
-import { server } from "./api";
+import { configureApi } from "./api";
 
 export async function makeItFit(model: Model, form: SettingForm): Promise<void> {
-  const answer = await model.run(server.fit(model.id, form.name, model.valuesOf(form), model.baud.value ?? null));
+  const answer = await model.run(configureApi.fit(model.id, form.name, model.valuesOf(form), model.baud.value ?? null));
   if (answer === undefined) return;
   for (const field of form.fields) {
     const value = answer.values[field.name];

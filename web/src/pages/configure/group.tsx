@@ -5,7 +5,7 @@ import { Setting } from "./setting-form";
 import { CAUTIONS, linkTo, visibleSettings } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
-export function Group({ model, name }: { readonly model: Model; readonly name: string }) {
+export function SettingGroup({ model, name }: { readonly model: Model; readonly name: string }) {
   const forms = model.forms.value;
   if (!forms) return null;
   const settings = forms.settings.filter((form) => form.group === name);

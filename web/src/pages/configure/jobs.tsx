@@ -1,9 +1,9 @@
 /** Jobs of the device: running, waiting, finished. */
 import type { DeviceJobs, FieldOutcome, Job } from "../../wire/types";
 import { Message } from "../../ui/message";
-import { words } from "../../ui/labels";
+import { labelWords } from "../../ui/labels";
 import type { Model } from "./model";
-import { server } from "./api";
+import { configureApi } from "./api";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -52,7 +52,7 @@ export function stateWords(job: Job): string {
 
 export function StopJob({ model, job }: { readonly model: Model; readonly job: Job }) {
   return (
-    <button type="button" class="btn small edge" onClick={() => void model.run(server.stop(model.id, job.id))}>
+    <button type="button" class="btn small edge" onClick={() => void model.run(configureApi.stop(model.id, job.id))}>
       {job.state === "waiting" ? TEXT.removeFromQueue : COMMON.stop}
     </button>
   );
@@ -86,7 +86,7 @@ function Answer({ values }: { readonly values: Job["values"] }) {
     <dl class="answer">
       {entries.map(([name, value]) => (
         <div key={name}>
-          <dt>{words(name)}</dt>
+          <dt>{labelWords(name)}</dt>
           <dd class="mono">{typeof value === "object" ? JSON.stringify(value) : String(value)}</dd>
         </div>
       ))}

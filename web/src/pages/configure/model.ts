@@ -25,12 +25,12 @@ import type {
   SnapshotBody,
   SnapshotInfo,
 } from "../../forms/types";
-import { initials, joined, type Path, put, type Values, whereOf } from "../../forms/values";
-import { isRefusal, type Outcome, type Problem } from "../../ui/http";
+import { initials, joined, type Path, put, type FormValues, whereOf } from "../../forms/values";
+import { isRefusal, type Outcome, type HttpProblem } from "../../ui/http";
 import { fullName, linkName, writeName } from "../../wire/device-name";
 import type { DeviceJobs, DeviceInfo, TrafficEntry } from "../../wire/types";
 import type { App } from "../app-state";
-import { server } from "./api";
+import { configureApi } from "./api";
 import { Previews } from "./previews";
 import { type ConfigureState, configureOf } from "./view-state";
 import { TEXT } from "../../texts/configure";
@@ -52,7 +52,7 @@ export interface Edits {
 export interface Fitting {
   readonly setting: string;
   readonly words: readonly string[];
-  readonly draft: Values | undefined;
+  readonly draft: FormValues | undefined;
 }
 
 export class Model {
@@ -67,7 +67,7 @@ export class Model {
   /** Unreadable input: `Setting/path` → why. */
   readonly wrong: Signal<ReadonlyMap<string, string>> = signal(new Map());
   /** Why the forms cannot be shown, or the last request failed. */
-  readonly problem: Signal<Problem | undefined> = signal(undefined);
+  readonly problem: Signal<HttpProblem | undefined> = signal(undefined);
   readonly older: Signal<readonly TrafficEntry[]> = signal([]);
   readonly noOlder: Signal<boolean> = signal(false);
   /** Number of discards or undos of each setting's edits, which reset typed texts. */
@@ -244,10 +244,10 @@ export class Model {
   // ---- from the server
 
   async load(): Promise<void> {
-    const forms = await server.forms(this.id);
+    const forms = await configureApi.forms(this.id);
     this.problem.value = forms.ok ? undefined : forms.problem;
     if (!forms.ok) return;
-    const build = await server.build();
+    const build = await configureApi.build();
     if (build.ok) this.page.viewOnly.value = build.value.role === "view";
     const isFirst = this.forms.peek() === undefined;
     if (!isFirst) this.forms.value = forms.value;
@@ -259,12 +259,12 @@ export class Model {
 
   /** Load present values and snapshots. Drafts equal to them are dropped. */
   async refresh(): Promise<void> {
-    const [body, snapshots] = await Promise.all([server.values(this.id), server.snapshots(this.id)]);
+    const [body, snapshots] = await Promise.all([configureApi.values(this.id), configureApi.snapshots(this.id)]);
     if (snapshots.ok) this.snapshots.value = snapshots.value;
     if (!body.ok) return;
     const measured = this.forms.peek()?.settings.some(({ table }) => table !== null && table.interval !== "");
     if (measured && body.value.info.taken !== this.body.peek()?.info.taken) {
-      const forms = await server.forms(this.id); // streams that are off also get rates of the device once it was read
+      const forms = await configureApi.forms(this.id); // streams that are off also get rates of the device once it was read
       if (forms.ok) this.forms.value = forms.value;
     }
     this.#follow(body.value.values);
@@ -309,7 +309,7 @@ export class Model {
   }
 
   async loadOlder(before = this.traffic.peek()[0]?.seq): Promise<void> {
-    const found = await server.traffic(this.id, before, OLDER_BY);
+    const found = await configureApi.traffic(this.id, before, OLDER_BY);
     if (!found.ok) return;
     this.noOlder.value = found.value.length < OLDER_BY;
     const known = new Set(this.older.peek().map(({ seq }) => seq));
@@ -328,7 +328,7 @@ export class Model {
 
   /** Read all settings; `confirmed`: even if that discards unfinished work of a command. */
   async readAll(confirmed = false): Promise<void> {
-    const job = await this.run(server.read(this.id, confirmed));
+    const job = await this.run(configureApi.read(this.id, confirmed));
     this.lastRead.value = job?.id;
   }
 
@@ -343,7 +343,7 @@ export class Model {
   }
 
   /** A setting after the edits; if never read, the initial values of the tables. */
-  valuesOf(form: SettingForm): Values {
+  valuesOf(form: SettingForm): FormValues {
     return current(this.present.value, this.drafts.value, form.name) ?? (form.partial ? {} : initials(form.fields));
   }
 
@@ -352,7 +352,7 @@ export class Model {
     return current(this.present.value, this.drafts.value, form.name) !== undefined;
   }
 
-  argumentsOf(form: CommandForm): Values {
+  argumentsOf(form: CommandForm): FormValues {
     const held = this.present.value[form.writes] ?? {}; // a form that writes a setting opens with what the device has
     const own = Object.fromEntries(
       form.arguments.flatMap(({ name }) => (held[name] === undefined ? [] : [[name, held[name]]])),

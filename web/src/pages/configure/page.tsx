@@ -3,7 +3,7 @@ import { useEffect } from "preact/hooks";
 import { BudgetLine } from "../../forms/budget-bar";
 import { Icon } from "../../ui/icons";
 import type { App } from "../app-state";
-import { Bar } from "../top-bar";
+import { TopBar } from "../top-bar";
 import { route } from "../route";
 import { Empty, LinkedBand, OfflineBand, ProblemBand, Starting } from "../empty-states";
 import { ApplyBar } from "./apply-bar";
@@ -11,7 +11,7 @@ import { Ask } from "./confirm-dialog";
 import { Command } from "./command-form";
 import { Compare } from "./compare";
 import { TrafficLog } from "./traffic-log";
-import { Group } from "./group";
+import { SettingGroup } from "./group";
 import { type Model, modelOf } from "./model";
 import { ConfigureRail } from "./sidebar";
 import { Discard, Setting } from "./setting-form";
@@ -23,13 +23,21 @@ import {
   NoForms,
   NotRead,
   ProblemLine,
-  Reading,
+  ReadingNote,
   SensorBand,
   UnreadSettings,
   UnfinishedBand,
   ViewOnlyBand,
 } from "./empty-states";
-import { configureOf, extensionPlace, linkTo, type Place, placeOf, readAll, visibleSettings } from "./view-state";
+import {
+  configureOf,
+  extensionPlace,
+  linkTo,
+  type FormPlace,
+  formPlaceOf,
+  readAll,
+  visibleSettings,
+} from "./view-state";
 import { deviceInLink } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -62,7 +70,7 @@ export function ConfigurePage({ app }: { readonly app: App }) {
       <a class="btn edge skip" href="#form">
         {TEXT.skipToTheForm}
       </a>
-      <Bar app={app} />
+      <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
       <ConfigureRail app={app} model={model} />
       <main class="settings-form" id="form" tabIndex={-1}>
@@ -96,7 +104,7 @@ function followAddress(app: App): void {
 export function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
   const forms = model.forms.value;
   if (!forms) return <NoForms model={model} />;
-  const place = placeOf(model, route.value.place);
+  const place = formPlaceOf(model, route.value.place);
   return (
     <>
       <Budget model={model} />
@@ -118,7 +126,7 @@ export function Centre({ model, app }: { readonly model: Model; readonly app: Ap
 }
 
 /** What a search or a link names inside a form is brought into sight, and marked for a moment. */
-function useSought(model: Model, place: Place): void {
+function useSought(model: Model, place: FormPlace): void {
   const sought = route.value.more;
   const isForm = place.kind === "setting" || place.kind === "command";
   useEffect(() => {
@@ -136,7 +144,7 @@ function useSought(model: Model, place: Place): void {
   }, [place.name, sought, isForm, model.isRead.value, model.page.all.value]);
 }
 
-function Shown({ model, app, place }: { readonly model: Model; readonly app: App; readonly place: Place }) {
+function Shown({ model, app, place }: { readonly model: Model; readonly app: App; readonly place: FormPlace }) {
   const command = model.command(place.name);
   const setting = model.setting(place.name);
   useSought(model, place);
@@ -167,14 +175,18 @@ function Shown({ model, app, place }: { readonly model: Model; readonly app: App
         ? 1
         : (model.forms.value?.settings.filter(({ group }) => group === place.name).length ?? 0);
       if (settings > 0 && !model.isRead.value) return <Unread model={model} />;
-      return setting ? <Setting model={model} form={setting} alone /> : <Group model={model} name={place.name} />;
+      return setting ? (
+        <Setting model={model} form={setting} alone />
+      ) : (
+        <SettingGroup model={model} name={place.name} />
+      );
     }
   }
 }
 
 /** In the place of a form that shows what the device has, until that is known. */
 function Unread({ model }: { readonly model: Model }) {
-  return model.jobs.value?.running ? <Reading model={model} /> : <NotRead model={model} />;
+  return model.jobs.value?.running ? <ReadingNote model={model} /> : <NotRead model={model} />;
 }
 
 /** The load of all outputs in one line: on a phone it stays in sight. */
@@ -184,7 +196,7 @@ function Budget({ model }: { readonly model: Model }) {
   return <BudgetLine load={model.loadOf(form.name) ?? model.loadOf(`=${form.name}`)} baud={model.baud.value} />;
 }
 
-function Title({ app, model, place }: { readonly app: App; readonly model: Model; readonly place: Place }) {
+function Title({ app, model, place }: { readonly app: App; readonly model: Model; readonly place: FormPlace }) {
   const { sheet } = app;
   const { all } = model.page;
   const visible = place.kind === "group" ? visibleSettings(model, place.name) : [];

@@ -1,7 +1,7 @@
 /** Requests for the server's answers on drafts, on the device's values and on commands: shortly after the last key, the newest counts. */
 import type { PreviewResult } from "../../forms/types";
 import type { Outcome } from "../../ui/http";
-import { server } from "./api";
+import { configureApi } from "./api";
 import type { Model } from "./model";
 
 const PREVIEW_AFTER_MS = 150;
@@ -50,7 +50,7 @@ export class Previews {
   #requestOf(key: string): Promise<Outcome<PreviewResult>> | undefined {
     if (key.startsWith("!")) {
       const command = this.model.command(key.slice(1));
-      return command && server.previewCommand(this.model.id, command.name, this.model.argumentsOf(command));
+      return command && configureApi.previewCommand(this.model.id, command.name, this.model.argumentsOf(command));
     }
     const isPresent = key.startsWith("=");
     const form = this.model.setting(isPresent ? key.slice(1) : key);
@@ -63,7 +63,7 @@ export class Previews {
         : this.model.valuesOf(form);
     if (values === undefined) return undefined;
     const own = form.fields.filter(({ name, read_only }) => !read_only && values[name] !== undefined);
-    return server.previewSetting(
+    return configureApi.previewSetting(
       this.model.id,
       form.name,
       Object.fromEntries(own.map(({ name }) => [name, values[name]])),

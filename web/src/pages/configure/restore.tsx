@@ -1,7 +1,7 @@
 /** The guided procedure for a device that answers at no rate: the user power-cycles it while the server calls it. */
 import { isOver, JobLine, jobOf } from "./jobs";
 import type { Model } from "./model";
-import { server } from "./api";
+import { configureApi } from "./api";
 import { TEXT } from "../../texts/configure";
 
 export function Restore({ model }: { readonly model: Model }) {
@@ -9,7 +9,7 @@ export function Restore({ model }: { readonly model: Model }) {
   const job = id === undefined ? undefined : jobOf(model, id);
   const at = job === undefined ? 0 : isOver(job) ? (job.state === "done" ? 3 : 0) : 1;
   const start = async (): Promise<void> => {
-    const made = await model.run(server.restore(model.id));
+    const made = await model.run(configureApi.restore(model.id));
     if (made === undefined) return;
     model.restoring.value = made.id;
     model.applied.value = undefined; // what failed before is over with it

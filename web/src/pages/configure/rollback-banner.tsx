@@ -10,7 +10,7 @@ import type { PendingRollback } from "../../wire/types";
 import type { App } from "../app-state";
 import { type Model, modelOf } from "./model";
 import { Restore } from "./restore";
-import { server } from "./api";
+import { configureApi } from "./api";
 import "./styles";
 import { Message } from "../../ui/message";
 import { TEXT } from "../../texts/configure";
@@ -164,7 +164,7 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
         class="btn edge"
         ref={back}
         disabled={model.page.viewOnly.value || offline}
-        onClick={() => void model.run(server.rollBack(rollback.device))}
+        onClick={() => void model.run(configureApi.rollBack(rollback.device))}
       >
         {TEXT.rollBackNow}
       </button>
@@ -172,7 +172,7 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
         type="button"
         class="btn main"
         disabled={model.page.viewOnly.value || offline}
-        onClick={() => void model.run(server.confirm(rollback.device))}
+        onClick={() => void model.run(configureApi.confirm(rollback.device))}
       >
         {TEXT.confirm}
       </button>

@@ -3,12 +3,12 @@ import { useEffect } from "preact/hooks";
 import { BudgetBar } from "../../forms/budget-bar";
 import { BytesView } from "../../forms/frame-view";
 import { changesOf, touches } from "../../forms/edits";
-import { Fields } from "../../forms/field";
+import { FieldList } from "../../forms/field";
 import { RateTableEditor } from "../../forms/rate-table-editor";
 import { optionsOf } from "../../forms/options";
 import type { FormContext } from "../../forms/form-context";
 import type { FieldForm, LoadInfo, SettingForm } from "../../forms/types";
-import type { Path, Values } from "../../forms/values";
+import type { Path, FormValues } from "../../forms/values";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { makeItFit } from "./fit-rates";
@@ -134,14 +134,14 @@ function Body({ model, form }: { readonly model: Model; readonly form: SettingFo
   const sheet = sheetOf(model, form);
   const { table } = form;
   const list: FieldForm | undefined = form.fields.find(({ editor }) => editor === "list");
-  if (table === null || list === undefined) return <Fields sheet={sheet} fields={form.fields} />;
+  if (table === null || list === undefined) return <FieldList sheet={sheet} fields={form.fields} />;
   if (!model.isKnown(form)) return null; // an empty table would suggest that nothing is sent
   const load = model.loadOf(form.name) ?? model.loadOf(`=${form.name}`);
   const rest = form.fields.filter((field) => field !== list);
   return (
     <>
       <RateTableEditor sheet={sheet} field={list} table={table} load={load} hot={model.hot.value} />
-      {rest.length > 0 && <Fields sheet={sheet} fields={rest} />}
+      {rest.length > 0 && <FieldList sheet={sheet} fields={rest} />}
     </>
   );
 }
@@ -149,7 +149,7 @@ function Body({ model, form }: { readonly model: Model; readonly form: SettingFo
 /** Load, line, bytes. */
 function Consequences({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
   const preview = model.previews.value[form.name];
-  const before: Values | undefined = model.present.value[form.name];
+  const before: FormValues | undefined = model.present.value[form.name];
   const found = changesOf(form, before, model.valuesOf(form));
   const changed = (path: string): boolean =>
     path !== "" &&

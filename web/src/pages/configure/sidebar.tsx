@@ -10,8 +10,8 @@ import { markOf } from "../../ui/page-state";
 import { type App, select } from "../app-state";
 import { go, route } from "../route";
 import type { Model } from "./model";
-import { listed, titleOf } from "./sides";
-import { linkTo, placeOf } from "./view-state";
+import { listed, snapshotTitle } from "./sides";
+import { linkTo, formPlaceOf } from "./view-state";
 import { linkName, listName } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -159,7 +159,7 @@ function Results({ model, close }: Props) {
 function Groups({ model, close }: Props) {
   const forms = model.forms.value;
   if (!forms) return null;
-  const place = placeOf(model, route.value.place);
+  const place = formPlaceOf(model, route.value.place);
   const current =
     place.kind === "group" ? place.name : (model.setting(place.name)?.group ?? model.command(place.name)?.group);
   return (
@@ -232,10 +232,10 @@ function GoBack({ model, close }: Props) {
             key={snapshot.name}
             href={linkTo(model, "compare", snapshot.name)}
             onClick={close}
-            title={[titleOf(snapshot), snapshot.reason].join("\n")}
+            title={[snapshotTitle(snapshot), snapshot.reason].join("\n")}
             {...current(snapshot.name)}
           >
-            <span class="name">{titleOf(snapshot)}</span>
+            <span class="name">{snapshotTitle(snapshot)}</span>
             <span class="count">{when(snapshot)}</span>
           </a>
         ))}

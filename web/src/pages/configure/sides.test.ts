@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { SnapshotInfo } from "../../forms/types";
-import { listed, refFor, titleOf } from "./sides";
+import { listed, refFor, snapshotTitle } from "./sides";
 
 const info = (title: string, taken: number, part: Partial<SnapshotInfo> = {}): SnapshotInfo => ({
   name: `${taken}`,
@@ -24,11 +24,11 @@ it("keeps the first and named snapshots in the list", () => {
 });
 
 it("distinguishes snapshots with the same title", () => {
-  expect(titleOf({ title: "Before this change", reason: "Before writing Output configuration." })).toBe(
+  expect(snapshotTitle({ title: "Before this change", reason: "Before writing Output configuration." })).toBe(
     "Before writing Output configuration",
   );
-  expect(titleOf({ title: "Before this change", reason: "new mast" })).toBe("Before this change: new mast");
-  expect(titleOf({ title: "First contact", reason: "" })).toBe("First contact");
+  expect(snapshotTitle({ title: "Before this change", reason: "new mast" })).toBe("Before this change: new mast");
+  expect(snapshotTitle({ title: "First contact", reason: "" })).toBe("First contact");
 });
 
 it("names a side for another device than the one whose page it is", () => {

@@ -3,12 +3,12 @@ import type { SideRef, SnapshotInfo } from "../../forms/types";
 import { TEXT } from "../../texts/configure";
 
 /** "device", "~factory", "~file", "~other:<id>", or a snapshot's name. */
-export type Side = string;
+export type SideName = string;
 
 const BLANK = { snapshot: "", device: "", text: "" };
 
 /** A side in the device's own terms. */
-export function refOf(side: Side, file: string): SideRef {
+export function sideRef(side: SideName, file: string): SideRef {
   if (side === "device" || side === "~factory") return { ...BLANK, side: side === "device" ? "device" : "factory" };
   if (side === "~file") return { ...BLANK, side: "text", text: file };
   if (side.startsWith("~other:")) return { ...BLANK, side: "other", device: side.slice("~other:".length) };
@@ -16,10 +16,10 @@ export function refOf(side: Side, file: string): SideRef {
 }
 
 /** A side of one device's page in the terms of another device; undefined if it would be compared with itself. */
-export function refFor(side: Side, file: string, owner: string, target: string): SideRef | undefined {
+export function refFor(side: SideName, file: string, owner: string, target: string): SideRef | undefined {
   if (side === "device") return target === owner ? undefined : { ...BLANK, side: "other", device: owner };
   if (side === `~other:${target}`) return undefined;
-  const own = refOf(side, file);
+  const own = sideRef(side, file);
   return own.side === "snapshot" && target !== owner ? { ...own, device: owner } : own;
 }
 
@@ -27,7 +27,7 @@ export function refFor(side: Side, file: string, owner: string, target: string):
 const GENERIC = new Set([TEXT.beforeThisChange, TEXT.readFromTheDevice]);
 
 /** A distinguishing title of a snapshot: its own name, or the change written after it was taken. */
-export function titleOf({ title, reason }: Pick<SnapshotInfo, "title" | "reason">): string {
+export function snapshotTitle({ title, reason }: Pick<SnapshotInfo, "title" | "reason">): string {
   if (!GENERIC.has(title) || reason === "") return title;
   return /^before /i.test(reason) ? reason.replace(/\.$/, "") : `${title}: ${reason}`;
 }

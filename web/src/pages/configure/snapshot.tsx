@@ -3,7 +3,7 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
 import type { Model } from "./model";
-import { server } from "./api";
+import { configureApi } from "./api";
 import { goTo } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -13,11 +13,11 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
   const text = useSignal<string | undefined>(undefined);
   if (!info) return null;
   const look = async (): Promise<void> => {
-    const found = await model.run(server.snapshot(model.id, name));
+    const found = await model.run(configureApi.snapshot(model.id, name));
     if (typeof found === "string") text.value = found;
   };
   const remove = async (): Promise<void> => {
-    await model.run(server.deleteSnapshot(model.id, name));
+    await model.run(configureApi.deleteSnapshot(model.id, name));
     await model.refresh();
     goTo(model, "compare");
   };
@@ -40,7 +40,7 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
       <button type="button" class="btn small edge" onClick={() => void look()}>
         {TEXT.view}
       </button>
-      <a class="btn small edge" href={server.snapshotUrl(model.id, name)} download={`${name}.yaml`}>
+      <a class="btn small edge" href={configureApi.snapshotUrl(model.id, name)} download={`${name}.yaml`}>
         {COMMON.download}
       </a>
       <button type="button" class="btn small" disabled={model.page.viewOnly.value} onClick={ask}>
@@ -86,7 +86,7 @@ function Naming({ model, naming }: { readonly model: Model; readonly naming: Sig
     const title = naming.value?.trim() ?? "";
     if (title === "") return;
     close();
-    if (await model.run(server.keepSnapshot(model.id, title))) await model.refresh();
+    if (await model.run(configureApi.keepSnapshot(model.id, title))) await model.refresh();
   };
   return (
     <Dialog title={TEXT.saveAsHint} onClose={close}>

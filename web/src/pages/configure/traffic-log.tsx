@@ -9,7 +9,7 @@ import type { TrafficEntry } from "../../wire/types";
 import type { App } from "../app-state";
 import { StopJob } from "./jobs";
 import type { Model } from "./model";
-import { server } from "./api";
+import { configureApi } from "./api";
 import { configureOf } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -89,7 +89,7 @@ function Filter({ wanted: { text, direction } }: { readonly wanted: Wanted }) {
 }
 
 /** Whether an entry has this text in its name, its words or its bytes. */
-export function matches(entry: TrafficEntry, text: string): boolean {
+function matches(entry: TrafficEntry, text: string): boolean {
   const wanted = text.trim().toLowerCase();
   if (wanted === "") return true;
   return (
@@ -198,7 +198,7 @@ function Entry({ entry, model, opened }: EntryProps) {
 
 /** Send raw bytes; what is more than a request is named by the server, and asked about. */
 async function sendBytes(model: Model, bytes: string, name: string): Promise<void> {
-  const outcome = await server.raw(model.writeName, bytes);
+  const outcome = await configureApi.raw(model.writeName, bytes);
   if (outcome.ok || outcome.problem.kind !== "confirm") return void model.run(Promise.resolve(outcome));
   model.page.question.value = {
     title: name ? TEXT.confirmSendAgain(name) : TEXT.confirmSendBytes,
@@ -206,7 +206,7 @@ async function sendBytes(model: Model, bytes: string, name: string): Promise<voi
     words: [outcome.problem.message, spaced(bytes, 48)],
     caution: "",
     go: TEXT.send,
-    act: () => void model.run(server.raw(model.writeName, bytes, true)),
+    act: () => void model.run(configureApi.raw(model.writeName, bytes, true)),
   };
 }
 

@@ -57,7 +57,7 @@ export const pauseOf = (model: Model): string => protocolOf(model.device.value?.
 /** Unfinished work of a command that a change of the device's state discards. */
 export const unfinishedOf = (model: Model): readonly string[] => [model.jobs.value?.unfinished ?? ""].filter(Boolean);
 
-export interface Place {
+export interface FormPlace {
   readonly kind: "setting" | "command" | "group" | "compare" | "restore" | "extension" | "nothing";
   readonly name: string;
 }
@@ -67,7 +67,7 @@ export const extensionPlace = (name: string): ConfigurePlace | undefined =>
   fromExtensions("configurePlaces").find((one) => one.name === name);
 
 /** The place of an address: a setting, a command or a group of that name; by default the first group. */
-export function placeOf(model: Model, place: string | undefined): Place {
+export function formPlaceOf(model: Model, place: string | undefined): FormPlace {
   const forms = model.forms.value;
   if (place === "compare" || place === "restore") return { kind: place, name: "" };
   if (place !== undefined && extensionPlace(place)) return { kind: "extension", name: place };

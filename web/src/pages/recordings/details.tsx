@@ -10,9 +10,9 @@ import {
   lostOf,
   messagesOf,
   rejectsOf,
-  titleOf,
+  recordingTitle,
 } from "../../recordings/library-filter";
-import { server } from "../../recordings/api";
+import { recordingsApi } from "../../recordings/api";
 import type { RecordingInfo } from "../../recordings/types";
 import { number } from "../../ui/format";
 import { IconButton } from "../../ui/icon-button";
@@ -27,13 +27,13 @@ import { UploadFacts } from "./upload-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-export function Details({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
+export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
   const { sheet } = app;
   const library = libraryOf(app);
   return (
     <>
       <div class="head">
-        <h2 class="ellipsis">{titleOf(info)}</h2>
+        <h2 class="ellipsis">{recordingTitle(info)}</h2>
         <span class="grow" />
         {info.deleted === null && (
           <button
@@ -71,7 +71,7 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
   const library = libraryOf(app);
   if (info.recording) return <p class="hint">{TEXT.recordingInProgress}</p>;
   const play = async (): Promise<void> => {
-    const devices = await run(app, server.play(info.id, { speed: 1, loop: true, t0: null, t1: null }));
+    const devices = await run(app, recordingsApi.play(info.id, { speed: 1, loop: true, t0: null, t1: null }));
     const [first] = devices ?? [];
     if (!first) return;
     select(app, first.id);
@@ -83,7 +83,7 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         <Icon name="wave" />
         {COMMON.open}
       </a>
-      <a class="btn edge" href={server.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
+      <a class="btn edge" href={recordingsApi.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
         <Icon name="download" />
         {COMMON.download}
       </a>
@@ -194,7 +194,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
         <span class="field">
           <input
             defaultValue={info.title === info.id ? "" : info.title}
-            placeholder={titleOf(info)}
+            placeholder={recordingTitle(info)}
             maxLength={200}
             onChange={(event) => void library.edit(info.id, { title: event.currentTarget.value })}
           />

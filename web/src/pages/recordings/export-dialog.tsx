@@ -1,9 +1,9 @@
 /** Export dialog: range, format, channels; duration and size are shown before anything is written. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { bytes, length, titleOf } from "../../recordings/library-filter";
+import { bytes, length, recordingTitle } from "../../recordings/library-filter";
 import { devicesFor, formatsOf, sizeOf } from "../../recordings/export-formats";
-import { server } from "../../recordings/api";
+import { recordingsApi } from "../../recordings/api";
 import type { ExportSizes, RecordingDetail } from "../../recordings/types";
 import { Dialog } from "../../ui/dialog";
 import { span } from "../../ui/format";
@@ -12,7 +12,7 @@ import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
 import { type App, run } from "../app-state";
 import { Jobs } from "./export-jobs";
-import { type Exporting, exportingOf, type Range } from "./exporting";
+import { type Exporting, exportingOf, type ExportRange } from "./exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 import "./export.css";
@@ -21,7 +21,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const { info, detail, ranges, first, base } = of;
   const formats = formatsOf(capabilities.value.exports, info);
   const format = useSignal<ExportCapability | undefined>(formats[0]);
-  const range = useSignal<Range | undefined>(of.chosen);
+  const range = useSignal<ExportRange | undefined>(of.chosen);
   const left = useSignal<ReadonlySet<number>>(new Set());
   const device = useSignal("");
   const busy = useSignal(false);
@@ -45,7 +45,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
     busy.value = true;
     const job = await run(
       app,
-      server.export(info.id, {
+      recordingsApi.export(info.id, {
         format: chosen.name,
         t0: range.value?.t0 ?? null,
         t1: range.value?.t1 ?? null,
@@ -60,7 +60,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   };
   const n = channels?.length ?? detail?.channels.length;
   return (
-    <Dialog title={TEXT.exportRecording(titleOf(info))} onClose={() => (exportingOf(app).value = undefined)}>
+    <Dialog title={TEXT.exportRecording(recordingTitle(info))} onClose={() => (exportingOf(app).value = undefined)}>
       <div class="export">
         {ranges.length > 0 && (
           <div class="segmented full-width" role="group" aria-label={TEXT.part}>
@@ -133,7 +133,7 @@ const MEASURE_AFTER_MS = 300;
  */
 function useMeasured(
   { info, detail, base }: Exporting,
-  range: Range | undefined,
+  range: ExportRange | undefined,
   channels: readonly number[] | undefined,
 ): ExportSizes | undefined {
   const found = useSignal<{ readonly key: string; readonly sizes: ExportSizes } | undefined>(undefined);
@@ -145,7 +145,7 @@ function useMeasured(
     let over = false;
     const timer = setTimeout(
       () => {
-        void server.exportSizes(info.id, selection).then((answer) => {
+        void recordingsApi.exportSizes(info.id, selection).then((answer) => {
           if (!over && answer.ok) found.value = { key, sizes: answer.value };
         });
       },

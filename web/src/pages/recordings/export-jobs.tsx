@@ -1,6 +1,6 @@
 /** The exports of a recording: running, done, failed. */
 import { bytes } from "../../recordings/library-filter";
-import { server } from "../../recordings/api";
+import { recordingsApi } from "../../recordings/api";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { ExportJob } from "../../wire/types";
@@ -39,12 +39,12 @@ function JobRow({ app, job }: { readonly app: App; readonly job: ExportJob }) {
         {job.state === "failed" && <span class="dot bad" />} {words}
       </span>
       {job.state === "done" ? (
-        <a class="btn edge" href={server.exportUrl(job.id)} download={job.file}>
+        <a class="btn edge" href={recordingsApi.exportUrl(job.id)} download={job.file}>
           <Icon name="download" />
           {COMMON.download}
         </a>
       ) : (
-        <button type="button" class="btn edge" onClick={() => void run(app, server.cancelExport(job.id))}>
+        <button type="button" class="btn edge" onClick={() => void run(app, recordingsApi.cancelExport(job.id))}>
           {going ? COMMON.cancel : TEXT.removeFromList}
         </button>
       )}

@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import type { RecordingDetail, RecordingInfo } from "../../recordings/types";
 import { perApp } from "../app-state";
 
-export interface Range {
+export interface ExportRange {
   readonly name: string;
   readonly t0: number;
   readonly t1: number;
@@ -13,12 +13,12 @@ export interface Range {
 export interface Exporting {
   readonly info: RecordingInfo;
   readonly detail: RecordingDetail | undefined;
-  readonly ranges: readonly Range[];
+  readonly ranges: readonly ExportRange[];
   /** Start of the recording, unix s. */
   readonly first: number;
   readonly base: "device" | "arrival";
   /** The range that is chosen at first; absent: the whole recording. */
-  readonly chosen?: Range;
+  readonly chosen?: ExportRange;
 }
 
 /** What is being exported, while its dialog is open. */

@@ -1,10 +1,10 @@
 /** Content of the library and its selection; loaded again when the server reports a change. */
 import { computed, effect, signal } from "@preact/signals";
 import { Prefetch } from "../../recordings/prefetch";
-import { type Choice, chosen, withReceiving } from "../../recordings/library-filter";
-import { server, upload } from "../../recordings/api";
+import { type LibraryChoice, chosen, withReceiving } from "../../recordings/library-filter";
+import { recordingsApi, upload } from "../../recordings/api";
 import type { EditRequest, RecordingInfo } from "../../recordings/types";
-import type { Problem } from "../../ui/http";
+import type { HttpProblem } from "../../ui/http";
 import type { RecordingUpload } from "../../wire/routes";
 import { type App, perApp, run } from "../app-state";
 
@@ -16,15 +16,15 @@ export interface Coming {
   readonly key: number;
   readonly name: string;
   readonly share: number;
-  readonly problem: Problem | undefined;
+  readonly problem: HttpProblem | undefined;
   readonly cancel: () => void;
 }
 
 export class Library {
   readonly all = signal<readonly RecordingInfo[] | undefined>(undefined);
   /** Why the list could not be loaded. */
-  readonly trouble = signal<Problem | undefined>(undefined);
-  readonly choice = signal<Choice>({ category: "all", device: "", tag: "", query: "" });
+  readonly trouble = signal<HttpProblem | undefined>(undefined);
+  readonly choice = signal<LibraryChoice>({ category: "all", device: "", tag: "", query: "" });
   readonly selected = signal<string | undefined>(undefined);
   /** The last deletion, until the next action. */
   readonly gone = signal<RecordingInfo | undefined>(undefined);
@@ -43,14 +43,14 @@ export class Library {
     this.#app = app;
   }
 
-  choose(part: Partial<Choice>): void {
+  choose(part: Partial<LibraryChoice>): void {
     this.choice.value = { ...this.choice.peek(), ...part };
   }
 
   /** Load the list; an answer overtaken by a later one is ignored. */
   async #load(): Promise<void> {
     const mine = ++this.#asked;
-    const outcome = await server.list();
+    const outcome = await recordingsApi.list();
     if (mine !== this.#asked) return;
     if (outcome.ok) this.all.value = outcome.value.map(withReceiving);
     this.trouble.value = outcome.ok ? undefined : outcome.problem;
@@ -59,7 +59,7 @@ export class Library {
 
   /** Load the state of uploads, and again while one is under way. */
   async #loadUploads(mine: number): Promise<void> {
-    const outcome = await server.uploads();
+    const outcome = await recordingsApi.uploads();
     if (mine !== this.#asked || !outcome.ok) return;
     const { recordings } = outcome.value;
     this.uploads.value = new Map(recordings.map((one) => [one.id, one]));
@@ -104,12 +104,12 @@ export class Library {
   }
 
   async edit(id: string, change: Partial<EditRequest>): Promise<void> {
-    this.#replace(await run(this.#app, server.edit(id, change)));
+    this.#replace(await run(this.#app, recordingsApi.edit(id, change)));
   }
 
   /** Rename its file, which changes the recording's id. */
   async rename(id: string, file: string): Promise<void> {
-    const info = await run(this.#app, server.edit(id, { file }));
+    const info = await run(this.#app, recordingsApi.edit(id, { file }));
     if (info === undefined) return;
     this.all.value = (this.all.peek() ?? []).filter((one) => one.id !== id);
     this.#replace(info);
@@ -117,7 +117,7 @@ export class Library {
   }
 
   async remove(info: RecordingInfo): Promise<void> {
-    const deleted = await run(this.#app, server.remove(info.id));
+    const deleted = await run(this.#app, recordingsApi.remove(info.id));
     if (deleted === undefined) return;
     this.gone.value = deleted;
     this.#replace(deleted);
@@ -125,7 +125,7 @@ export class Library {
   }
 
   async undelete(id: string): Promise<void> {
-    const back = await run(this.#app, server.undelete(id));
+    const back = await run(this.#app, recordingsApi.undelete(id));
     if (back === undefined) return;
     this.gone.value = undefined;
     this.#replace(back);

@@ -8,19 +8,19 @@ import {
   flaw,
   inCategory,
   length,
-  tally,
-  titleOf,
+  countedValues,
+  recordingTitle,
 } from "../../recordings/library-filter";
 import type { RecordingInfo } from "../../recordings/types";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { App } from "../app-state";
-import { Bar } from "../top-bar";
+import { TopBar } from "../top-bar";
 import { go, href } from "../route";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
-import { Details } from "./details";
+import { RecordingDetails } from "./details";
 import { type Library, libraryOf } from "./library-store";
 import { Thumb } from "./thumbnail";
 import { UploadMark } from "./upload-state";
@@ -39,7 +39,7 @@ export function LibraryPage({ app }: { readonly app: App }) {
       <a class="btn edge skip" href="#list">
         {TEXT.skipToTheList}
       </a>
-      <Bar app={app} />
+      <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
       <Filters app={app} />
       <main class="library-centre" id="list" tabIndex={-1}>
@@ -52,7 +52,7 @@ export function LibraryPage({ app }: { readonly app: App }) {
       </main>
       <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={TEXT.thisRecording}>
         {library.current.value ? (
-          <Details key={library.current.value.id} info={library.current.value} app={app} />
+          <RecordingDetails key={library.current.value.id} info={library.current.value} app={app} />
         ) : (
           <p class="foot-note dim padded">{TEXT.selectRecording}</p>
         )}
@@ -68,8 +68,8 @@ function Filters({ app }: { readonly app: App }) {
   const list = library.all.value ?? [];
   const kept = list.filter(({ deleted }) => deleted === null);
   const { category, device, tag } = library.choice.value;
-  const devices = tally(kept.flatMap((info) => [...new Set(info.devices.map(deviceName))]));
-  const tags = tally(kept.flatMap((info) => info.tags));
+  const devices = countedValues(kept.flatMap((info) => [...new Set(info.devices.map(deviceName))]));
+  const tags = countedValues(kept.flatMap((info) => info.tags));
   return (
     <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label={TEXT.filters}>
       <div class="head">
@@ -242,7 +242,7 @@ function Gone({ library }: { readonly library: Library }) {
   if (!deleted) return null;
   return (
     <div class="band calm" role="status">
-      <b class="ellipsis">{TEXT.recordingDeleted(titleOf(deleted))}</b>
+      <b class="ellipsis">{TEXT.recordingDeleted(recordingTitle(deleted))}</b>
       <span class="mid">{TEXT.restorableFor7Days}</span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => void library.undelete(deleted.id)}>
@@ -334,10 +334,10 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
         <b class="ellipsis">
           {open ? (
             <a href={href("recordings", info.id)} {...library.aboutToOpen(info)}>
-              {titleOf(info)}
+              {recordingTitle(info)}
             </a>
           ) : (
-            titleOf(info)
+            recordingTitle(info)
           )}
           {info.pinned && <Icon name="pin" />}
         </b>
@@ -374,7 +374,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
         </span>
         <IconButton
           icon="dots"
-          label={TEXT.detailsOf(titleOf(info))}
+          label={TEXT.detailsOf(recordingTitle(info))}
           class="phone show-details"
           onClick={() => {
             pick();

@@ -1,7 +1,7 @@
 /** Markers and notes of a recording: a press jumps there, and more can be added. */
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { length } from "../../recordings/library-filter";
-import { server } from "../../recordings/api";
+import { recordingsApi } from "../../recordings/api";
 import { IconButton } from "../../ui/icon-button";
 import { run } from "../app-state";
 import type { OpenRecording } from "./open-recording";
@@ -60,7 +60,10 @@ export function MarkerField({ recording }: { readonly recording: OpenRecording }
     event.preventDefault();
     const text = field.current?.value.trim() ?? "";
     placing.value = undefined;
-    const marker = await run(app, server.markLater(replay.detail.info.id, { text, kind: "marker", time, device: "" }));
+    const marker = await run(
+      app,
+      recordingsApi.markLater(replay.detail.info.id, { text, kind: "marker", time, device: "" }),
+    );
     if (marker) replay.markers.value = [...replay.markers.peek(), marker];
   };
   const at = length(time - replay.bounds.first, 3);

@@ -8,10 +8,10 @@ import { ReplayController } from "../../recordings/replay-controller";
 import type { VisibleRange } from "../../recordings/visible-range";
 import { isOpening } from "../../recordings/api";
 import type { OpeningState, RecordingDetail } from "../../recordings/types";
-import type { Problem } from "../../ui/http";
+import type { HttpProblem } from "../../ui/http";
 import { Message } from "../../ui/message";
 import type { App } from "../app-state";
-import { Bar } from "../top-bar";
+import { TopBar } from "../top-bar";
 import { href, route } from "../route";
 import { showReplay } from "../test-hook";
 import { OfflineBand } from "../empty-states";
@@ -28,7 +28,7 @@ const MORE_MS = 400;
 
 type State =
   | { readonly kind: "opening"; readonly state: OpeningState | undefined }
-  | { readonly kind: "failed"; readonly problem: Problem }
+  | { readonly kind: "failed"; readonly problem: HttpProblem }
   | { readonly kind: "open"; readonly recording: OpenRecording; readonly times: number };
 
 export function OpenPage({ id, app }: { readonly id: string; readonly app: App }) {
@@ -83,7 +83,7 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
   if (state.kind === "open") return <ReplayPage key={state.times} recording={state.recording} />;
   return (
     <div class={`app plain ${app.store.connection.value === "closed" ? "offline" : ""}`}>
-      <Bar app={app} />
+      <TopBar app={app} />
       {app.store.connection.value === "closed" && <OfflineBand app={app} />}
       <main class="centre whole-centre">
         <h1 class="visually-hidden">{TEXT.recordingId(id)}</h1>
@@ -111,7 +111,7 @@ function Opening({ id, state }: { readonly id: string; readonly state: OpeningSt
   );
 }
 
-function Failed({ problem }: { readonly problem: Problem }) {
+function Failed({ problem }: { readonly problem: HttpProblem }) {
   return (
     <div class="veil">
       <section class="card">

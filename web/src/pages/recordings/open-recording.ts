@@ -2,7 +2,7 @@
 import { type Signal, signal } from "@preact/signals";
 import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { type Place, placeHref } from "../../recordings/permalink";
+import { type LinkedPlace, placeHref } from "../../recordings/permalink";
 import { applyLinkText, linkTextOf } from "../../workspace/parts";
 import { sessionOf, type WorkspaceSession } from "../../workspace/session";
 import type { App } from "../app-state";
@@ -55,7 +55,7 @@ export function recordingHref(app: App, replay: ReplayController): string {
 }
 
 /** Show the workspace of a link; without one the present workspace stays. */
-export function takeWorkspace(app: App, replay: ReplayController, { workspace }: Place): void {
+export function takeWorkspace(app: App, replay: ReplayController, { workspace }: LinkedPlace): void {
   if (workspace === undefined) return;
   const session = workspaceIn(app, replay);
   session.problems.value = applyLinkText(session.view, workspace);

@@ -1,14 +1,14 @@
 /** Overlays of the pages of recordings: the list of keys, and the export dialog. */
 import { Help } from "../../ui/help";
 import type { App } from "../app-state";
-import { ExportDialog, Packet } from "../dialogs";
+import { LateExportDialog, LatePacket } from "../dialogs";
 import { exportingOf } from "./exporting";
 
 export function PageOverlays({ app }: { readonly app: App }) {
   const { overlay } = app;
   const exporting = exportingOf(app);
   if (overlay.value === "help") return <Help onClose={() => (overlay.value = undefined)} />;
-  if (overlay.value === "packet") return <Packet app={app} onClose={() => (overlay.value = undefined)} />;
-  if (exporting.value) return <ExportDialog app={app} of={exporting.value} />;
+  if (overlay.value === "packet") return <LatePacket app={app} onClose={() => (overlay.value = undefined)} />;
+  if (exporting.value) return <LateExportDialog app={app} of={exporting.value} />;
   return null;
 }

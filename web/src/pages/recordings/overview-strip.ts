@@ -5,7 +5,7 @@
 import { effect } from "@preact/signals";
 import { fitting, hatch, palette, type Palette, setFont, CanvasLayer } from "../../plots/canvas-style";
 import { protocolAmong } from "../../wire/capabilities";
-import { plotsOf } from "../../plots/plot-selection";
+import { usualPlots } from "../../plots/plot-selection";
 import { decode } from "../../wire/codec";
 import { length } from "../../recordings/library-filter";
 import { motionOf, worstOf } from "../../recordings/overview-data";
@@ -54,7 +54,7 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
   let of: string | undefined;
   const load = async (device: string): Promise<void> => {
     const own = replay.drawn.channels.value.filter(({ info }) => info.device === device && info.id >= 0);
-    const two = plotsOf(own, protocolAmong(replay.drawn.devices.peek(), device)?.plots)
+    const two = usualPlots(own, protocolAmong(replay.drawn.devices.peek(), device)?.plots)
       .filter(({ primary }) => primary)
       .slice(0, 2);
     const moving = two.flatMap(({ series }) => series.slice(0, 1).map(({ channel }) => channel.info));

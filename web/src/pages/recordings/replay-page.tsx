@@ -6,7 +6,7 @@ import { placesOf } from "../../plots/markers";
 import { mountStack } from "../../plots/plot-stack";
 import type { UnderPlots } from "../../plots/under-plots";
 import { readPlace } from "../../recordings/permalink";
-import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
+import { bytes, dateWords, length, recordingTitle } from "../../recordings/library-filter";
 import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
 import type { Panel } from "../../ui/dom";
@@ -15,13 +15,13 @@ import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { ArrangeTools } from "../../workspace/arrange";
-import { SignalsPanel, YAxisDialog } from "../dialogs";
+import { LateSignalsPanel, LateYAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
 import { RecordingViewer, RecordingViews } from "../../views/viewers";
-import { Bar } from "../top-bar";
-import { Side } from "../side-panels";
+import { TopBar } from "../top-bar";
+import { SideColumn } from "../side-panels";
 import { keepAddress } from "../keep-address";
 import { href, route } from "../route";
 import { RowsDialog } from "../rows";
@@ -45,7 +45,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
   const root = useWorkspace(app, replay.viewState, replay.bounds);
   // biome-ignore lint/correctness/useExhaustiveDependencies: another recording has another key, and mounts another page
   useEffect(() => {
-    document.title = `${titleOf(info)} · imuscope`;
+    document.title = `${recordingTitle(info)} · imuscope`;
     const stops = [
       onFrame((now) => replay.tick(now)),
       listenForKeys(recording, () => root.current),
@@ -64,11 +64,11 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
       <a class="btn edge skip" href="#plots">
         {COMMON.skipToThePlots}
       </a>
-      <Bar app={app} deps={recording.deps} />
+      <TopBar app={app} deps={recording.deps} />
       {offline && <OfflineBand app={app} />}
       <About recording={recording} />
       <main class="centre">
-        <h1 class="visually-hidden">{titleOf(info)}</h1>
+        <h1 class="visually-hidden">{recordingTitle(info)}</h1>
         <ProblemBand app={app} />
         <Trouble replay={replay} />
         <RecordingViews app={app}>
@@ -79,10 +79,10 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
         <Transport recording={recording} />
         <PanelHost class="overview" label={TEXT.wholeRecording} mount={(host) => mountOverview(host, replay)} />
       </main>
-      <Side app={app} deps={recording.deps} />
+      <SideColumn app={app} deps={recording.deps} />
       {dialog?.Recording && <dialog.Recording recording={recording} onClose={() => (overlay.value = undefined)} />}
       {app.showsSignals.value && (
-        <SignalsPanel
+        <LateSignalsPanel
           deps={recording.deps}
           tick={app.tick}
           isLive={false}
@@ -108,7 +108,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
       under={
         <>
           <Slot name="underPlots" with={underPlots(replay)} />
-          {replay.viewState.yAxisForm.value && <YAxisDialog viewState={replay.viewState} />}
+          {replay.viewState.yAxisForm.value && <LateYAxisDialog viewState={replay.viewState} />}
         </>
       }
     />
@@ -230,7 +230,7 @@ function About({ recording }: { readonly recording: OpenRecording }) {
         <a class="btn icon" href={href("recordings")} aria-label={TEXT.backToTheLibrary} title={TEXT.backToTheLibrary}>
           <Icon name="left" />
         </a>
-        <h2 class="ellipsis">{titleOf(info)}</h2>
+        <h2 class="ellipsis">{recordingTitle(info)}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
           <IconButton icon="close" label={COMMON.close} onClick={() => (sheet.value = undefined)} />

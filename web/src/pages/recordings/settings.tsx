@@ -1,16 +1,16 @@
 /** Settings of a device at the time of recording, beside its present ones. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { dateWords, titleOf } from "../../recordings/library-filter";
+import { dateWords, recordingTitle } from "../../recordings/library-filter";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { server as recordings } from "../../recordings/api";
+import { recordingsApi as recordings } from "../../recordings/api";
 import type { RecordedSettings } from "../../recordings/types";
 import { Dialog } from "../../ui/dialog";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
 import { type App, run } from "../app-state";
-import { server } from "../configure/api";
+import { configureApi } from "../configure/api";
 import type { OpenRecording } from "./open-recording";
 import { go } from "../route";
 import { COMMON } from "../../texts/common";
@@ -90,7 +90,11 @@ export function SettingsDialog({ recording }: { readonly recording: OpenRecordin
   const compare = async (to: DeviceInfo): Promise<void> => {
     const kept = await run(
       app,
-      server.keepSnapshot(to.id, TEXT.recordingTitle(titleOf(replay.detail.info)).slice(0, 120), asText(settings)),
+      configureApi.keepSnapshot(
+        to.id,
+        TEXT.recordingTitle(recordingTitle(replay.detail.info)).slice(0, 120),
+        asText(settings),
+      ),
     );
     close();
     if (kept) go("configure", to.id, "compare", kept.name);

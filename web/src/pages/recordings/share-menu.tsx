@@ -1,13 +1,13 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
 import type { ReplayController } from "../../recordings/replay-controller";
 import { Slot } from "../../extension";
-import { server } from "../../recordings/api";
+import { recordingsApi } from "../../recordings/api";
 import { copyText } from "../../ui/copy";
 import { Icon } from "../../ui/icons";
 import { run, select } from "../app-state";
 import { go } from "../route";
 import { type OpenRecording, recordingHref } from "./open-recording";
-import { exportingOf, type Range } from "./exporting";
+import { exportingOf, type ExportRange } from "./exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -22,11 +22,11 @@ export async function copyLink({ replay, app, said }: OpenRecording): Promise<vo
 }
 
 /** The selected ranges of a recording, for export. */
-function rangesOf(replay: ReplayController): readonly Range[] {
+function rangesOf(replay: ReplayController): readonly ExportRange[] {
   const { first, last } = replay.bounds;
   const { end, span } = replay.viewState.view.peek();
   const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
-  const seen: Range = { name: TEXT.inView, t0: Math.max(first, end - span), t1: Math.min(last, end) };
+  const seen: ExportRange = { name: TEXT.inView, t0: Math.max(first, end - span), t1: Math.min(last, end) };
   return [...(loop ? [{ name: TEXT.loopRange, t0: loop[0], t1: loop[1] }] : []), ...(seen.t1 > seen.t0 ? [seen] : [])];
 }
 
@@ -39,7 +39,7 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
     const devices = await run(
       app,
-      server.play(info.id, {
+      recordingsApi.play(info.id, {
         speed: replay.speed.peek(),
         loop: loop !== undefined,
         t0: loop?.[0] ?? null,
@@ -74,7 +74,7 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
         {TEXT.export}
       </button>
       <Slot name="recordingActions" with={{ recording }} />
-      <a class="btn edge" href={server.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
+      <a class="btn edge" href={recordingsApi.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
         <Icon name="download" />
         {COMMON.download}
       </a>

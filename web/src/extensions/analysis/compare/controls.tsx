@@ -4,12 +4,12 @@ import { IconButton } from "../../../ui/icon-button";
 import { Icon } from "../../../ui/icons";
 import { usePhone } from "../../../ui/use-phone";
 import { figure } from "../../../charts/axes";
-import { boundsOf, type CompareModel, isLive, momentsOf, namesOf, sourceTitle } from "./model";
-import type { ComparePlace, Side } from "./sides";
+import { boundsOf, type CompareModel, isLive, momentsOf, comparedNames, sourceTitle } from "./model";
+import type { ComparePlace, SideChoice } from "./sides";
 import { listName } from "../../../wire/device-name";
 import { TEXT } from "./texts";
 
-type Ready = ComparePlace & { readonly b: Side };
+type Ready = ComparePlace & { readonly b: SideChoice };
 const LENGTHS = [10, 30, 60, 300];
 
 interface Props {
@@ -68,8 +68,8 @@ interface PickerProps {
   readonly model: CompareModel;
   readonly name: "A" | "B";
   readonly title: string;
-  readonly side: Side;
-  readonly choose: (side: Side) => void;
+  readonly side: SideChoice;
+  readonly choose: (side: SideChoice) => void;
 }
 
 function SidePicker({ model, name, title, side, choose }: PickerProps) {
@@ -185,8 +185,8 @@ function Range({ model, name, side, choose }: Omit<PickerProps, "title">) {
 
 function SignalField({ model, wanted }: Omit<Props, "correlate">) {
   const { app, details, place } = model;
-  const own = namesOf(app, details.value, wanted.a);
-  const others = namesOf(app, details.value, wanted.b);
+  const own = comparedNames(app, details.value, wanted.a);
+  const others = comparedNames(app, details.value, wanted.b);
   const differs = wanted.signalB !== "" || !others.includes(wanted.signal);
   return (
     <>

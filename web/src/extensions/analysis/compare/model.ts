@@ -2,20 +2,20 @@
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import { signalNames } from "../figures";
 import type { Channel } from "../../../data/channels";
-import { isOpening, server } from "../../../recordings/api";
-import { titleOf } from "../../../recordings/library-filter";
+import { isOpening, recordingsApi } from "../../../recordings/api";
+import { recordingTitle } from "../../../recordings/library-filter";
 import { listName } from "../../../wire/device-name";
 import type { RecordingDetail, RecordingInfo } from "../../../recordings/types";
-import { type Problem, request } from "../../../ui/http";
+import { type HttpProblem, request } from "../../../ui/http";
 import type { ComparedSide, ComparisonAnswer, ComparisonRequest } from "../../../wire/routes";
 import type { App } from "../../../pages/app-state";
-import { type ComparePlace, likelyOther, readComparison, requestedSide, type Side } from "./sides";
+import { type ComparePlace, likelyOther, readComparison, requestedSide, type SideChoice } from "./sides";
 
 /** Polling interval while a recording is decoded for the first time, ms. */
 const OPENING_MS = 400;
 
 /** A moment of a source at which both may be aligned. */
-export interface Moment {
+interface Moment {
   readonly time: number;
   readonly text: string;
 }
@@ -26,14 +26,14 @@ export interface CompareModel {
   readonly recordings: Signal<readonly RecordingInfo[] | undefined>;
   readonly details: Signal<ReadonlyMap<string, RecordingDetail>>;
   readonly answer: Signal<ComparisonAnswer | undefined>;
-  readonly problem: Signal<Problem | undefined>;
+  readonly problem: Signal<HttpProblem | undefined>;
   readonly busy: Signal<"" | "computing" | "correlating">;
   /** Of the offset, while it is the one that was correlated. */
   readonly aligned: Signal<ComparisonAnswer | undefined>;
   /** s that B is being dragged by. */
   readonly dragged: Signal<number>;
   /** Place with a B, once the sources are known. */
-  readonly ready: ReadonlySignal<(ComparePlace & { readonly b: Side }) | undefined>;
+  readonly ready: ReadonlySignal<(ComparePlace & { readonly b: SideChoice }) | undefined>;
 }
 
 export function compareModel(app: App, query: string): CompareModel {
@@ -67,14 +67,14 @@ export function compareModel(app: App, query: string): CompareModel {
 
 export const isLive = (app: App, source: string): boolean => app.store.devices.value.some(({ id }) => id === source);
 
-function productOf(app: App, details: ReadonlyMap<string, RecordingDetail>, { source, device }: Side): string {
+function productOf(app: App, details: ReadonlyMap<string, RecordingDetail>, { source, device }: SideChoice): string {
   const live = app.store.devices.value.find(({ id }) => id === source);
   const recorded = details.get(source)?.devices;
   return (live ?? recorded?.find(({ id }) => id === device) ?? recorded?.[0])?.product ?? "";
 }
 
 /** The side with a device, if its recording has several. */
-function withDevice(side: Side, details: ReadonlyMap<string, RecordingDetail>): Side {
+function withDevice(side: SideChoice, details: ReadonlyMap<string, RecordingDetail>): SideChoice {
   const devices = details.get(side.source)?.devices ?? [];
   if (devices.length < 2 || devices.some(({ id }) => id === side.device)) return side;
   return { ...side, device: devices[0]?.id ?? "" };
@@ -91,10 +91,10 @@ export function unknownSources({ app, place, recordings }: CompareModel): readon
 }
 
 /** Signals of a side that can be compared, the most wanted one first. */
-export function namesOf(
+export function comparedNames(
   app: App,
   details: ReadonlyMap<string, RecordingDetail>,
-  { source, device }: Side,
+  { source, device }: SideChoice,
 ): readonly string[] {
   if (isLive(app, source)) return signalNames(app.store.channels.value, source);
   const detail = details.get(source);
@@ -106,9 +106,9 @@ export function namesOf(
 function likelySignals(
   app: App,
   details: ReadonlyMap<string, RecordingDetail>,
-  { a, b }: { readonly a: Side; readonly b: Side },
+  { a, b }: { readonly a: SideChoice; readonly b: SideChoice },
 ): Pick<ComparePlace, "signal" | "signalB"> {
-  const [own, others] = [namesOf(app, details, a), namesOf(app, details, b)];
+  const [own, others] = [comparedNames(app, details, a), comparedNames(app, details, b)];
   const [first = ""] = own;
   return { signal: first, signalB: others.includes(first) ? "" : (others[0] ?? "") };
 }
@@ -119,21 +119,21 @@ export function sourceTitle(app: App, recordings: readonly RecordingInfo[] | und
   const recording = recordings?.find(({ id }) => id === source);
   if (live) return listName(live);
   if (recording === undefined) return source;
-  const title = titleOf(recording);
-  const isAlone = recordings?.every((one) => one === recording || titleOf(one) !== title);
+  const title = recordingTitle(recording);
+  const isAlone = recordings?.every((one) => one === recording || recordingTitle(one) !== title);
   const began = new Date((recording.started ?? 0) * 1000).toISOString().slice(0, 19).replace("T", " ");
   return isAlone || recording.started === null ? title : `${title} · ${began}`;
 }
 
 /** Begin and end of what a side can show, unix s. */
-export function boundsOf(model: CompareModel, { source, last }: Side): readonly [number, number] {
+export function boundsOf(model: CompareModel, { source, last }: SideChoice): readonly [number, number] {
   const detail = model.details.value.get(source);
   const now = model.app.store.edgeOf(source);
   return detail ? [detail.t0, detail.t1] : [now - (last ?? 0), now];
 }
 
 /** Markers and events of a side, in order of time. */
-export function momentsOf(model: CompareModel, side: Side): readonly Moment[] {
+export function momentsOf(model: CompareModel, side: SideChoice): readonly Moment[] {
   const detail = model.details.value.get(side.source);
   const events = detail?.events ?? model.app.store.events.value;
   const own = side.device || (detail ? "" : side.source);
@@ -148,7 +148,7 @@ export function loadSources(model: CompareModel): () => void {
   let over = false;
   const asked = new Set<string>();
   const load = async (id: string): Promise<void> => {
-    const outcome = await server.detail(id);
+    const outcome = await recordingsApi.detail(id);
     if (over) return;
     if (!outcome.ok) {
       asked.delete(id);
@@ -163,7 +163,7 @@ export function loadSources(model: CompareModel): () => void {
     asked.add(source);
     void load(source);
   };
-  void server.list().then((outcome) => {
+  void recordingsApi.list().then((outcome) => {
     if (over) return;
     if (outcome.ok) recordings.value = outcome.value;
     else problem.value = outcome.problem;
@@ -187,10 +187,10 @@ export function loadSources(model: CompareModel): () => void {
 /** The request of a place; without an offset by the clock, or from the starts if the clocks do not overlap. */
 export function requestOf(
   model: CompareModel,
-  { a, b, signal: name, signalB, offset }: ComparePlace & { readonly b: Side },
+  { a, b, signal: name, signalB, offset }: ComparePlace & { readonly b: SideChoice },
 ): ComparisonRequest {
   const { store } = model.app;
-  const asked = (side: Side): ComparedSide => requestedSide(side, store.edgeOf(side.source));
+  const asked = (side: SideChoice): ComparedSide => requestedSide(side, store.edgeOf(side.source));
   const [first, second] = [asked(a), asked(b)];
   const [own, other] = [boundsOf(model, a), boundsOf(model, b)];
   const ends = [
@@ -229,7 +229,7 @@ export async function compareNow(model: CompareModel, signal_: AbortSignal, alig
   aligned.value = outcome.value;
   const isOneLive = (wanted.a.last === undefined) !== (wanted.b.last === undefined);
   // beside a recording the aligned range of a live device stays in sight; two live devices go on together
-  const hold = (side: Side, { t0, t1 }: ComparedSide): Side =>
+  const hold = (side: SideChoice, { t0, t1 }: ComparedSide): SideChoice =>
     isOneLive && side.last !== undefined && t0 !== null && t1 !== null
       ? { source: side.source, device: side.device, begin: t0, end: t1 }
       : side;

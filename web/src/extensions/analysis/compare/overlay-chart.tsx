@@ -2,11 +2,11 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { type Axis, axisOf, figure, share, valueAtShare } from "../../../charts/axes";
-import { type Area, Crosshair, Grid } from "../../../charts/grid";
+import { type ChartArea, Crosshair, Grid } from "../../../charts/grid";
 import { useWidth } from "../../../charts/use-size";
 import type { Outline } from "../../../wire/routes";
 import { TEXT } from "./texts";
-import { type Ends, keyed, panned, wheeled, zoomed } from "./zoom";
+import { type Ends, keyed, panned, wheeled, zoomedRange } from "./zoom";
 
 export interface Trace {
   /** Class of its colour. */
@@ -97,7 +97,7 @@ export function OverlayChart({
     const [other] = [...fingers.current].flatMap(([id, at]) => (id === event.pointerId ? [] : [at]));
     if (before !== undefined && other !== undefined) {
       const [was, is] = [Math.abs(before - other), Math.abs(event.clientX - other)];
-      if (was > 8 && is > 8) show(zoomed(ends, all, was / is, shareAt((event.clientX + other) / 2)));
+      if (was > 8 && is > 8) show(zoomedRange(ends, all, was / is, shareAt((event.clientX + other) / 2)));
       return;
     }
     if (grip.current !== undefined && move) return move.by((event.clientX - grip.current) * perPixel, false);
@@ -188,7 +188,7 @@ export function path(
   { time, low, high }: Outline,
   shift: number,
   axes: { readonly x: Axis; readonly y: Axis },
-  { width, height }: Area,
+  { width, height }: ChartArea,
 ): string {
   const parts: string[] = [];
   let isNew = true;

@@ -2,7 +2,7 @@
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import { figure } from "../../../charts/axes";
-import { Bar } from "../../../pages/top-bar";
+import { TopBar } from "../../../pages/top-bar";
 import type { App } from "../../../pages/app-state";
 import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { PageOverlays } from "../../../pages/recordings/overlays";
@@ -16,7 +16,7 @@ import { Controls } from "./controls";
 import { compareModel, type CompareModel, compareNow, loadSources, unknownSources } from "./model";
 import { OverlayChart, type Trace } from "./overlay-chart";
 import { Settings, Spectra, Statistics } from "./results";
-import { type ComparePlace, comparisonHref, readComparison, type Side } from "./sides";
+import { type ComparePlace, comparisonHref, readComparison, type SideChoice } from "./sides";
 import { TEXT } from "./texts";
 import "../analysis.css";
 import type { Ends } from "./zoom";
@@ -33,7 +33,7 @@ export function ComparePage({ app }: { readonly app: App }) {
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
   return (
     <div class={`app comparing ${offline ? "offline" : ""}`}>
-      <Bar app={app} />
+      <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
       <CompareMain app={app} />
       <PageOverlays app={app} />
@@ -237,7 +237,7 @@ function followAddress({ place, answer, ready }: CompareModel): () => void {
   const stops = [
     ready.subscribe((wanted) => {
       if (!wanted) return;
-      ours = comparisonHref(wanted as ComparePlace & { b: Side });
+      ours = comparisonHref(wanted as ComparePlace & { b: SideChoice });
       if (location.hash !== ours) history.replaceState(null, "", ours);
     }),
     route.subscribe(({ query }) => {

@@ -2,18 +2,18 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { figure } from "../../../charts/axes";
-import { Chart, type Curve, type Numbers } from "../chart";
+import { Chart, type ChartCurve, type CurveNumbers } from "../chart";
 import type { Difference } from "../../../forms/types";
-import { type Problem, request } from "../../../ui/http";
+import { type HttpProblem, request } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { ComparedSignal, SignalFigures } from "../../../wire/routes";
 import { type CompareModel, requestOf } from "./model";
-import type { ComparePlace, Side } from "./sides";
+import type { ComparePlace, SideChoice } from "./sides";
 import { TEXT as ANALYSIS } from "../texts";
 import { TEXT } from "./texts";
 
-type Ready = ComparePlace & { readonly b: Side };
+type Ready = ComparePlace & { readonly b: SideChoice };
 
 const FIGURES = ["mean", "sigma", "rms", "min", "max"] as const;
 const shown = (value: number | null | undefined, unit: string): string => `${figure(value)} ${unit}`.trim();
@@ -86,7 +86,7 @@ export function Spectra({ model, wanted }: Props) {
 
 function BothSpectra({ model, wanted }: Props) {
   const found = useSignal<readonly (readonly SignalFigures[])[] | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const { a, b, signals, signals_b: others = [] } = requestOf(model, wanted);
   const key = JSON.stringify([wanted.a, wanted.b, signals, others]);
   // biome-ignore lint/correctness/useExhaustiveDependencies: what the request depends on is in the key
@@ -128,8 +128,8 @@ function BothSpectra({ model, wanted }: Props) {
   );
 }
 
-function spectrum(name: string, colour: string, { figures }: SignalFigures): Curve {
-  const of = (key: string): Numbers => ((figures[key] as Numbers | undefined) ?? []).slice(1);
+function spectrum(name: string, colour: string, { figures }: SignalFigures): ChartCurve {
+  const of = (key: string): CurveNumbers => ((figures[key] as CurveNumbers | undefined) ?? []).slice(1);
   return { name, colour, x: of("frequency"), y: of("psd"), low: of("low"), high: of("high") };
 }
 
@@ -144,16 +144,16 @@ export function Settings({ wanted }: { readonly wanted: Ready }) {
   );
 }
 
-const sideKey = ({ source, device }: Side): string => `${source}/${device}`;
+const sideKey = ({ source, device }: SideChoice): string => `${source}/${device}`;
 
 function SettingsDiff({ wanted }: { readonly wanted: Ready }) {
   const found = useSignal<Difference | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   // biome-ignore lint/correctness/useExhaustiveDependencies: other sides have another key
   useEffect(() => {
     const cancel = new AbortController();
     const { a, b } = wanted;
-    const whole = ({ source, device }: Side) => ({ source, device, t0: null, t1: null });
+    const whole = ({ source, device }: SideChoice) => ({ source, device, t0: null, t1: null });
     const body = { a: whole(a), b: whole(b) };
     void request("POST /api/comparison/settings", { body, signal: cancel.signal }).then((outcome) => {
       if (cancel.signal.aborted) return;

@@ -10,7 +10,7 @@ import type { ComparedSide } from "../../../wire/routes";
 import type { DeviceInfo } from "../../../wire/types";
 import type { Route } from "../../../pages/route";
 
-export interface Side {
+export interface SideChoice {
   /** Id of a recording or of a live device. */
   readonly source: string;
   /** Device of the recording; "" for a live one. */
@@ -23,9 +23,9 @@ export interface Side {
 }
 
 export interface ComparePlace {
-  readonly a: Side;
+  readonly a: SideChoice;
   /** Chosen by the page if the address has none. */
-  readonly b?: Side;
+  readonly b?: SideChoice;
   /** A signal or an expression; of B another one if it is called otherwise there. */
   readonly signal: string;
   readonly signalB: string;
@@ -45,7 +45,7 @@ export function readComparison(query: string): ComparePlace {
     const value = Number(given.get(name) || NaN);
     return Number.isFinite(value) ? value : undefined;
   };
-  const side = (name: "a" | "b"): Side | undefined => {
+  const side = (name: "a" | "b"): SideChoice | undefined => {
     const source = given.get(name);
     if (!source) return undefined;
     const [begin, end, last] = [number(`${name}0`), number(`${name}1`), number(`${name}l`)];
@@ -70,7 +70,7 @@ export function readComparison(query: string): ComparePlace {
 
 export function comparisonHref({ a, b, signal, signalB, offset }: ComparePlace): string {
   const given = new URLSearchParams();
-  const put = (name: string, of: Side): void => {
+  const put = (name: string, of: SideChoice): void => {
     given.set(name, of.source);
     if (of.device) given.set(`${name}d`, of.device);
     if (of.begin !== undefined) given.set(`${name}0`, of.begin.toFixed(DIGITS));
@@ -86,7 +86,7 @@ export function comparisonHref({ a, b, signal, signalB, offset }: ComparePlace):
 }
 
 /** The side that a view shows: the stretch between its cursors if both are set; live its window. */
-export function sideOf(source: string, device: string, { view, cursor, measure }: ViewState): Side {
+export function sideOf(source: string, device: string, { view, cursor, measure }: ViewState): SideChoice {
   const [pinned, second] = [cursor.peek(), measure.peek()];
   if (pinned?.kind === "pinned" && second !== undefined)
     return { source, device, begin: Math.min(pinned.time, second), end: Math.max(pinned.time, second) };
@@ -103,11 +103,11 @@ export function compareView(viewState: ViewState, device: string, recording?: st
 
 /** The side that A is most likely compared with: another live device, then a recording of the same product, then A itself. */
 export function likelyOther(
-  a: Side,
+  a: SideChoice,
   product: string,
   devices: readonly DeviceInfo[],
   recordings: readonly RecordingInfo[],
-): Side {
+): SideChoice {
   const live = devices.filter(({ id, status }) => id !== a.source && status === "live");
   const alike = live.find((one) => one.product === product && product !== "");
   const chosen = alike ?? (recordings.some(({ id }) => id === a.source) ? undefined : live[0]);
@@ -119,7 +119,7 @@ export function likelyOther(
 }
 
 /** The range of a side as it is requested now. */
-export function requestedSide({ source, device, begin, end, last }: Side, now: number): ComparedSide {
+export function requestedSide({ source, device, begin, end, last }: SideChoice, now: number): ComparedSide {
   if (last !== undefined) return { source, device, t0: now - last, t1: now };
   return { source, device, t0: begin ?? null, t1: end ?? null };
 }

@@ -1,14 +1,14 @@
 /** Zooming along the time of a comparison. */
 import { expect, test } from "vitest";
-import { type Ends, keyed, panned, wheeled, zoomed } from "./zoom";
+import { type Ends, keyed, panned, wheeled, zoomedRange } from "./zoom";
 
 const ALL: Ends = [0, 100];
 
 test("a zoom keeps the moment under the pointer, and stays within everything", () => {
-  expect(zoomed(ALL, ALL, 0.5, 0.2)).toEqual([10, 60]);
-  expect(zoomed([10, 60], ALL, 4, 0.2)).toEqual(ALL);
-  expect(zoomed([90, 100], ALL, 2, 1)).toEqual([80, 100]);
-  const [from, to] = zoomed([50, 51], ALL, 1e-6, 0.5);
+  expect(zoomedRange(ALL, ALL, 0.5, 0.2)).toEqual([10, 60]);
+  expect(zoomedRange([10, 60], ALL, 4, 0.2)).toEqual(ALL);
+  expect(zoomedRange([90, 100], ALL, 2, 1)).toEqual([80, 100]);
+  const [from, to] = zoomedRange([50, 51], ALL, 1e-6, 0.5);
   expect(to - from).toBeCloseTo(0.25);
   expect((from + to) / 2).toBeCloseTo(50.5);
 });

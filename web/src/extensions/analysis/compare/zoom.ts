@@ -16,7 +16,7 @@ const within = ([from, to]: Ends, [first, last]: Ends): Ends => {
 };
 
 /** The range around the moment at share `at` of it, `factor` times as long, within everything. */
-export function zoomed(shown: Ends, all: Ends, factor: number, at: number): Ends {
+export function zoomedRange(shown: Ends, all: Ends, factor: number, at: number): Ends {
   const length = Math.min(Math.max((shown[1] - shown[0]) * factor, (all[1] - all[0]) * SHORTEST), all[1] - all[0]);
   const kept = shown[0] + at * (shown[1] - shown[0]);
   return within([kept - at * length, kept + (1 - at) * length], all);
@@ -36,13 +36,13 @@ export function wheeled(
   at: number,
 ): Ends {
   if (shiftKey || Math.abs(deltaX) > Math.abs(deltaY)) return panned(shown, all, (deltaX || deltaY) / 800);
-  return zoomed(shown, all, Math.exp(WHEEL * deltaY), at);
+  return zoomedRange(shown, all, Math.exp(WHEEL * deltaY), at);
 }
 
 /** What a key does; undefined: it is no key of zooming. */
 export function keyed(shown: Ends, all: Ends, key: string): Ends | undefined {
-  if (key === "+" || key === "=") return zoomed(shown, all, 1 / KEY, 0.5);
-  if (key === "-" || key === "−") return zoomed(shown, all, KEY, 0.5);
+  if (key === "+" || key === "=") return zoomedRange(shown, all, 1 / KEY, 0.5);
+  if (key === "-" || key === "−") return zoomedRange(shown, all, KEY, 0.5);
   if (key === "f" || key === "0") return all;
   return undefined;
 }

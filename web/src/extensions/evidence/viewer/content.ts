@@ -44,7 +44,7 @@ export interface Content {
 type Values = Float32Array | Float64Array;
 
 /** A curve; times are seconds from the beginning of the range, so that they keep their precision. */
-export interface Curve {
+export interface EmbeddedCurve {
   readonly label: string;
   readonly colour: string;
   readonly dash: readonly number[];
@@ -59,14 +59,14 @@ export interface Curve {
   readonly breaks: ReadonlySet<number>;
 }
 
-export interface Plot {
+export interface EmbeddedPlot {
   readonly title: string;
   readonly unit: string;
   /** Fixed ends of the y axis. */
   readonly fixed: readonly [number, number] | undefined;
   /** The y axis is logarithmic, as long as every value in the window is positive. */
   readonly isLog: boolean;
-  readonly curves: readonly Curve[];
+  readonly curves: readonly EmbeddedCurve[];
 }
 
 const TICKS = 2 ** 32 - 1;
@@ -80,7 +80,7 @@ export function tickOf(span: number): number {
 }
 
 /** Bytes of base64. */
-export function bytesOf(text: string): ArrayBuffer {
+export function embeddedBytes(text: string): ArrayBuffer {
   const binary = atob(text);
   const bytes = new Uint8Array(binary.length);
   for (let k = 0; k < binary.length; k++) bytes[k] = binary.charCodeAt(k);
@@ -88,12 +88,12 @@ export function bytesOf(text: string): ArrayBuffer {
 }
 
 /** Plots of the content. `blockOf` gives the base64 of a block. */
-export function plotsOf(content: Content, blockOf: (number: number) => string): readonly Plot[] {
+export function embeddedPlots(content: Content, blockOf: (number: number) => string): readonly EmbeddedPlot[] {
   const tick = tickOf(content.t1 - content.t0);
   const known = new Map<number, ArrayBuffer>();
   const times = new Map<number, Float64Array>();
   const buffer = (number: number): ArrayBuffer => {
-    const found = known.get(number) ?? bytesOf(blockOf(number));
+    const found = known.get(number) ?? embeddedBytes(blockOf(number));
     known.set(number, found);
     return found;
   };

@@ -3,11 +3,11 @@ import { tickLabel, timeStep } from "../../../plots/axis";
 import { isLogarithmic, logTicks } from "../../../plots/y-axis";
 import { Scale, ticks } from "../../../plots/scale";
 import { number } from "../../../ui/format";
-import type { Curve, Plot } from "./content";
+import type { EmbeddedCurve, EmbeddedPlot } from "./content";
 import { rowAt } from "./reading";
 
 /** What all plots show, in seconds from the beginning of the range. */
-export interface Shown {
+export interface DrawnRange {
   readonly from: number;
   readonly to: number;
   readonly a: number | undefined;
@@ -38,7 +38,7 @@ interface Frame {
   readonly x: CanvasRenderingContext2D;
   readonly width: number;
   readonly height: number;
-  readonly shown: Shown;
+  readonly shown: DrawnRange;
   readonly colour: Colour;
   /** Ends of the y axis; of a logarithmic one their powers of ten. */
   readonly lo: number;
@@ -52,7 +52,7 @@ const yOf = ({ height, lo, hi, isLog }: Frame, v: number): number =>
   TOP + ((hi - (isLog ? Math.log10(v) : v)) / (hi - lo)) * (height - TOP - BOTTOM);
 
 /** Extent of the curves in a window. */
-export function extentOf(plot: Plot, { from, to }: Shown): readonly [number, number] {
+export function extentOf(plot: EmbeddedPlot, { from, to }: DrawnRange): readonly [number, number] {
   let [lo, hi] = [Infinity, -Infinity];
   for (const { times, low, high } of plot.curves) {
     const end = Math.min(times.length, rowAt(times, to) + 1);
@@ -66,7 +66,7 @@ export function extentOf(plot: Plot, { from, to }: Shown): readonly [number, num
 }
 
 /** Ends of the y axis over a window; of a logarithmic one their powers of ten. */
-export function endsOf(plot: Plot, shown: Shown): Pick<Frame, "lo" | "hi" | "isLog"> {
+export function endsOf(plot: EmbeddedPlot, shown: DrawnRange): Pick<Frame, "lo" | "hi" | "isLog"> {
   const [low, high] = extentOf(plot, shown);
   const isLog = isLogarithmic({ isLog: plot.isLog, ...(plot.fixed ? { range: plot.fixed } : {}) }, low);
   const into = (value: number): number => (isLog ? Math.log10(value) : value);
@@ -81,8 +81,8 @@ export function draw(
   x: CanvasRenderingContext2D,
   width: number,
   height: number,
-  plot: Plot,
-  shown: Shown,
+  plot: EmbeddedPlot,
+  shown: DrawnRange,
   marks: Marks,
   colour: Colour,
 ): void {
@@ -140,7 +140,7 @@ function grid(frame: Frame, t0: number, degrees: boolean): void {
   }
 }
 
-function line(frame: Frame, curve: Curve): void {
+function line(frame: Frame, curve: EmbeddedCurve): void {
   const { x, width, shown, colour } = frame;
   const { times, low, high, breaks, period } = curve;
   const first = Math.max(0, rowAt(times, shown.from) - 1);

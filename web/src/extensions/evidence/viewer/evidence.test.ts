@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
-import { bytesOf, type Content, type Curve, plotsOf, tickOf } from "./content";
+import { embeddedBytes, type Content, type EmbeddedCurve, embeddedPlots, tickOf } from "./content";
 import { endsOf, extentOf } from "./drawing";
-import { difference, measured, nearestRow, readingAt, readingText, stepped } from "./reading";
+import { difference, measured, nearestRow, valuesAt, readingText, stepped } from "./reading";
 
-function curve(times: readonly number[], low: readonly number[], more: Partial<Curve> = {}): Curve {
+function curve(times: readonly number[], low: readonly number[], more: Partial<EmbeddedCurve> = {}): EmbeddedCurve {
   const values = new Float64Array(low);
   return {
     label: "x",
@@ -51,7 +51,7 @@ describe("an evidence file", () => {
         },
       ],
     };
-    const [plot] = plotsOf(content, (number) => base64(blocks[number] ?? new Uint8Array()));
+    const [plot] = embeddedPlots(content, (number) => base64(blocks[number] ?? new Uint8Array()));
     const [exact, thinned] = plot?.curves ?? [];
     expect([...(exact?.times ?? [])].map((t) => Math.round(t * 1e6) / 1e6)).toEqual([0, 1]);
     expect(exact?.times).toBe(thinned?.times);
@@ -59,7 +59,7 @@ describe("an evidence file", () => {
     expect([exact?.isExact, thinned?.isExact]).toEqual([true, false]);
     expect(exact?.decimals).toBe(3);
     expect([...(thinned?.high ?? [])]).toEqual([3, 4]);
-    expect(new Uint8Array(bytesOf("AAEC"))).toEqual(new Uint8Array([0, 1, 2]));
+    expect(new Uint8Array(embeddedBytes("AAEC"))).toEqual(new Uint8Array([0, 1, 2]));
   });
 
   it("snaps to the nearest sample, and reads the last one up to a cursor", () => {
@@ -69,8 +69,8 @@ describe("an evidence file", () => {
     expect(nearestRow(curve([], []), 1)).toBeUndefined();
     expect(stepped(one, 1, 1)).toBe(2);
     expect(stepped(one, 2, 1)).toBe(2);
-    expect(readingAt(one, 1.9)).toEqual({ low: 20, high: 20 });
-    expect(readingAt(one, 1 - 1e-9)).toEqual({ low: 20, high: 20 });
+    expect(valuesAt(one, 1.9)).toEqual({ low: 20, high: 20 });
+    expect(valuesAt(one, 1 - 1e-9)).toEqual({ low: 20, high: 20 });
   });
 
   it("measures the samples between two cursors, both included, in either order", () => {
@@ -88,7 +88,7 @@ describe("an evidence file", () => {
 
   it("says extremes, and no mean, where only those are kept", () => {
     const one = curve([0, 1], [1, 2], { high: new Float64Array([3, 5]), isExact: false });
-    expect(readingText(one, readingAt(one, 0.5))).toBe("1.0 … 3.0");
+    expect(readingText(one, valuesAt(one, 0.5))).toBe("1.0 … 3.0");
     expect(measured(one, 0, 1)).toMatchObject({ min: 1, max: 5, mean: NaN });
     expect(difference(one, 0, 1)).toBeUndefined();
   });

@@ -1,12 +1,12 @@
 /** Wheel, dragging and pinching over a plot: zoom and move; a click or a dragged handle sets a cursor. */
 import { LEFT, RIGHT } from "./drawing";
-import type { Viewer } from "./viewer";
+import type { EvidenceViewer } from "./viewer";
 
 const SLACK_PX = 5;
 const NEAR_PX = 9;
 const STEP = 1.0015; // of zoom for each pixel of the wheel
 
-export function listenTo(canvas: HTMLCanvasElement, viewer: Viewer, plot: number): void {
+export function listenTo(canvas: HTMLCanvasElement, viewer: EvidenceViewer, plot: number): void {
   const fraction = (clientX: number): number => {
     const box = canvas.getBoundingClientRect();
     return (clientX - box.left - LEFT) / (box.width - LEFT - RIGHT);

@@ -1,8 +1,8 @@
 /** Entry of the viewer in an evidence file: a bundle of its own, put into the file (server/extensions/evidence/document.py). */
 import "../../../ui/tokens.css";
 import "./evidence.css";
-import { type Content, plotsOf } from "./content";
-import { Viewer } from "./viewer";
+import { type Content, embeddedPlots } from "./content";
+import { EvidenceViewer } from "./viewer";
 
 const textOf = (id: string): string => document.getElementById(id)?.textContent ?? "";
 
@@ -15,9 +15,9 @@ function start(): void {
     document.documentElement.dataset["theme"] = isPaper || light.matches ? "light" : "dark";
   };
   paint(false);
-  const viewer = new Viewer(
+  const viewer = new EvidenceViewer(
     content,
-    plotsOf(content, (number) => textOf(`block-${number}`)),
+    embeddedPlots(content, (number) => textOf(`block-${number}`)),
     host,
   );
   light.addEventListener("change", () => {
@@ -41,7 +41,7 @@ function start(): void {
   window.addEventListener("keydown", (event) => onKey(event, viewer));
 }
 
-function onKey(event: KeyboardEvent, viewer: Viewer): void {
+function onKey(event: KeyboardEvent, viewer: EvidenceViewer): void {
   if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
   if (event.target instanceof Element && event.target.closest(".wide, details") !== null) return;
   const middle = viewer.timeAt(0.5);

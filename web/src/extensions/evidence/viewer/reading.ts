@@ -1,7 +1,7 @@
 /** Values of curves: at a time, and between two. Pure. */
 import { number } from "../../../ui/format";
 import { TEXT } from "./texts";
-import type { Curve } from "./content";
+import type { EmbeddedCurve } from "./content";
 
 /** First row at or after a time. */
 export function rowAt(times: Float64Array, t: number): number {
@@ -16,7 +16,7 @@ export function rowAt(times: Float64Array, t: number): number {
 }
 
 /** Row nearest to a time; undefined without rows. */
-export function nearestRow({ times }: Curve, t: number): number | undefined {
+export function nearestRow({ times }: EmbeddedCurve, t: number): number | undefined {
   if (times.length === 0) return undefined;
   const after = rowAt(times, t);
   if (after === 0) return 0;
@@ -25,12 +25,12 @@ export function nearestRow({ times }: Curve, t: number): number | undefined {
 }
 
 /** Time of the sample `by` samples from the nearest one. */
-export function stepped(curve: Curve, t: number, by: number): number {
+export function stepped(curve: EmbeddedCurve, t: number, by: number): number {
   const row = nearestRow(curve, t) ?? 0;
   return curve.times[Math.min(Math.max(row + by, 0), curve.times.length - 1)] ?? t;
 }
 
-export interface Reading {
+interface Reading {
   readonly low: number;
   readonly high: number;
 }
@@ -39,7 +39,7 @@ export interface Reading {
 const EPS_S = 1e-6;
 
 /** The last sample up to a time, as on the page, or the interval that it lies in; undefined without samples. */
-export function readingAt(curve: Curve, t: number): Reading | undefined {
+export function valuesAt(curve: EmbeddedCurve, t: number): Reading | undefined {
   const row = Math.max(0, rowAt(curve.times, t + EPS_S) - 1);
   const [low, high] = [curve.low[row], curve.high[row]];
   return low === undefined || high === undefined ? undefined : { low, high };
@@ -56,14 +56,14 @@ export interface Measured {
 const wrapped = (v: number, period: number): number => v - period * Math.round(v / period);
 
 /** Value at B less value at A, of an angle the short way round; undefined where only extremes are known. */
-export function difference(curve: Curve, a: number, b: number): number | undefined {
-  const [from, to] = [readingAt(curve, a), readingAt(curve, b)];
+export function difference(curve: EmbeddedCurve, a: number, b: number): number | undefined {
+  const [from, to] = [valuesAt(curve, a), valuesAt(curve, b)];
   if (!curve.isExact || from === undefined || to === undefined) return undefined;
   return curve.period > 0 ? wrapped(to.low - from.low, curve.period) : to.low - from.low;
 }
 
 /** Figures of the samples with a ≤ t ≤ b. */
-export function measured(curve: Curve, a: number, b: number): Measured {
+export function measured(curve: EmbeddedCurve, a: number, b: number): Measured {
   const { times, low, high, isExact, period } = curve;
   const [from, to] = [rowAt(times, Math.min(a, b) - EPS_S), rowAt(times, Math.max(a, b) + EPS_S)];
   let [min, max, sum, x, y] = [Infinity, -Infinity, 0, 0, 0];
@@ -84,7 +84,7 @@ export function measured(curve: Curve, a: number, b: number): Measured {
   return { min, max, mean: isExact ? mean : NaN, n };
 }
 
-export function readingText(curve: Curve, reading: Reading | undefined): string {
+export function readingText(curve: EmbeddedCurve, reading: Reading | undefined): string {
   if (reading === undefined || curve.isExact || reading.low === reading.high)
     return number(reading?.low, curve.decimals);
   return TEXT.extremes(number(reading.low, curve.decimals), number(reading.high, curve.decimals));

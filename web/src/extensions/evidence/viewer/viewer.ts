@@ -3,10 +3,10 @@ import { duration } from "../../../plots/axis";
 import { el } from "../../../ui/dom";
 import { clock, number } from "../../../ui/format";
 import { TEXT } from "./texts";
-import type { Content, Plot } from "./content";
-import { draw, type Marks, type Shown } from "./drawing";
+import type { Content, EmbeddedPlot } from "./content";
+import { draw, type Marks, type DrawnRange } from "./drawing";
 import { listenTo } from "./gestures";
-import { difference, measured, nearestRow, readingAt, readingText, stepped } from "./reading";
+import { difference, measured, nearestRow, valuesAt, readingText, stepped } from "./reading";
 
 type CursorName = "a" | "b";
 const LEAST_SPAN_S = 1e-5;
@@ -15,13 +15,13 @@ const HEIGHT = 168;
 const PAPER = { width: 720, height: 150, ratio: 3 };
 
 interface Drawn {
-  readonly plot: Plot;
+  readonly plot: EmbeddedPlot;
   readonly canvas: HTMLCanvasElement;
   readonly values: readonly HTMLElement[];
 }
 
-export class Viewer {
-  shown: Shown;
+export class EvidenceViewer {
+  shown: DrawnRange;
   /** The cursor that a plain click sets. */
   sets: CursorName = "a";
   readonly #span: number;
@@ -33,7 +33,7 @@ export class Viewer {
   #waits = false;
   #isPaper = false;
 
-  constructor(content: Content, plots: readonly Plot[], host: HTMLElement) {
+  constructor(content: Content, plots: readonly EmbeddedPlot[], host: HTMLElement) {
     const { t0, t1, cursors, events, notes } = content;
     this.#span = t1 - t0;
     const at = (t: number | null): number | undefined => (t === null ? undefined : t - t0);
@@ -196,7 +196,7 @@ export class Viewer {
     for (const { plot, values } of this.#drawn) {
       plot.curves.forEach((curve, k) => {
         const node = values[k];
-        if (node) node.textContent = t === undefined ? "" : readingText(curve, readingAt(curve, t));
+        if (node) node.textContent = t === undefined ? "" : readingText(curve, valuesAt(curve, t));
       });
     }
     this.#measure();
@@ -209,7 +209,7 @@ export class Viewer {
       plot.curves.map((curve) => {
         const { min, max, mean, n } = measured(curve, a, b);
         const value = (v: number | undefined): string => `${number(v, curve.decimals)} ${plot.unit}`.trim();
-        const at = (t: number): string => `${readingText(curve, readingAt(curve, t))} ${plot.unit}`.trim();
+        const at = (t: number): string => `${readingText(curve, valuesAt(curve, t))} ${plot.unit}`.trim();
         const cells = [at(a), at(b), value(difference(curve, a, b)), value(min), value(max), value(mean)];
         return el(
           "tr",
@@ -263,7 +263,7 @@ export class Viewer {
     );
   }
 
-  #build(plot: Plot): Drawn {
+  #build(plot: EmbeddedPlot): Drawn {
     const canvas = el("canvas", { role: "img" });
     const values = plot.curves.map(() => el("span", { class: "value" }));
     const legend = plot.curves.map((curve, k) => {

@@ -1,8 +1,8 @@
 /** An answer as a table shows it: order of rows, text of cells, CSV, and the moment that a row speaks of. */
 import type { QueryAnswer } from "../../../wire/routes";
 
-export type Cell = unknown;
-export type Row = readonly Cell[];
+export type AnswerCell = unknown;
+export type AnswerRow = readonly AnswerCell[];
 
 export interface Order {
   readonly column: number;
@@ -10,7 +10,7 @@ export interface Order {
 }
 
 /** Rows in an order; those without a value are last. */
-export function sorted(rows: readonly Row[], order: Order | undefined): readonly Row[] {
+export function sorted(rows: readonly AnswerRow[], order: Order | undefined): readonly AnswerRow[] {
   if (!order) return rows;
   const { column, isDescending } = order;
   const sign = isDescending ? -1 : 1;
@@ -18,12 +18,12 @@ export function sorted(rows: readonly Row[], order: Order | undefined): readonly
     const [left, right] = [a[column] ?? null, b[column] ?? null];
     if (left === null || right === null) return Number(left === null) - Number(right === null);
     if (typeof left === "number" && typeof right === "number") return sign * (left - right);
-    return sign * textOf(left).localeCompare(textOf(right), undefined, { numeric: true });
+    return sign * cellText(left).localeCompare(cellText(right), undefined, { numeric: true });
   });
 }
 
 /** The full text of a value. */
-export function textOf(value: Cell): string {
+export function cellText(value: AnswerCell): string {
   if (value === null || value === undefined) return "";
   return typeof value === "object" ? JSON.stringify(value) : String(value);
 }
@@ -31,15 +31,15 @@ export function textOf(value: Cell): string {
 const DIGITS = 6;
 
 /** A value as a cell shows it. */
-export function shownCell(value: Cell): string {
-  if (typeof value !== "number" || Number.isInteger(value)) return textOf(value).replace("-", "-");
+export function shownCell(value: AnswerCell): string {
+  if (typeof value !== "number" || Number.isInteger(value)) return cellText(value).replace("-", "-");
   return String(Number(value.toPrecision(DIGITS)));
 }
 
 /** Rows as CSV, RFC 4180. */
-export function csvOf({ columns }: Pick<QueryAnswer, "columns">, rows: readonly Row[]): string {
+export function answerCsv({ columns }: Pick<QueryAnswer, "columns">, rows: readonly AnswerRow[]): string {
   const field = (text: string): string => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const lines = [columns.map(({ name }) => name), ...rows.map((row) => row.map(textOf))];
+  const lines = [columns.map(({ name }) => name), ...rows.map((row) => row.map(cellText))];
   return `${lines.map((line) => line.map(field).join(",")).join("\n")}\n`;
 }
 
@@ -55,7 +55,7 @@ export interface Opening {
 }
 
 /** The recording and the moment that a row names. */
-export function openingOf({ columns }: Pick<QueryAnswer, "columns">, row: Row): Opening | undefined {
+export function openingOf({ columns }: Pick<QueryAnswer, "columns">, row: AnswerRow): Opening | undefined {
   const recording = row[columns.findIndex(({ name }) => name === "recording")];
   if (typeof recording !== "string" || recording === "") return undefined;
   const times = columns.flatMap(({ name, kind }, at) => (kind === "time" && name !== "uploaded" ? [{ name, at }] : []));
@@ -67,7 +67,7 @@ export function openingOf({ columns }: Pick<QueryAnswer, "columns">, row: Row): 
 }
 
 /** Unix seconds of a time or a date of an answer. */
-export function secondsOf(value: Cell): number | undefined {
+export function secondsOf(value: AnswerCell): number | undefined {
   const ms = typeof value === "string" ? Date.parse(value) : NaN;
   return Number.isFinite(ms) ? ms / 1000 : undefined;
 }

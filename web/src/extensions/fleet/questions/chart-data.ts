@@ -1,12 +1,12 @@
 /** What a picture of an answer shows: good columns to begin with, groups, positions and bins. */
-import { type Axis, axisOf, figure, type Tick, ticks } from "../../../charts/axes";
+import { type Axis, axisOf, figure, type Tick, axisTicks } from "../../../charts/axes";
 import type { QueryAnswer } from "../../../wire/routes";
-import { type Cell, type Row, secondsOf, textOf } from "./answer";
+import { type AnswerCell, type AnswerRow, secondsOf, cellText } from "./answer";
 
 type Column = QueryAnswer["columns"][number];
 type Columns = readonly Column[];
 
-export interface Choice {
+export interface ChartChoice {
   readonly x: number;
   readonly y: number;
   /** −1: no groups. */
@@ -29,16 +29,16 @@ export function positionsOf(columns: Columns): readonly number[] {
 }
 
 /** Columns of texts with few different values. */
-export function groupsOf(columns: Columns, rows: readonly Row[]): readonly number[] {
+export function chartGroups(columns: Columns, rows: readonly AnswerRow[]): readonly number[] {
   return columns.flatMap((one, at) => {
     if (one.kind !== "text" && one.kind !== "boolean") return [];
-    const n = new Set(rows.map((row) => textOf(row[at]))).size;
+    const n = new Set(rows.map((row) => cellText(row[at]))).size;
     return n > 1 && n <= MOST_GROUPS ? [at] : [];
   });
 }
 
 /** Good columns to begin with: a number over time, else over a measured number, else over a text. Undefined without a number. */
-export function firstChoice(columns: Columns, rows: readonly Row[]): Choice | undefined {
+export function firstChoice(columns: Columns, rows: readonly AnswerRow[]): ChartChoice | undefined {
   const numbers = [...numbersOf(columns)].sort(
     (a, b) => Number(columns[b]?.kind === "number") - Number(columns[a]?.kind === "number"),
   );
@@ -51,12 +51,12 @@ export function firstChoice(columns: Columns, rows: readonly Row[]): Choice | un
     [temperature, time, numbers.length > 1 && text < 0 ? first : -1, text, first].find((at) => at >= 0) ?? first;
   const y = numbers.find((at) => at !== x) ?? second ?? first;
   const nameOf = (at: number): string => columns[at]?.name ?? "";
-  const groups = groupsOf(columns, rows).filter((at) => at !== x && !/^(recording|object)$/.test(nameOf(at)));
+  const groups = chartGroups(columns, rows).filter((at) => at !== x && !/^(recording|object)$/.test(nameOf(at)));
   const group = groups.find((at) => /^(axis|signal)$/.test(nameOf(at))) ?? groups[0] ?? -1;
   return { x, y, group };
 }
 
-export interface Group {
+interface Group {
   readonly name: string;
   /** Class of its colour: x, y and z have the one that they have everywhere. */
   readonly colour: string;
@@ -73,14 +73,14 @@ export interface Picture {
 }
 
 /** Positions of the rows; undefined if none has a place. */
-export function pictureOf(columns: Columns, rows: readonly Row[], choice: Choice): Picture | undefined {
+export function pictureOf(columns: Columns, rows: readonly AnswerRow[], choice: ChartChoice): Picture | undefined {
   const column = columns[choice.x];
   if (!column) return undefined;
-  const words = column.kind === "text" ? [...new Set(rows.map((row) => textOf(row[choice.x])))] : [];
+  const words = column.kind === "text" ? [...new Set(rows.map((row) => cellText(row[choice.x])))] : [];
   const places = new Map(words.map((word, at) => [word, at]));
-  const place = (value: Cell): number =>
+  const place = (value: AnswerCell): number =>
     column.kind === "text"
-      ? (places.get(textOf(value)) ?? NaN)
+      ? (places.get(cellText(value)) ?? NaN)
       : isTime(column)
         ? (secondsOf(value) ?? NaN)
         : numberOf(value);
@@ -92,7 +92,7 @@ export function pictureOf(columns: Columns, rows: readonly Row[], choice: Choice
       left += 1;
       return;
     }
-    const name = choice.group >= 0 ? textOf(row[choice.group]) : "";
+    const name = choice.group >= 0 ? cellText(row[choice.group]) : "";
     const found = groups.get(name) ?? [];
     found.push([x, y, at]);
     groups.set(name, found);
@@ -121,7 +121,7 @@ export function pictureOf(columns: Columns, rows: readonly Row[], choice: Choice
         ? wordTicks(words, wide, most)
         : isTime(column)
           ? timeTicks(wide, most)
-          : ticks(wide, most),
+          : axisTicks(wide, most),
     left,
   };
 }
@@ -131,7 +131,7 @@ function colourOf(name: string, k: number): string {
   return axis ? `axis-${axis}` : (COLOURS[k] ?? "");
 }
 
-function numberOf(value: Cell): number {
+function numberOf(value: AnswerCell): number {
   return typeof value === "number" ? value : typeof value === "string" && value !== "" ? Number(value) : NaN;
 }
 
@@ -202,7 +202,7 @@ export interface Bin {
 const [FEWEST, MOST_BINS] = [8, 60];
 
 /** Bins of the numbers of a column, of the width after Freedman and Diaconis. */
-export function binsOf(rows: readonly Row[], column: number): readonly Bin[] {
+export function countedBins(rows: readonly AnswerRow[], column: number): readonly Bin[] {
   const values = rows
     .map((row) => numberOf(row[column]))
     .filter((one) => Number.isFinite(one))
@@ -223,7 +223,7 @@ export function binsOf(rows: readonly Row[], column: number): readonly Bin[] {
 }
 
 /** A position as a reading shows it. */
-export function positionText(column: Column | undefined, row: Row, at: number): string {
+export function positionText(column: Column | undefined, row: AnswerRow, at: number): string {
   const value = row[at];
-  return column && isNumber(column) && typeof value === "number" ? figure(value) : textOf(value);
+  return column && isNumber(column) && typeof value === "number" ? figure(value) : cellText(value);
 }

@@ -6,7 +6,7 @@ import { Grid } from "../../../charts/grid";
 import { useHeight, useWidth } from "../../../charts/use-size";
 import { Icon } from "../../../ui/icons";
 import type { QueryAnswer } from "../../../wire/routes";
-import { binsOf, groupsOf, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
+import { countedBins, chartGroups, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
 import type { Questions } from "./state";
 import { TEXT } from "./texts";
 
@@ -52,7 +52,7 @@ export function AnswerPlot({ state, answer }: Props) {
     state.choice.value = { ...choice, [part]: Number(event.currentTarget.value) };
     pointed.value = -1;
   };
-  const groups = groupsOf(columns, rows);
+  const groups = chartGroups(columns, rows);
   const reading =
     row && picture
       ? [choice.x, choice.y, ...(choice.group >= 0 ? [choice.group] : [])]
@@ -130,7 +130,7 @@ export function AnswerHistogram({ state, answer }: Props) {
   const pointed = useSignal(-1);
   const { columns, rows } = answer;
   const column = state.column.value;
-  const bins = column >= 0 ? binsOf(rows, column) : [];
+  const bins = column >= 0 ? countedBins(rows, column) : [];
   const nameOf = (at: number): string => columns[at]?.name ?? "";
   const x = axisOf(
     "linear",

@@ -8,7 +8,7 @@ import { TEXT } from "./texts";
 
 const [LEAST_LINES, MOST_LINES] = [4, 14];
 
-export function Editor({ state }: { readonly state: Questions }) {
+export function QuestionEditor({ state }: { readonly state: Questions }) {
   const { sql, words, problem } = state;
   const area = useRef<HTMLTextAreaElement>(null);
   const isTyping = useRef(false);

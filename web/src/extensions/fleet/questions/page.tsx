@@ -3,7 +3,7 @@ import { useEffect } from "preact/hooks";
 import type { App } from "../../../pages/app-state";
 import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { go, route } from "../../../pages/route";
-import { Bar } from "../../../pages/top-bar";
+import { TopBar } from "../../../pages/top-bar";
 import { placeHref } from "../../../recordings/permalink";
 import { copyText } from "../../../ui/copy";
 import { Help } from "../../../ui/help";
@@ -11,10 +11,10 @@ import { Icon } from "../../../ui/icons";
 import { Message } from "../../../ui/message";
 import { request } from "../../../ui/http";
 import type { QueryAnswer } from "../../../wire/routes";
-import { csvOf, type Opening, sorted } from "./answer";
+import { answerCsv, type Opening, sorted } from "./answer";
 import { AnswerHistogram, AnswerPlot } from "./chart";
-import { Editor } from "./editor";
-import { type FileFormat, linkOf, type Questions, questionsOf, type View } from "./state";
+import { QuestionEditor } from "./editor";
+import { type FileFormat, questionLink, type Questions, questionsOf, type QuestionView } from "./state";
 import { AnswerTable } from "./table";
 import { COMMON } from "../../../texts/common";
 import { TEXT as PAGES } from "../texts";
@@ -23,7 +23,7 @@ import "./questions.css";
 
 const [AROUND_S, MINUTE_S] = [10, 60];
 const FORMATS: readonly FileFormat[] = ["csv", "parquet", "arrow"];
-const VIEWS: readonly View[] = ["table", "plot", "histogram"];
+const VIEWS: readonly QuestionView[] = ["table", "plot", "histogram"];
 
 export function QuestionsPage({ app }: { readonly app: App }) {
   const state = questionsOf(app);
@@ -43,13 +43,13 @@ export function QuestionsPage({ app }: { readonly app: App }) {
       <a class="btn edge skip" href="#question">
         {TEXT.skipToTheEditor}
       </a>
-      <Bar app={app} />
+      <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
       <main class="questions-page">
         <h1 class="visually-hidden">{PAGES.questions}</h1>
         <ProblemBand app={app} />
         <Sources state={state} />
-        <Editor state={state} />
+        <QuestionEditor state={state} />
         <Actions app={app} state={state} />
         {found ? <Answer app={app} state={state} answer={found} /> : <Start state={state} />}
       </main>
@@ -155,7 +155,7 @@ function Actions({ app, state }: { readonly app: App; readonly state: Questions 
         title={TEXT.copyLinkHint}
         disabled={sql.value.trim() === ""}
         onClick={() => {
-          const link = new URL(linkOf(sql.peek().trim()), location.href).href;
+          const link = new URL(questionLink(sql.peek().trim()), location.href).href;
           void copyText(link).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
         }}
       >
@@ -216,7 +216,7 @@ function Answer({ app, state, answer }: AnswerProps) {
   const { view, notice } = state;
   const open = (one: Opening): void => void openRecording(app, state, one);
   const copy = (): void => {
-    const text = csvOf(answer, sorted(answer.rows, state.order.peek()));
+    const text = answerCsv(answer, sorted(answer.rows, state.order.peek()));
     void copyText(text).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
   };
   return (

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { QueryAnswer, QueryWords } from "../../../wire/routes";
-import { csvOf, openingOf, shownCell, sorted } from "./answer";
-import { binsOf, firstChoice, pictureOf, timeTicks } from "./chart-data";
+import { answerCsv, openingOf, shownCell, sorted } from "./answer";
+import { countedBins, firstChoice, pictureOf, timeTicks } from "./chart-data";
 import { completionsOfSql, placeOfMistake } from "./completion";
 
 const column = (name: string) => ({ name, type: "text", doc: "" });
@@ -78,7 +78,7 @@ describe("an answer", () => {
   it("becomes CSV that a spreadsheet reads", () => {
     const columns = columnsOf({ a: "text", b: "number" });
     expect(
-      csvOf({ columns }, [
+      answerCsv({ columns }, [
         ['say "hi", you', 0.1],
         [null, -2],
       ]),
@@ -157,10 +157,10 @@ describe("a picture of an answer", () => {
 
   it("counts every number once in bins", () => {
     const numbers = Array.from({ length: 1000 }, (_, k) => [k % 100, null]);
-    const bins = binsOf(numbers, 0);
+    const bins = countedBins(numbers, 0);
     expect(bins.reduce((sum, { count }) => sum + count, 0)).toBe(1000);
     expect([bins[0]?.low, bins.at(-1)?.high]).toEqual([0, 99]);
-    expect(binsOf([[5], [5]], 0)).toEqual([{ low: 4.5, high: 5.5, count: 2 }]);
-    expect(binsOf(numbers, 1)).toEqual([]);
+    expect(countedBins([[5], [5]], 0)).toEqual([{ low: 4.5, high: 5.5, count: 2 }]);
+    expect(countedBins(numbers, 1)).toEqual([]);
   });
 });

@@ -2,12 +2,12 @@
 import { type Signal, signal } from "@preact/signals";
 import { type App, perApp } from "../../../pages/app-state";
 import { href } from "../../../pages/route";
-import { request, respond, type Problem } from "../../../ui/http";
+import { request, respond, type HttpProblem } from "../../../ui/http";
 import type { PreparedQuestionInfo, QueryAnswer, QueryWords } from "../../../wire/routes";
 import type { Order } from "./answer";
-import { type Choice, firstChoice, numbersOf } from "./chart-data";
+import { type ChartChoice, firstChoice, numbersOf } from "./chart-data";
 
-export type View = "table" | "plot" | "histogram";
+export type QuestionView = "table" | "plot" | "histogram";
 export type FileFormat = "csv" | "parquet" | "arrow";
 
 export interface Running {
@@ -25,12 +25,12 @@ export interface Questions {
   readonly history: Signal<readonly string[]>;
   readonly running: Signal<Running | undefined>;
   readonly answer: Signal<QueryAnswer | undefined>;
-  readonly problem: Signal<Problem | undefined>;
+  readonly problem: Signal<HttpProblem | undefined>;
   /** A sentence about the last action. */
   readonly notice: Signal<string>;
-  readonly view: Signal<View>;
+  readonly view: Signal<QuestionView>;
   readonly order: Signal<Order | undefined>;
-  readonly choice: Signal<Choice | undefined>;
+  readonly choice: Signal<ChartChoice | undefined>;
   readonly column: Signal<number>;
   /** Reads what the editor completes, and the prepared questions. */
   load(): Promise<void>;
@@ -57,11 +57,11 @@ function createQuestions(): Questions {
   const history = signal(readHistory());
   const running = signal<Running | undefined>(undefined);
   const answer = signal<QueryAnswer | undefined>(undefined);
-  const problem = signal<Problem | undefined>(undefined);
+  const problem = signal<HttpProblem | undefined>(undefined);
   const notice = signal("");
-  const view = signal<View>("table");
+  const view = signal<QuestionView>("table");
   const order = signal<Order | undefined>(undefined);
-  const choice = signal<Choice | undefined>(undefined);
+  const choice = signal<ChartChoice | undefined>(undefined);
   const column = signal(-1);
   let control: AbortController | undefined;
 
@@ -114,7 +114,7 @@ function createQuestions(): Questions {
       const since = performance.now();
       const id = `${Date.now()}-${Math.round(Math.random() * 1e9)}`;
       [running.value, problem.value, notice.value] = [{ since, before: undefined }, undefined, ""];
-      globalThis.history.replaceState(null, "", linkOf(text));
+      globalThis.history.replaceState(null, "", questionLink(text));
       follow(id, since, over.signal);
       const outcome = await request("POST /api/query", { body: { sql: text, rows: ROWS, id }, signal: own.signal });
       over.abort();
@@ -149,7 +149,7 @@ function createQuestions(): Questions {
 }
 
 /** The address that shows a question. */
-export function linkOf(text: string): string {
+export function questionLink(text: string): string {
   return text.length > LONGEST_LINK ? href("questions") : `${href("questions")}?${new URLSearchParams({ sql: text })}`;
 }
 

@@ -3,7 +3,7 @@ import { useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Icon } from "../../../ui/icons";
 import type { QueryAnswer } from "../../../wire/routes";
-import { openingOf, type Opening, type Row, shownCell, sorted, textOf } from "./answer";
+import { openingOf, type Opening, type AnswerRow, shownCell, sorted, cellText } from "./answer";
 import type { Questions } from "./state";
 import { TEXT } from "./texts";
 
@@ -96,7 +96,7 @@ export function AnswerTable({ state, answer, open }: Props) {
 
 interface LineProps extends Omit<Props, "state"> {
   readonly at: number;
-  readonly row: Row;
+  readonly row: AnswerRow;
   readonly rowPx: number;
 }
 
@@ -105,7 +105,7 @@ function Line({ at, row, answer, rowPx, open }: LineProps) {
   return (
     <tr aria-rowindex={at + 2} style={{ transform: `translateY(${at * rowPx}px)` }}>
       {answer.columns.map(({ name, kind }, column) => (
-        <td key={name} class={`ellipsis ${kind}`} title={textOf(row[column])}>
+        <td key={name} class={`ellipsis ${kind}`} title={cellText(row[column])}>
           {opening && name === "recording" ? (
             <button
               type="button"

@@ -1,8 +1,8 @@
 /** The address of the fleet page: a link shows the same robots in the same order. Pure. */
 import { columnNamed } from "./columns";
-import { type Choice, GROUPINGS, SHOWN, WORST_FIRST } from "./order";
+import { type RobotChoice, GROUPINGS, SHOWN, WORST_FIRST } from "./order";
 
-export interface FleetPlace extends Choice {
+export interface FleetPlace extends RobotChoice {
   readonly view: "list" | "map";
   /** The robot whose details are open, or "". */
   readonly robot: string;
@@ -14,7 +14,7 @@ const one = <T extends string>(all: readonly T[], value: string | null, other: T
   all.find((name) => name === value) ?? other;
 
 /** The place of a query; what is missing or unknown is as at the start. */
-export function readPlace(query: string): FleetPlace {
+export function readRobotPlace(query: string): FleetPlace {
   const given = new URLSearchParams(query);
   const column = columnNamed(given.get("sort") ?? START.sort) ?? columnNamed(START.sort);
   const order = given.get("order");

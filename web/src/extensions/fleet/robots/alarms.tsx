@@ -1,6 +1,6 @@
 /** Raised alarms of a robot: its own, and those of the fleet server, which are acknowledged here. */
 import { useSignal } from "@preact/signals";
-import type { Problem } from "../../../ui/http";
+import type { HttpProblem } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { RobotAlarm, RobotSummary } from "../../../wire/routes";
 import { acknowledge } from "./api";
@@ -10,7 +10,7 @@ import { TEXT } from "./texts";
 
 export function Alarms({ robot, fleet }: { readonly robot: RobotSummary; readonly fleet: Fleet }) {
   const asking = useSignal("");
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const send = async (by: string): Promise<void> => {
     const outcome = await acknowledge(robot.name, asking.peek(), by);
     problem.value = outcome.ok ? undefined : outcome.problem;

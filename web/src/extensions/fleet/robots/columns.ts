@@ -5,7 +5,7 @@ import { CONDITIONS, hasLittleFree, hasNoFix, isLosing, isSlow, raised, type Ton
 import type { Robot } from "./robots";
 import type { RobotDevice } from "../../../wire/routes";
 
-export type ColumnName =
+export type RobotColumn =
   | "name"
   | "state"
   | "device"
@@ -22,7 +22,7 @@ export type ColumnName =
   | "latency";
 
 /** A text with its unit apart, and its status. */
-export interface Cell {
+export interface RobotCell {
   readonly text: string;
   readonly unit?: string;
   /** More of it, smaller and after the unit. */
@@ -33,23 +33,23 @@ export interface Cell {
 }
 
 /** What rows are sorted by: numbers, or words; undefined comes last in both directions. */
-export type Key = number | string | undefined;
+export type SortKey = number | string | undefined;
 
-export interface Column {
-  readonly name: ColumnName;
+interface Column {
+  readonly name: RobotColumn;
   readonly title: string;
   /** Whether its figures stand at the right. */
   readonly figures: boolean;
   /** Whether the largest comes first when the column is chosen: the end that needs attention. */
   readonly largestFirst: boolean;
-  readonly key: (robot: Robot) => Key;
+  readonly key: (robot: Robot) => SortKey;
 }
 
-const EMPTY: Cell = { text: "—", isQuiet: true };
+const EMPTY: RobotCell = { text: "—", isQuiet: true };
 const orNothing = (value: number | null | undefined): number | undefined => value ?? undefined;
 
 /** "0.31 %", and never 0 for a loss that there is. */
-export function lossCell(loss: number | null): Cell {
+export function lossCell(loss: number | null): RobotCell {
   if (loss === null) return EMPTY;
   const percent = 100 * loss;
   if (percent === 0) return { text: "0", unit: "%", isQuiet: true };
@@ -57,7 +57,7 @@ export function lossCell(loss: number | null): Cell {
   return { text: number(percent, percent < 1 ? 2 : 1), unit: "%", tone: "warn" };
 }
 
-export function rateCell(device: RobotDevice): Cell {
+export function rateCell(device: RobotDevice): RobotCell {
   const expected = device.expected_rate;
   return {
     text: rate(device.rate),
@@ -67,7 +67,7 @@ export function rateCell(device: RobotDevice): Cell {
   };
 }
 
-export function clockCell({ clock_ppm: ppm, clock_uncertainty_ms: uncertainty }: RobotDevice): Cell {
+export function clockCell({ clock_ppm: ppm, clock_uncertainty_ms: uncertainty }: RobotDevice): RobotCell {
   if (ppm === null && uncertainty === null) return EMPTY;
   if (ppm === null) return { text: `±\u2009${number(orNothing(uncertainty), 2)}`, unit: "ms" };
   return {
@@ -83,7 +83,7 @@ export function stateWord({ summary, health }: Robot): string {
   return first === undefined ? TEXT.live : TEXT.conditions[first];
 }
 
-export function alarmsCell({ summary }: Robot): Cell {
+export function alarmsCell({ summary }: Robot): RobotCell {
   const [errors, warnings] = [raised(summary, "error"), raised(summary, "warning")];
   if (errors + warnings > 0) return { text: number(errors + warnings, 0), tone: errors > 0 ? "bad" : "warn" };
   return summary.alarms.length > 0
@@ -91,21 +91,21 @@ export function alarmsCell({ summary }: Robot): Cell {
     : { text: "0", isQuiet: true };
 }
 
-export function settingsCell({ summary: { settings, drifted } }: Robot): Cell {
+export function settingsCell({ summary: { settings, drifted } }: Robot): RobotCell {
   if (settings === "unknown") return EMPTY;
   return settings === "drifted"
     ? { text: TEXT.drifted(drifted), tone: "warn" }
     : { text: TEXT.asProfile, isQuiet: true };
 }
 
-export function diskCell({ summary }: Robot): Cell {
+export function diskCell({ summary }: Robot): RobotCell {
   const free = summary.disk_free_bytes;
   if (free === null) return EMPTY;
   const decimals = free < 1e10 ? 1 : 0;
   return { text: number(free / 1e9, decimals), unit: "GB", tone: hasLittleFree(summary) ? "warn" : undefined };
 }
 
-export function latencyCell({ summary }: Robot): Cell {
+export function latencyCell({ summary }: Robot): RobotCell {
   const latency = summary.latency_ms;
   if (latency === null) return EMPTY;
   const { value, unit } = age(latency / 1000);
@@ -115,14 +115,14 @@ export function latencyCell({ summary }: Robot): Cell {
 export const deviceWords = (device: RobotDevice | undefined): string =>
   device === undefined ? "" : `${device.product || device.name} ${device.serial_number}`.trim();
 
-export const fixCell = (device: RobotDevice): Cell =>
+export const fixCell = (device: RobotDevice): RobotCell =>
   device.fix === "" ? EMPTY : { text: device.fix, tone: hasNoFix(device) ? "warn" : undefined };
 
-export const temperatureCell = ({ temperature }: RobotDevice): Cell =>
+export const temperatureCell = ({ temperature }: RobotDevice): RobotCell =>
   temperature === null ? EMPTY : { text: number(temperature, 1), unit: "°C" };
 
 /** The cell of a column that has a figure of the device. */
-export function cellOf(column: ColumnName, robot: Robot): Cell {
+export function cellOf(column: RobotColumn, robot: Robot): RobotCell {
   const { device, summary } = robot;
   switch (column) {
     case "alarms":
@@ -141,7 +141,7 @@ export function cellOf(column: ColumnName, robot: Robot): Cell {
 }
 
 /** A figure of one device. */
-export function deviceCell(column: ColumnName, device: RobotDevice): Cell {
+export function deviceCell(column: RobotColumn, device: RobotDevice): RobotCell {
   switch (column) {
     case "rate":
       return rateCell(device);
@@ -192,7 +192,7 @@ export const COLUMNS: readonly Column[] = [
   column("latency", true, true, ({ summary }) => orNothing(summary.latency_ms)),
 ];
 
-function column(name: ColumnName, figures: boolean, largestFirst: boolean, key: Column["key"]): Column {
+function column(name: RobotColumn, figures: boolean, largestFirst: boolean, key: Column["key"]): Column {
   return { name, title: TEXT.columns[name], figures, largestFirst, key };
 }
 

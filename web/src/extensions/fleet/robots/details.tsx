@@ -6,7 +6,7 @@ import { robotHref } from "../../../ui/server-place";
 import { IconButton } from "../../../ui/icon-button";
 import { Alarms } from "./alarms";
 import {
-  type Cell,
+  type RobotCell,
   clockCell,
   diskCell,
   fixCell,
@@ -16,7 +16,7 @@ import {
   settingsCell,
   temperatureCell,
 } from "./columns";
-import { Events, RemoveRobot } from "./events";
+import { RobotEvents, RemoveRobot } from "./events";
 import type { Fleet } from "./fleet-state";
 import type { Robot } from "./robots";
 import { ageText } from "./row";
@@ -25,7 +25,7 @@ import type { RobotDevice, RobotSummary } from "../../../wire/routes";
 import { TEXT } from "./texts";
 import "./details.css";
 
-export function Details({ fleet }: { readonly fleet: Fleet }) {
+export function RobotDetails({ fleet }: { readonly fleet: Fleet }) {
   const { robot: name } = fleet.place.value;
   const heading = useRef<HTMLHeadingElement>(null);
   void fleet.version.value;
@@ -63,7 +63,7 @@ export function Details({ fleet }: { readonly fleet: Fleet }) {
 function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet }) {
   const { summary, health } = robot;
   const isLost = summary.state === "lost";
-  const recording: Cell = { text: summary.recording ? TEXT.recordingOn : TEXT.recordingOff };
+  const recording: RobotCell = { text: summary.recording ? TEXT.recordingOn : TEXT.recordingOff };
   return (
     <div class={`detail ${isLost ? "held" : ""}`}>
       <p class="fleet-needs" role="group" aria-label={TEXT.needs}>
@@ -105,7 +105,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
       <h3>{TEXT.alarms}</h3>
       <Alarms key={`alarms ${summary.name}`} robot={summary} fleet={fleet} />
       <SettingsCheck key={`settings ${summary.name}`} robot={summary} fleet={fleet} />
-      <Events key={summary.name} name={summary.name} />
+      <RobotEvents key={summary.name} name={summary.name} />
       <h3>{TEXT.devices}</h3>
       {summary.devices.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
       {summary.devices.map((device) => (
@@ -168,7 +168,7 @@ function dotOf({ status }: RobotDevice): string {
 function Device({ device, isLost }: { readonly device: RobotDevice; readonly isLost: boolean }) {
   const { clock_uncertainty_ms: uncertainty } = device;
   const expected = device.expected_rate;
-  const text = (value: string): Cell => ({ text: value || "—" });
+  const text = (value: string): RobotCell => ({ text: value || "—" });
   return (
     <section class="fleet-device">
       <h4>
@@ -217,7 +217,7 @@ function Fact({
   cell: { text, unit, more, tone },
 }: {
   readonly title: string;
-  readonly cell: Cell;
+  readonly cell: RobotCell;
 }): ComponentChildren {
   return (
     <div>

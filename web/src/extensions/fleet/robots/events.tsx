@@ -2,16 +2,16 @@
 import { useSignal } from "@preact/signals";
 import { dateWords } from "../../../recordings/library-filter";
 import { clock } from "../../../ui/format";
-import type { Problem } from "../../../ui/http";
+import type { HttpProblem } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { FleetEvent } from "../../../wire/routes";
 import { askEvents, removeRobot } from "./api";
 import type { Fleet } from "./fleet-state";
 import { TEXT } from "./texts";
 
-export function Events({ name }: { readonly name: string }) {
+export function RobotEvents({ name }: { readonly name: string }) {
   const events = useSignal<readonly FleetEvent[] | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const load = async (): Promise<void> => {
     const outcome = await askEvents(name);
     problem.value = outcome.ok ? undefined : outcome.problem;
@@ -38,7 +38,7 @@ export function Events({ name }: { readonly name: string }) {
 }
 
 export function RemoveRobot({ name, fleet }: { readonly name: string; readonly fleet: Fleet }) {
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const remove = async (): Promise<void> => {
     const outcome = await removeRobot(name);
     problem.value = outcome.ok ? undefined : outcome.problem;

@@ -2,11 +2,11 @@
 import { batch, computed, signal } from "@preact/signals";
 import { type App, perApp } from "../../../pages/app-state";
 import { route } from "../../../pages/route";
-import { isRefusal, type Problem } from "../../../ui/http";
-import { type FleetPlace, fleetHref, readPlace, START } from "./address";
+import { isRefusal, type HttpProblem } from "../../../ui/http";
+import { type FleetPlace, fleetHref, readRobotPlace, START } from "./address";
 import { askRobots } from "./api";
-import { columnNamed, type ColumnName } from "./columns";
-import { arrange, countAll, type Group, isSameOrder, linesOf } from "./order";
+import { columnNamed, type RobotColumn } from "./columns";
+import { arrange, countAll, type RobotGroup, isSameOrder, robotLines } from "./order";
 import { Robots } from "./robots";
 
 /** Pause between two requests, ms; longer while nobody sees the page. */
@@ -26,13 +26,13 @@ export class Fleet {
   readonly place = signal<FleetPlace>(START);
   /** Whether the first answer is here. */
   readonly isKnown = signal(false);
-  readonly problem = signal<Problem | undefined>(undefined);
+  readonly problem = signal<HttpProblem | undefined>(undefined);
   /** Whether the server has not answered several times, or refuses: a single request may fail. */
   readonly isCut = signal(false);
   /** Time of the newest answer, s: that of the server, and of performance.now(). */
   readonly answered = signal({ server: 0, here: 0 });
   /** Names in the order shown. */
-  readonly groups = signal<readonly Group[]>([]);
+  readonly groups = signal<readonly RobotGroup[]>([]);
   /** Whether the robots have changed so that another order would be right. */
   readonly isOutOfOrder = signal(false);
   readonly folded = signal<ReadonlySet<string>>(new Set());
@@ -48,7 +48,7 @@ export class Fleet {
     const devicesOf = (name: string): number =>
       expanded.has(name) ? (this.robots.get(name)?.summary.devices.length ?? 0) : 0;
     if (expanded.size > 0) void this.version.value;
-    return linesOf(this.groups.value, this.place.value, this.folded.value, devicesOf);
+    return robotLines(this.groups.value, this.place.value, this.folded.value, devicesOf);
   });
   #failed = 0;
   #ordered = 0;
@@ -172,7 +172,7 @@ export class Fleet {
     this.#write(false);
   }
 
-  sortBy(name: ColumnName): void {
+  sortBy(name: RobotColumn): void {
     const { sort, descending } = this.place.peek();
     this.choose({ sort: name, descending: sort === name ? !descending : (columnNamed(name)?.largestFirst ?? true) });
   }
@@ -209,7 +209,7 @@ export class Fleet {
         this.#write(false);
         return;
       }
-      const place = readPlace(query ?? "");
+      const place = readRobotPlace(query ?? "");
       batch(() => {
         this.place.value = place;
         this.sortNow();

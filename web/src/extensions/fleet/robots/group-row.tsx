@@ -2,7 +2,7 @@
 import { number } from "../../../ui/format";
 import { Icon } from "../../../ui/icons";
 import type { Fleet } from "./fleet-state";
-import { inShown, type Line, type Shown } from "./order";
+import { inShown, type Line, type RobotFilter } from "./order";
 import { ROLES, rowProperties } from "./roles";
 import { TEXT } from "./texts";
 
@@ -18,7 +18,7 @@ interface Props {
 }
 
 /** What is counted of a group, worst first. */
-const TOLD: readonly { readonly name: Shown; readonly tone: string }[] = [
+const TOLD: readonly { readonly name: RobotFilter; readonly tone: string }[] = [
   { name: "lost", tone: "bad" },
   { name: "alarms", tone: "bad" },
   { name: "loss", tone: "warn" },

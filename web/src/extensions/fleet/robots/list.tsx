@@ -12,7 +12,7 @@ import { COLUMNS } from "./columns";
 import type { Fleet } from "./fleet-state";
 import { GroupRow } from "./group-row";
 import type { Line } from "./order";
-import { ageText, Row } from "./row";
+import { ageText, RobotRow } from "./row";
 import { columnProperties, gridProperties, ROLES } from "./roles";
 import { usePhone } from "../../../ui/use-phone";
 import { TEXT } from "./texts";
@@ -147,7 +147,7 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
           const { state, since } = robot.summary;
           const isRobot = line.kind === "robot";
           return (
-            <Row
+            <RobotRow
               key={index % pool}
               {...common}
               robot={robot}

@@ -10,7 +10,7 @@ import { useRef } from "preact/hooks";
 import { cellOf, deviceWords, stateWord } from "./columns";
 import type { Tone } from "./conditions";
 import type { Fleet } from "./fleet-state";
-import { inShown, mapGroups, matches, wordsOf } from "./order";
+import { inShown, mapGroups, robotMatches, queryWords } from "./order";
 import type { Robot } from "./robots";
 import { cellProperties, groupProperties, mapProperties } from "./roles";
 import { ageText } from "./row";
@@ -50,7 +50,7 @@ export function FleetMap({ fleet }: { readonly fleet: Fleet }) {
   const over = useSignal<string | undefined>(undefined);
   void fleet.version.value;
   const { grouping, shown, query, robot: open } = fleet.place.value;
-  const words = wordsOf(query);
+  const words = queryWords(query);
   const groups = mapGroups(fleet.robots.namesInOrder(), (name) => fleet.robots.get(name), grouping);
   const names = groups.flatMap((group) => group.names);
   const activeIndex = active.value === undefined ? -1 : names.indexOf(active.value);
@@ -119,7 +119,7 @@ export function FleetMap({ fleet }: { readonly fleet: Fleet }) {
                     name={name}
                     tone={robot.health.tone}
                     label={TEXT.mapCell(name, stateWord(robot))}
-                    isFaint={!inShown(robot, shown) || !matches(robot, words)}
+                    isFaint={!inShown(robot, shown) || !robotMatches(robot, words)}
                     isActive={at === activeIndex}
                     isOpen={name === open}
                   />

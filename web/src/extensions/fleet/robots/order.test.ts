@@ -2,10 +2,20 @@
 import { describe, expect, it } from "vitest";
 import { deviceWith, robotWith } from "./fixtures";
 import type { RobotSummary } from "../../../wire/routes";
-import { fleetHref, readPlace, START } from "./address";
+import { fleetHref, readRobotPlace, START } from "./address";
 import { COLUMNS, lossCell } from "./columns";
 import { healthOf } from "./conditions";
-import { arrange, byName, type Choice, countAll, GROUPINGS, inShown, linesOf, SHOWN, WORST_FIRST } from "./order";
+import {
+  arrange,
+  byName,
+  type RobotChoice,
+  countAll,
+  GROUPINGS,
+  inShown,
+  robotLines,
+  SHOWN,
+  WORST_FIRST,
+} from "./order";
 import { robotOf, type Robot } from "./robots";
 
 function dice(seed: number): (sides: number) => number {
@@ -64,7 +74,7 @@ describe("the list", () => {
     for (let seed = 0; seed < 150; seed++) {
       const roll = dice(seed);
       const robots = fleet(roll);
-      const choice: Choice = {
+      const choice: RobotChoice = {
         sort: COLUMNS[roll(COLUMNS.length)]?.name ?? "state",
         descending: roll(2) === 0,
         shown: SHOWN[roll(SHOWN.length)] ?? "all",
@@ -82,7 +92,7 @@ describe("the list", () => {
       expect([...listed].sort()).toEqual(wanted.map(({ summary }) => summary.name).sort());
       expect(new Set(groups.map(({ title }) => title)).size).toBe(groups.length);
       expect(groups.every(({ names }) => names.length > 0)).toBe(true);
-      const lines = linesOf(groups, choice, new Set(), () => 0);
+      const lines = robotLines(groups, choice, new Set(), () => 0);
       expect(lines.length).toBe(listed.length + (choice.grouping === "none" ? 0 : groups.length));
     }
   });
@@ -93,7 +103,7 @@ describe("the list", () => {
       const robots = fleet(roll);
       const column = COLUMNS[roll(COLUMNS.length)];
       if (!column) continue;
-      const choice: Choice = { ...WORST_FIRST, sort: column.name, descending: roll(2) === 0 };
+      const choice: RobotChoice = { ...WORST_FIRST, sort: column.name, descending: roll(2) === 0 };
       const [group] = arrange(robots, choice);
       const names = group?.names ?? [];
       const robotNamed = new Map(robots.map((robot) => [robot.summary.name, robot]));
@@ -150,7 +160,7 @@ describe("the list", () => {
 
   it("orders names as people count, and puts a robot with two products in one group", () => {
     const robots = ["amr-10", "amr-9"].map((name) => robotOf(robotWith({ name })));
-    const byNames: Choice = { ...WORST_FIRST, sort: "name", descending: false };
+    const byNames: RobotChoice = { ...WORST_FIRST, sort: "name", descending: false };
     expect(arrange(robots, byNames)[0]?.names).toEqual(["amr-9", "amr-10"]);
     const both = robotOf(
       robotWith({ devices: [deviceWith({ product: "MTi-630" }), deviceWith({ product: "IMX-5" })] }),
@@ -201,11 +211,11 @@ describe("the address", () => {
         robot: ["", "amr 7/ä"][roll(2)] ?? "",
       };
       const href = fleetHref(place);
-      expect(readPlace(href.split("?")[1] ?? "")).toEqual(place);
+      expect(readRobotPlace(href.split("?")[1] ?? "")).toEqual(place);
     }
   });
 
   it("that is unknown shows all", () => {
-    expect(readPlace("sort=colour&show=pink&by=moon&order=sideways")).toEqual(START);
+    expect(readRobotPlace("sort=colour&show=pink&by=moon&order=sideways")).toEqual(START);
   });
 });

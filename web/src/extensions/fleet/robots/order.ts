@@ -1,27 +1,27 @@
 /** Which robots are listed, in which order and in which groups. Pure. */
-import { type ColumnName, columnNamed, type Key } from "./columns";
+import { type RobotColumn, columnNamed, type SortKey } from "./columns";
 import type { ConditionName } from "./conditions";
 import type { Robot } from "./robots";
 import type { RobotDevice } from "../../../wire/routes";
 
 /** A filter above the list; "alarms" is any raised alarm. */
 export const SHOWN = ["all", "live", "lost", "alarms", "device", "loss", "fix", "slow", "disk", "drifted"] as const;
-export type Shown = (typeof SHOWN)[number];
+export type RobotFilter = (typeof SHOWN)[number];
 
 export const GROUPINGS = ["none", "group", "product", "firmware", "version"] as const;
 export type Grouping = (typeof GROUPINGS)[number];
 
-export interface Choice {
-  readonly sort: ColumnName;
+export interface RobotChoice {
+  readonly sort: RobotColumn;
   readonly descending: boolean;
-  readonly shown: Shown;
+  readonly shown: RobotFilter;
   readonly query: string;
   readonly grouping: Grouping;
 }
 
-export const WORST_FIRST: Choice = { sort: "state", descending: true, shown: "all", query: "", grouping: "none" };
+export const WORST_FIRST: RobotChoice = { sort: "state", descending: true, shown: "all", query: "", grouping: "none" };
 
-export function inShown({ summary, health: { conditions } }: Robot, shown: Shown): boolean {
+export function inShown({ summary, health: { conditions } }: Robot, shown: RobotFilter): boolean {
   if (shown === "all") return true;
   if (shown === "live") return summary.state === "live";
   if (shown === "alarms") return conditions.includes("alarm") || conditions.includes("warning");
@@ -29,17 +29,17 @@ export function inShown({ summary, health: { conditions } }: Robot, shown: Shown
 }
 
 /** How many robots each filter shows. */
-export function countAll(robots: Iterable<Robot>): Readonly<Record<Shown, number>> {
-  const counts = Object.fromEntries(SHOWN.map((name) => [name, 0])) as Record<Shown, number>;
+export function countAll(robots: Iterable<Robot>): Readonly<Record<RobotFilter, number>> {
+  const counts = Object.fromEntries(SHOWN.map((name) => [name, 0])) as Record<RobotFilter, number>;
   for (const robot of robots) for (const name of SHOWN) if (inShown(robot, name)) counts[name] += 1;
   return counts;
 }
 
-export function matches({ text }: Robot, words: readonly string[]): boolean {
+export function robotMatches({ text }: Robot, words: readonly string[]): boolean {
   return words.every((word) => text.includes(word));
 }
 
-export const wordsOf = (query: string): readonly string[] => query.toLowerCase().split(/\s+/).filter(Boolean);
+export const queryWords = (query: string): readonly string[] => query.toLowerCase().split(/\s+/).filter(Boolean);
 
 /** Value of the grouping; robots with several devices are in the group of all of their values, so that counts add up. */
 export function groupOf({ summary }: Robot, grouping: Grouping): string {
@@ -56,26 +56,26 @@ const BY_NAME = Intl.Collator("en", { numeric: true, sensitivity: "base" });
 /** Names as a person orders them: amr-9 before amr-10. */
 export const byName = (a: string, b: string): number => BY_NAME.compare(a, b) || (a < b ? -1 : a > b ? 1 : 0);
 
-function byKey(a: Key, b: Key, direction: number): number {
+function byKey(a: SortKey, b: SortKey, direction: number): number {
   if (a === undefined || b === undefined) return (a === undefined ? 1 : 0) - (b === undefined ? 1 : 0);
   if (typeof a === "number" && typeof b === "number") return direction * (a - b);
   return direction * byName(String(a), String(b));
 }
 
 /** A group of robots with their names in order. */
-export interface Group {
+export interface RobotGroup {
   readonly title: string;
   readonly names: readonly string[];
 }
 
 /** The groups in the order of their titles, unnamed last; without grouping one without a title. */
-export function arrange(robots: Iterable<Robot>, choice: Choice): readonly Group[] {
-  const words = wordsOf(choice.query);
+export function arrange(robots: Iterable<Robot>, choice: RobotChoice): readonly RobotGroup[] {
+  const words = queryWords(choice.query);
   const key = columnNamed(choice.sort)?.key ?? (() => undefined);
   const direction = choice.descending ? -1 : 1;
-  const groups = new Map<string, { readonly name: string; readonly key: Key }[]>();
+  const groups = new Map<string, { readonly name: string; readonly key: SortKey }[]>();
   for (const robot of robots) {
-    if (!inShown(robot, choice.shown) || !matches(robot, words)) continue;
+    if (!inShown(robot, choice.shown) || !robotMatches(robot, words)) continue;
     const title = groupOf(robot, choice.grouping);
     const members = groups.get(title) ?? [];
     groups.set(title, members);
@@ -95,7 +95,7 @@ export function mapGroups(
   names: readonly string[],
   robotOf: (name: string) => Robot | undefined,
   grouping: Grouping,
-): readonly Group[] {
+): readonly RobotGroup[] {
   const groups = new Map<string, string[]>();
   for (const name of names) {
     const robot = robotOf(name);
@@ -109,7 +109,7 @@ export function mapGroups(
   return titles.map((title) => ({ title, names: groups.get(title) ?? [] }));
 }
 
-export function isSameOrder(a: readonly Group[], b: readonly Group[]): boolean {
+export function isSameOrder(a: readonly RobotGroup[], b: readonly RobotGroup[]): boolean {
   return (
     a.length === b.length &&
     a.every(({ title, names }, i) => {
@@ -128,9 +128,9 @@ export type Line =
   | { readonly kind: "device"; readonly name: string; readonly index: number };
 
 /** The lines of groups: folded ones have their head only, expanded robots a line for each device. */
-export function linesOf(
-  groups: readonly Group[],
-  choice: Choice,
+export function robotLines(
+  groups: readonly RobotGroup[],
+  choice: RobotChoice,
   folded: ReadonlySet<string>,
   devices: (name: string) => number,
 ): readonly Line[] {

@@ -3,13 +3,13 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { App } from "../../../pages/app-state";
 import { ProblemBand } from "../../../pages/empty-states";
-import { Bar } from "../../../pages/top-bar";
+import { TopBar } from "../../../pages/top-bar";
 import { copyText } from "../../../ui/copy";
 import { age } from "../../../ui/format";
 import { Help } from "../../../ui/help";
 import { Icon } from "../../../ui/icons";
 import { Message } from "../../../ui/message";
-import { Details } from "./details";
+import { RobotDetails } from "./details";
 import { type Fleet, fleetOf } from "./fleet-state";
 import { FLEET_KEYS } from "./keys";
 import { List } from "./list";
@@ -37,14 +37,14 @@ export function FleetPage({ app }: { readonly app: App }) {
       <a class="btn edge skip" href="#list">
         {TEXT.skipToTheList}
       </a>
-      <Bar app={app} />
+      <TopBar app={app} />
       <main class="fleet-centre" id="list" tabIndex={-1}>
         <h1 class="visually-hidden">{TEXT.robots}</h1>
         <ProblemBand app={app} />
         {isCut && <CutBand app={app} fleet={fleet} />}
         <Content fleet={fleet} />
       </main>
-      {isOpen && <Details fleet={fleet} />}
+      {isOpen && <RobotDetails fleet={fleet} />}
       {app.overlay.value === "help" && <Help groups={FLEET_KEYS} onClose={() => (app.overlay.value = undefined)} />}
     </div>
   );

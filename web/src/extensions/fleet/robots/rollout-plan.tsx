@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
-import type { Problem } from "../../../ui/http";
+import type { HttpProblem } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { storedName, storeName } from "../../../ui/person-name";
 import { ProblemNote } from "../../../ui/problem-note";
@@ -27,7 +27,7 @@ interface Props {
 
 export function RolloutPlanForm({ robot, device, follow }: Props) {
   const plan = useSignal<RolloutPlan | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const waves = useSignal(WAVES);
   const isBusy = useSignal(false);
   const ask = async (): Promise<boolean> => {

@@ -1,7 +1,7 @@
 /** A rollout: how far it is, what became of each device, and a button that stops it. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Problem } from "../../../ui/http";
+import type { HttpProblem } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { storedName } from "../../../ui/person-name";
 import { ProblemNote } from "../../../ui/problem-note";
@@ -22,7 +22,7 @@ const BUSY: ReadonlySet<RolloutDevice["state"]> = new Set(["applying", "watching
 
 export function RolloutProgress({ id }: { readonly id: number }) {
   const rollout = useSignal<Rollout | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const isNaming = useSignal(false);
   useEffect(() => {
     let timer: ReturnType<typeof setTimeout> | undefined;

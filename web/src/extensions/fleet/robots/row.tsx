@@ -2,7 +2,7 @@
 import { Component, type JSX } from "preact";
 import { age } from "../../../ui/format";
 import { Icon } from "../../../ui/icons";
-import { type Cell, cellOf, COLUMNS, type ColumnName, deviceCell, stateWord } from "./columns";
+import { type RobotCell, cellOf, COLUMNS, type RobotColumn, deviceCell, stateWord } from "./columns";
 import { fleetHref, type FleetPlace } from "./address";
 import type { RobotDevice } from "../../../wire/routes";
 import type { Robot } from "./robots";
@@ -30,9 +30,9 @@ export interface RowProps {
 }
 
 const FIGURES = new Set(COLUMNS.filter(({ figures }) => figures).map(({ name }) => name));
-const OF_DEVICE = new Set<ColumnName>(["rate", "loss", "fix", "temperature", "clock", "firmware"]);
+const OF_DEVICE = new Set<RobotColumn>(["rate", "loss", "fix", "temperature", "clock", "firmware"]);
 
-export class Row extends Component<RowProps> {
+export class RobotRow extends Component<RowProps> {
   override shouldComponentUpdate(next: Readonly<RowProps>): boolean {
     const now = this.props;
     for (const name in next) {
@@ -181,7 +181,7 @@ function DeviceName({ device }: { readonly device: RobotDevice | undefined }) {
 }
 
 /** Plain text in the cell itself: of these there are many, and each further element costs time to lay out. */
-function figure(name: ColumnName, { text, unit, more, tone, isQuiet }: Cell): JSX.Element {
+function figure(name: RobotColumn, { text, unit, more, tone, isQuiet }: RobotCell): JSX.Element {
   const content = (
     <>
       {text}

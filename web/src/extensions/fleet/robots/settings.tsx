@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
-import type { Outcome, Problem } from "../../../ui/http";
+import type { Outcome, HttpProblem } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { DeviceSettingsCheck, RobotSummary } from "../../../wire/routes";
 import { askSettings, removeProfile, useProfile } from "./api";
@@ -18,7 +18,7 @@ type Answer = Outcome<readonly DeviceSettingsCheck[]>;
 
 export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; readonly fleet: Fleet }) {
   const checks = useSignal<readonly DeviceSettingsCheck[] | undefined>(undefined);
-  const problem = useSignal<Problem | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const isOpen = useSignal(false);
   const rolling = useSignal<{ readonly device: string; readonly rollout: number | undefined } | undefined>(undefined);
   const take = (outcome: Answer): boolean => {

@@ -6,7 +6,7 @@ import { Icon } from "../../../ui/icons";
 import { COLUMNS, columnNamed } from "./columns";
 import { CONDITIONS } from "./conditions";
 import type { Fleet } from "./fleet-state";
-import { GROUPINGS, SHOWN, type Shown } from "./order";
+import { GROUPINGS, SHOWN, type RobotFilter } from "./order";
 import { TEXT } from "./texts";
 
 interface Props {
@@ -14,11 +14,11 @@ interface Props {
 }
 
 /** Filters that are there even if they show no robot, so that nothing moves when one falls ill. */
-const ALWAYS: ReadonlySet<Shown> = new Set(["all", "live", "lost", "alarms", "loss", "fix", "drifted"]);
+const ALWAYS: ReadonlySet<RobotFilter> = new Set(["all", "live", "lost", "alarms", "loss", "fix", "drifted"]);
 
 const VIEWS = ["list", "map"] as const;
 
-const toneOf = (shown: Shown): string => {
+const toneOf = (shown: RobotFilter): string => {
   if (shown === "live" || shown === "all") return "";
   if (shown === "alarms") return "bad";
   return CONDITIONS.find(({ name }) => name === shown)?.tone ?? "";
