@@ -57,6 +57,8 @@ export interface Slots {
   readonly underPlots: UnderPlots;
   /** Under the stored workspaces: what the last one brought besides the view. */
   readonly workspaceCompanions: CompanionProps;
+  /** On the right of Configure; without a model there is no device. */
+  readonly configureSide: { readonly app: App; readonly model: Model | undefined };
   /** Under the comparison of two states of a device, in Configure. */
   readonly comparisonActions: ComparisonActionProps;
   /** Actions of an open recording, beside its name. */

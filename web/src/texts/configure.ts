@@ -195,26 +195,6 @@ export const TEXT = {
   namePlaceholder: "New mast fitted",
 
   // traffic log
-  bothDirections: "both ways",
-  filter: "Filter",
-  sendHex: "Send hex",
-  filterLabel: "Filter entries",
-  filterPlaceholder: "Name, bytes or text",
-  direction: "Direction",
-  both: "Both",
-  received: "Received",
-  earlier: "Earlier",
-  noFilterMatch: "No entries match the filter.",
-  noTraffic: "Nothing has been sent to this device yet.",
-  sentPrefix: "sent ",
-  receivedPrefix: "received ",
-  bytes: "bytes",
-  sendAgain: "Send again",
-  confirmSendAgain: (name: Value) => `Send ${name} again?`,
-  confirmSendBytes: "Send these bytes?",
-  bytesToSend: "Bytes to send (hex)",
-  bytesPlaceholder: "FA FF 30 00 D1",
-  sentUnchanged: "Sent unchanged: no checksum is added, nothing is validated.",
   queueEmpty: "Queue empty. Commands run one at a time per device.",
 
   // view state

@@ -17,14 +17,10 @@ export const configureApi = {
     request("POST /api/devices/{device}/apply", { path: { device }, body }),
   run: (device: string, command: string, values: FormValues, confirmed: boolean) =>
     request("POST /api/devices/{device}/run", { path: { device }, body: { command, values, confirmed } }),
-  raw: (device: string, hex: string, confirmed = false) =>
-    request("POST /api/devices/{device}/raw", { path: { device }, body: { hex, confirmed } }),
   confirm: (device: string) => request("POST /api/devices/{device}/confirm", { path: { device } }),
   rollBack: (device: string) => request("POST /api/devices/{device}/roll-back", { path: { device } }),
   restore: (device: string) => request("POST /api/devices/{device}/restore", { path: { device } }),
   stop: (device: string, job: number) => request("DELETE /api/devices/{device}/jobs/{job}", { path: { device, job } }),
-  traffic: (device: string, before: number | undefined, limit: number) =>
-    request("GET /api/devices/{device}/traffic", { path: { device }, query: { before, limit } }),
   snapshots: (device: string) => request("GET /api/devices/{device}/snapshots", { path: { device } }),
   snapshot: (device: string, name: string) =>
     request("GET /api/devices/{device}/snapshots/{name}", { path: { device, name } }),

@@ -4,7 +4,7 @@
  *     forms ── GET ──┐                  ┌─ toApply ──▶ Apply
  *     present ─ GET ─┤─ drafts (edits) ─┤
  *                    │                  └─ preview, 150 ms after the last key ──▶ bytes, problems, load
- *     jobs, traffic arrive over the WebSocket
+ *     jobs arrive over the WebSocket
  *
  * A draft is dropped when the device has it, and rebased on changes by other users (forms/rebase.ts). Models outlive a change of page,
  * so edits stay. They are for one sensor, known by its serial number: if another one comes to the device's place, they are put aside
@@ -28,7 +28,7 @@ import type {
 import { initials, joined, type Path, put, type FormValues, whereOf } from "../../forms/values";
 import { isRefusal, type Outcome, type HttpProblem } from "../../ui/http";
 import { fullName, linkName, writeName } from "../../wire/device-name";
-import type { DeviceJobs, DeviceInfo, TrafficEntry } from "../../wire/types";
+import type { DeviceJobs, DeviceInfo } from "../../wire/types";
 import type { App } from "../app-state";
 import { configureApi } from "./api";
 import { Previews } from "./previews";
@@ -36,7 +36,6 @@ import { type ConfigureState, configureOf } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
 const UNDO_KEPT = 100;
-const OLDER_BY = 200;
 
 const NONE: Drafts = {};
 
@@ -68,8 +67,8 @@ export class Model {
   readonly wrong: Signal<ReadonlyMap<string, string>> = signal(new Map());
   /** Why the forms cannot be shown, or the last request failed. */
   readonly problem: Signal<HttpProblem | undefined> = signal(undefined);
-  readonly older: Signal<readonly TrafficEntry[]> = signal([]);
-  readonly noOlder: Signal<boolean> = signal(false);
+  /** Counts how often forms and values were loaded: after each connection anew. */
+  readonly loads = signal(0);
   /** Number of discards or undos of each setting's edits, which reset typed texts. */
   readonly epochs: Signal<Readonly<Record<string, number>>> = signal({});
   /** Changes by other users in settings being edited here. */
@@ -115,7 +114,6 @@ export class Model {
   readonly device: ReadonlySignal<DeviceInfo | undefined>;
   /** What was put aside when another sensor came: the sensor, and the number of its settings with edits. */
   readonly putAside: Signal<{ readonly of: string; readonly count: number } | undefined> = signal(undefined);
-  readonly traffic: ReadonlySignal<readonly TrafficEntry[]>;
 
   readonly asking = new Previews(this);
   #undo: Drafts[] = [];
@@ -133,11 +131,6 @@ export class Model {
   ) {
     this.jobs = computed(() => store.jobs.value.get(id));
     this.device = computed(() => store.devices.value.find((device) => device.id === id));
-    this.traffic = computed(() => {
-      const own = store.traffic.value.filter(({ device }) => device === id);
-      const known = new Set(own.map(({ seq }) => seq)); // entries missed while disconnected lie between them
-      return [...this.older.value.filter(({ seq }) => !known.has(seq)), ...own].sort((a, b) => a.seq - b.seq);
-    });
     const sensor = computed(() => (this.device.value?.serial_number ? this.device.value.key : ""));
     effect(() => {
       if (sensor.value !== "") untracked(() => this.#serve(sensor.value));
@@ -192,8 +185,6 @@ export class Model {
       if (edits !== undefined) this.page.aside.set(this.#sensor, edits);
       this.putAside.value = count > 0 ? { of, count } : undefined;
       this.body.value = undefined;
-      this.older.value = [];
-      this.noOlder.value = false;
       this.previews.value = {};
       this.lastRead.value = undefined;
     }
@@ -251,10 +242,9 @@ export class Model {
     if (build.ok) this.page.viewOnly.value = build.value.role === "view";
     const isFirst = this.forms.peek() === undefined;
     if (!isFirst) this.forms.value = forms.value;
-    const older = this.loadOlder(undefined);
+    this.loads.value = this.loads.peek() + 1;
     await this.refresh();
     if (isFirst) this.forms.value = forms.value; // not before the values: nobody is reported "never read" of what was read
-    await older;
   }
 
   /** Load present values and snapshots. Drafts equal to them are dropped. */
@@ -306,16 +296,6 @@ export class Model {
   /** The device's values when these settings were edited: the server does not overwrite another user's change. */
   basesOf(names: readonly string[]): Drafts {
     return Object.fromEntries(names.flatMap((name) => (this.#bases[name] ? [[name, this.#bases[name]]] : [])));
-  }
-
-  async loadOlder(before = this.traffic.peek()[0]?.seq): Promise<void> {
-    const found = await configureApi.traffic(this.id, before, OLDER_BY);
-    if (!found.ok) return;
-    this.noOlder.value = found.value.length < OLDER_BY;
-    const known = new Set(this.older.peek().map(({ seq }) => seq));
-    this.older.value = [...found.value.filter(({ seq }) => !known.has(seq)), ...this.older.peek()].sort(
-      (a, b) => a.seq - b.seq,
-    );
   }
 
   /** Shows the problem of a request, if any. */

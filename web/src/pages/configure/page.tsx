@@ -1,4 +1,4 @@
-/** The Configure page: settings on the left, the form in the middle, the traffic log on the right. Loaded when it is first opened. */
+/** The Configure page: settings on the left, the form in the middle, what extensions show on the right. Loaded when it is first opened. */
 import { useEffect } from "preact/hooks";
 import { BudgetLine } from "../../forms/budget-bar";
 import { Icon } from "../../ui/icons";
@@ -10,7 +10,7 @@ import { ApplyBar } from "./apply-bar";
 import { Ask } from "./confirm-dialog";
 import { Command } from "./command-form";
 import { Compare } from "./compare";
-import { TrafficLog } from "./traffic-log";
+import { ConfigureSide } from "./side";
 import { SettingGroup } from "./group";
 import { type Model, modelOf } from "./model";
 import { ConfigureRail } from "./sidebar";
@@ -84,7 +84,7 @@ export function ConfigurePage({ app }: { readonly app: App }) {
           <Empty app={app} />
         )}
       </main>
-      <TrafficLog key={model?.id} app={app} model={model} />
+      <ConfigureSide key={model?.id} app={app} model={model} />
       {question.value && <Ask asked={question.value} close={() => (question.value = undefined)} />}
     </div>
   );

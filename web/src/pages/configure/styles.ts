@@ -3,5 +3,4 @@ import "../../forms/forms.css";
 import "../../forms/tables.css";
 import "./configure.css";
 import "./compare.css";
-import "./traffic-log.css";
 import "./phone.css";

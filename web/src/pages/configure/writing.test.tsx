@@ -1,11 +1,11 @@
 // @vitest-environment happy-dom
-/** What is written to devices: asked before, refused, changed by others meanwhile, taken back, and seen as bytes. */
-import { fireEvent, screen, waitFor } from "@testing-library/preact";
+/** What is written to devices: asked before, refused, changed by others meanwhile, and taken back. */
+import { fireEvent, waitFor } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import type { Difference, PreviewResult, SnapshotBody } from "../../forms/types";
 import { type Opened, openConfigure } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
-import type { DeviceInfo, Job, TrafficEntry } from "../../wire/types";
+import type { DeviceInfo, Job } from "../../wire/types";
 
 const ROW = 'tr[data-id="0x4020"] select';
 const find = (selector: string): HTMLElement => {
@@ -173,41 +173,4 @@ test("a key leads to the search, Enter to what was found, and Escape away from i
   fireEvent.keyDown(search, { key: "Escape" });
   await waitFor(() => expect(document.querySelector(".found")).toBeNull());
   expect(document.activeElement).not.toBe(search);
-});
-
-test("bytes by hand are checked, asked about, sent as they are, and found in the log", async () => {
-  const message = "GoToConfig: Stop measuring.";
-  const asked = new Response(JSON.stringify({ kind: "confirm", message, hint: "" }), { status: 409 });
-  const answers = {
-    'POST /api/devices/1/raw {"confirmed":false,"hex":"faff3000d1"}': asked,
-    'POST /api/devices/1/raw {"confirmed":true,"hex":"faff3000d1"}': job(2, { state: "waiting" }),
-  };
-  const page = await openConfigure("xbus", { answers });
-  fireEvent.click(button("Send hex"));
-  const field = screen.getByLabelText("Bytes to send (hex)");
-  fireEvent.input(field, { target: { value: "FA FF 0" } });
-  await waitFor(() => expect(find("#byhand-why").textContent).toContain("two hex digits"));
-  fireEvent.input(field, { target: { value: "FA FF 30 00 D1" } });
-  await waitFor(() => expect((find(".send-bytes button") as HTMLButtonElement).disabled).toBe(false));
-  fireEvent.submit(find(".send-bytes"));
-  const question = await until("dialog");
-  expect(question.textContent).toContain(message);
-  fireEvent.click(button("Send", question));
-  await waitFor(() =>
-    expect(bodiesOf(page, "/api/devices/1/raw")).toMatchObject([{ confirmed: false }, { confirmed: true }]),
-  );
-  const entry = (seq: number, name: string, direction: "tx" | "rx"): TrafficEntry => ({
-    ...{ seq, name, direction, time: 1_790_000_000 + seq, device: "1", hex: "faff3100d0", text: "" },
-    ...{ ms: direction === "rx" ? 1.5 : null, level: "info" },
-  });
-  const entries = [entry(9001, "GoToConfig", "tx"), entry(9002, "GoToConfigAck", "rx"), entry(9003, "Reset", "tx")];
-  page.store.receive({ kind: "text", text: { op: "traffic", entries } });
-  const names = (): readonly (string | null)[] =>
-    [...document.querySelectorAll(".log-entry b")].map(({ textContent }) => textContent);
-  await waitFor(() => expect(names().slice(-3)).toEqual(["GoToConfig", "GoToConfigAck", "Reset"]));
-  expect([...document.querySelectorAll(".log-entry.received b")].at(-1)?.textContent).toBe("GoToConfigAck");
-  fireEvent.click(button("Filter"));
-  fireEvent.input(screen.getByPlaceholderText("Name, bytes or text"), { target: { value: "gotoconf" } });
-  await waitFor(() => expect(names().every((name) => /gotoconf/i.test(name ?? ""))).toBe(true));
-  expect(names().slice(-2)).toEqual(["GoToConfig", "GoToConfigAck"]);
 });

@@ -1,4 +1,4 @@
-/** The right side: every frame to and from the device, its meaning and duration; the queue; bytes by hand. */
+/** Every frame to and from the device, its meaning and duration; bytes by hand. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/frame-chips";
@@ -6,13 +6,15 @@ import { clock, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { TrafficEntry } from "../../wire/types";
-import type { App } from "../app-state";
-import { StopJob } from "./jobs";
-import type { Model } from "./model";
-import { configureApi } from "./api";
-import { configureOf } from "./view-state";
+import type { Model } from "../../pages/configure/model";
+import type { Slots } from "../../extension";
+import { logOf } from "./log-state";
+import { request } from "../../ui/http";
+import { configureOf } from "../../pages/configure/view-state";
 import { COMMON } from "../../texts/common";
-import { TEXT } from "../../texts/configure";
+import { TEXT as CONFIGURE } from "../../texts/configure";
+import "./traffic.css";
+import { TEXT } from "./texts";
 
 /** The newest entries on screen; older ones are loaded by hand. */
 const SHOWN = 400;
@@ -24,12 +26,12 @@ interface Wanted {
   readonly direction: Signal<"all" | "tx" | "rx">;
 }
 
-export function TrafficLog({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
+export function TrafficLog({ app, model }: Slots["configureSide"]) {
   const filtering = useSignal(false);
   const byHand = useSignal(false);
   const wanted: Wanted = { text: useSignal(""), direction: useSignal("all") };
   return (
-    <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={COMMON.trafficLog}>
+    <>
       <div class="head">
         <h2>{COMMON.trafficLog}</h2>
         <span>{TEXT.bothDirections}</span>
@@ -55,8 +57,7 @@ export function TrafficLog({ app, model }: { readonly app: App; readonly model: 
       {filtering.value && <Filter wanted={wanted} />}
       {byHand.value && model && <ByHand model={model} />}
       {model && <Log model={model} wanted={wanted} />}
-      {model && <Queue model={model} />}
-    </aside>
+    </>
   );
 }
 
@@ -80,7 +81,7 @@ function Filter({ wanted: { text, direction } }: { readonly wanted: Wanted }) {
             aria-pressed={direction.value === way}
             onClick={() => (direction.value = way)}
           >
-            {{ all: TEXT.both, tx: TEXT.sent, rx: TEXT.received }[way]}
+            {{ all: TEXT.both, tx: CONFIGURE.sent, rx: TEXT.received }[way]}
           </button>
         ))}
       </span>
@@ -100,11 +101,12 @@ function matches(entry: TrafficEntry, text: string): boolean {
 }
 
 function Log({ model, wanted: { text: filter, direction } }: { readonly model: Model; readonly wanted: Wanted }) {
+  const log = logOf(model);
   const opened = useSignal<number | undefined>(undefined);
   const box = useRef<HTMLDivElement>(null);
   const follows = useRef(true);
   const place = useRef(0);
-  const entries = model.traffic.value
+  const entries = log.entries.value
     .filter(
       (entry) => (direction.value === "all" || entry.direction === direction.value) && matches(entry, filter.value),
     )
@@ -122,13 +124,13 @@ function Log({ model, wanted: { text: filter, direction } }: { readonly model: M
   };
   return (
     <div class="log-box" ref={box} onScroll={onScroll} tabIndex={0} role="region" aria-label={COMMON.trafficLog}>
-      {!model.noOlder.value && model.traffic.value.length > 0 && (
-        <button type="button" class="btn small earlier" onClick={() => void model.loadOlder()}>
+      {!log.noOlder.value && log.entries.value.length > 0 && (
+        <button type="button" class="btn small earlier" onClick={() => void log.loadOlder()}>
           {TEXT.earlier}
         </button>
       )}
       {entries.length === 0 && (
-        <p class="dim log-empty">{model.traffic.value.length > 0 ? TEXT.noFilterMatch : TEXT.noTraffic}</p>
+        <p class="dim log-empty">{log.entries.value.length > 0 ? TEXT.noFilterMatch : TEXT.noTraffic}</p>
       )}
       <ol class="log">
         {entries.map((entry) => (
@@ -196,17 +198,20 @@ function Entry({ entry, model, opened }: EntryProps) {
   );
 }
 
+const sendRaw = (device: string, hex: string, confirmed: boolean) =>
+  request("POST /api/devices/{device}/raw", { path: { device }, body: { hex, confirmed } });
+
 /** Send raw bytes; what is more than a request is named by the server, and asked about. */
 async function sendBytes(model: Model, bytes: string, name: string): Promise<void> {
-  const outcome = await configureApi.raw(model.writeName, bytes);
+  const outcome = await sendRaw(model.writeName, bytes, false);
   if (outcome.ok || outcome.problem.kind !== "confirm") return void model.run(Promise.resolve(outcome));
   model.page.question.value = {
     title: name ? TEXT.confirmSendAgain(name) : TEXT.confirmSendBytes,
     about: model.fullName,
     words: [outcome.problem.message, spaced(bytes, 48)],
     caution: "",
-    go: TEXT.send,
-    act: () => void model.run(configureApi.raw(model.writeName, bytes, true)),
+    go: CONFIGURE.send,
+    act: () => void model.run(sendRaw(model.writeName, bytes, true)),
   };
 }
 
@@ -245,45 +250,11 @@ function ByHand({ model }: { readonly model: Model }) {
         />
       </label>
       <button type="submit" class="btn edge" disabled={plain === "" || why !== ""}>
-        {TEXT.send}
+        {CONFIGURE.send}
       </button>
       <p id="byhand-why" class={why ? "why-not" : "dim"}>
         {why || TEXT.sentUnchanged}
       </p>
     </form>
-  );
-}
-
-/** Running and waiting jobs. */
-function Queue({ model }: { readonly model: Model }) {
-  const jobs = model.jobs.value;
-  const waiting = jobs?.queue ?? [];
-  const running = jobs?.running;
-  return (
-    <div class="queue">
-      {running && (
-        <p>
-          <span class="dot live" />
-          <span class="grow ellipsis">
-            {running.title}
-            {running.step ? `: ${running.step}` : ""}
-          </span>
-          <StopJob model={model} job={running} />
-        </p>
-      )}
-      {waiting.map((job) => (
-        <p key={job.id}>
-          <span class="dot off" />
-          <span class="grow ellipsis">{job.title}</span>
-          <StopJob model={model} job={job} />
-        </p>
-      ))}
-      {!running && waiting.length === 0 && (
-        <p>
-          <span class="dot off" />
-          {TEXT.queueEmpty}
-        </p>
-      )}
-    </div>
   );
 }

@@ -1,0 +1,65 @@
+// @vitest-environment happy-dom
+/** The traffic log beside the settings, and bytes by hand. */
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { type Opened, openConfigure } from "../../testing/configure-page";
+import type { Job, TrafficEntry } from "../../wire/types";
+import "./index";
+
+const find = (selector: string): HTMLElement => {
+  const found = document.querySelector(selector);
+  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
+  return found;
+};
+const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector));
+/** Found by its words: to look for a role among hundreds of fields takes ten times as long. */
+function button(name: string, place: ParentNode = document): HTMLButtonElement {
+  const found = [...place.querySelectorAll("button")].find(({ textContent }) => textContent?.trim() === name);
+  if (found === undefined) throw new Error(`no button ${name}`);
+  return found;
+}
+const bodiesOf = ({ asked }: Opened, path: string): readonly unknown[] =>
+  asked.filter((one) => one.method === "POST" && one.path === path).map(({ body }) => body);
+
+const job = (id: number, more: Partial<Job> = {}): Job => ({
+  ...{ id, device: "1", title: "Write Output configuration", state: "done", step: "", message: "", hint: "" },
+  ...{ snapshot: "", values: {}, outcomes: [], started: 1, ended: 2 },
+  ...more,
+});
+
+test("bytes by hand are checked, asked about, sent as they are, and found in the log", async () => {
+  const message = "GoToConfig: Stop measuring.";
+  const asked = new Response(JSON.stringify({ kind: "confirm", message, hint: "" }), { status: 409 });
+  const answers = {
+    'POST /api/devices/1/raw {"confirmed":false,"hex":"faff3000d1"}': asked,
+    'POST /api/devices/1/raw {"confirmed":true,"hex":"faff3000d1"}': job(2, { state: "waiting" }),
+  };
+  const page = await openConfigure("xbus", { answers });
+  fireEvent.click(button("Send hex"));
+  const field = screen.getByLabelText("Bytes to send (hex)");
+  fireEvent.input(field, { target: { value: "FA FF 0" } });
+  await waitFor(() => expect(find("#byhand-why").textContent).toContain("two hex digits"));
+  fireEvent.input(field, { target: { value: "FA FF 30 00 D1" } });
+  await waitFor(() => expect((find(".send-bytes button") as HTMLButtonElement).disabled).toBe(false));
+  fireEvent.submit(find(".send-bytes"));
+  const question = await until("dialog");
+  expect(question.textContent).toContain(message);
+  fireEvent.click(button("Send", question));
+  await waitFor(() =>
+    expect(bodiesOf(page, "/api/devices/1/raw")).toMatchObject([{ confirmed: false }, { confirmed: true }]),
+  );
+  const entry = (seq: number, name: string, direction: "tx" | "rx"): TrafficEntry => ({
+    ...{ seq, name, direction, time: 1_790_000_000 + seq, device: "1", hex: "faff3100d0", text: "" },
+    ...{ ms: direction === "rx" ? 1.5 : null, level: "info" },
+  });
+  const entries = [entry(9001, "GoToConfig", "tx"), entry(9002, "GoToConfigAck", "rx"), entry(9003, "Reset", "tx")];
+  page.store.receive({ kind: "text", text: { op: "traffic", entries } });
+  const names = (): readonly (string | null)[] =>
+    [...document.querySelectorAll(".log-entry b")].map(({ textContent }) => textContent);
+  await waitFor(() => expect(names().slice(-3)).toEqual(["GoToConfig", "GoToConfigAck", "Reset"]));
+  expect([...document.querySelectorAll(".log-entry.received b")].at(-1)?.textContent).toBe("GoToConfigAck");
+  fireEvent.click(button("Filter"));
+  fireEvent.input(screen.getByPlaceholderText("Name, bytes or text"), { target: { value: "gotoconf" } });
+  await waitFor(() => expect(names().every((name) => /gotoconf/i.test(name ?? ""))).toBe(true));
+  expect(names().slice(-2)).toEqual(["GoToConfig", "GoToConfigAck"]);
+});
