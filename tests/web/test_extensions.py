@@ -118,7 +118,7 @@ def test_the_tests_of_the_page_pass_without_its_extensions(tmp_path: Path) -> No
     _node(_page_without(NAMES, tmp_path), "vitest/vitest.mjs", "run", "--no-color")
 
 
-KERNEL_LINES = 36_400
+KERNEL_LINES = 36_000
 """Of TypeScript and CSS outside extensions: what one needs to see, record, replay and configure a sensor."""
 GENERATED = {"wire/routes.ts", "wire/types.ts", "wire/capability-types.ts"}
 

@@ -24,6 +24,7 @@ import type { Panel } from "./ui/dom";
 import type { Viewer } from "./views/viewer";
 import type { DeviceInfo } from "./wire/types";
 import type { Companion, CompanionProps } from "./workspace/companions";
+import type { WorkspaceSession } from "./workspace/session";
 
 export interface DeviceActionProps {
   readonly app: App;
@@ -55,6 +56,8 @@ export interface Slots {
   readonly signalsHead: SignalsProps;
   /** Under the plots of Live or of an open recording. */
   readonly underPlots: UnderPlots;
+  /** Over the lists of panels, while they are arranged. */
+  readonly workspaceSheet: Pick<CompanionProps, "session" | "deps">;
   /** Under the stored workspaces: what the last one brought besides the view. */
   readonly workspaceCompanions: CompanionProps;
   /** On the right of Configure; without a model there is no device. */
@@ -137,6 +140,9 @@ export interface AttitudeCell {
   readonly mount: (host: HTMLElement, deps: Deps) => Panel;
 }
 
+/** Shows what it has for a family, as long as nothing was changed meanwhile. */
+export type WorkspaceDefault = (session: WorkspaceSession, family: string, isUntouched: () => boolean) => Promise<void>;
+
 /** A key of Live and of open recordings. */
 export interface ExtensionKey {
   /** A letter, in lower case. */
@@ -173,6 +179,8 @@ export interface Extension {
   readonly plotMarks?: readonly PlotMarks[];
   /** What the menu of a series in the legend of a plot opens: that of the first that has one. */
   readonly seriesActions?: readonly SeriesAction[];
+  /** What a page opens with for a family, if neither its address nor this browser says anything. */
+  readonly workspaceDefaults?: readonly WorkspaceDefault[];
   /** What travels with a workspace. */
   readonly companions?: readonly Companion[];
 }
@@ -204,7 +212,8 @@ type Kinds =
   | "plotMarks"
   | "seriesActions"
   | "viewers"
-  | "views";
+  | "views"
+  | "workspaceDefaults";
 
 /** What all extensions bring of one kind. */
 export function fromExtensions<Kind extends Kinds>(kind: Kind): readonly NonNullable<Extension[Kind]>[number][] {

@@ -104,21 +104,3 @@ it("lanes are in one place only: below the plots, or in a panel of their own", a
   await waitFor(() => expect(below()?.hidden).toBe(false));
   expect(document.querySelector("[data-panel=lanes]")).toBeNull();
 });
-
-it("a file that is refused takes the words of an earlier success away", async () => {
-  const workspace = { name: "Bench", revision: "1", workspace: {} };
-  const answers = {
-    "GET /api/workspaces": { workspaces: [{ name: "Bench", revision: "1" }], defaults: {} },
-    "GET /api/workspaces/Bench": workspace,
-  };
-  await openPage(recorded("xbus"), { answers });
-  press("w");
-  await screen.findByRole("option", { name: "Bench" });
-  fireEvent.change(screen.getByLabelText(TEXT.workspace), { target: { value: "Bench" } });
-  await screen.findByText(TEXT.opened("Bench"));
-  const input = document.querySelector<HTMLInputElement>(".stored input[type=file]");
-  const files = [new File(["no workspace"], "bad.json")];
-  if (input) fireEvent.change(input, { target: { files } });
-  await screen.findByText(TEXT.notAWorkspace);
-  expect(screen.queryByText(TEXT.opened("Bench"))).toBeNull();
-});

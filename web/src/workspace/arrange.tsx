@@ -3,6 +3,7 @@
  * area, hidden and maximised. A maximised panel has a button that gives it its place back.
  */
 import { useEffect, useRef } from "preact/hooks";
+import { Slot } from "../extension";
 import type { App } from "../pages/app-state";
 import type { Deps } from "../panels/panel-context";
 import type { PanelDefinition } from "../panels/registry";
@@ -15,7 +16,6 @@ import { panelsOf } from "./panels";
 import { sessionOf, type WorkspaceSession } from "./session";
 import { DEFAULT_ORDER } from "../plots/plot-order";
 import { PlotList } from "./plot-list";
-import { StoredSection } from "./stored-section";
 
 interface Props {
   readonly app: App;
@@ -73,7 +73,7 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
         {tool("close", TEXT.done, () => (session.arranging.value = false))}
       </div>
       <div class="arrange-lists">
-        <StoredSection session={session} deps={deps} />
+        <Slot name="workspaceSheet" with={{ session, deps }} />
         {AREAS.map((area) => (
           <AreaList key={area} session={session} area={area} all={all} panels={inArea(layout, area, all)} />
         ))}

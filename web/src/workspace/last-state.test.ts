@@ -28,14 +28,6 @@ async function begun(isLinked = false) {
   return { app, plots };
 }
 
-it("a page opens with the workspace of the device's family", async () => {
-  const { app, plots } = await begun();
-  await waitFor(() => expect(plots()).toEqual(["Pressure"]));
-  expect(sessionOf(app, app.viewState).current.value?.name).toBe("race");
-  expect(sessionOf(app, app.viewState).history.canUndo).toBe(false);
-  expect(localStorage.getItem(KEY)).toBeNull(); // nobody changed anything
-});
-
 it("what this browser showed last goes before it, and a change is stored", async () => {
   localStorage.setItem(KEY, JSON.stringify(stored(["Temperature"])));
   const { app, plots } = await begun();

@@ -1,12 +1,12 @@
 /**
- * What a page opens with, if its address says nothing: the last state of this browser for the family of the device, or else the
- * workspace that was set for the family on the server.
+ * What a page opens with, if its address says nothing: the last state of this browser for the family of the device, or else what
+ * an extension has for the family.
  */
 import { effect } from "@preact/signals";
+import { fromExtensions } from "../extension";
 import type { App } from "../pages/app-state";
 import { withoutMoment, workspaceOf } from "./parts";
 import { sessionOf } from "./session";
-import { listWorkspaces, openStored } from "./stored";
 
 const KEY = "imuscope.workspace.";
 /** Interval at which the state is stored, ms. */
@@ -41,10 +41,8 @@ export function startLastState(app: App, isLinked: boolean): () => void {
     const last = stored(first);
     if (!isLinked && last !== null) session.open(last);
     else if (!isLinked) {
-      const outcome = await listWorkspaces();
-      const name = outcome.ok ? outcome.value.defaults[first] : undefined;
       // a person who was quicker keeps what he did
-      if (name !== undefined && textNow() === before) await openStored(session, name);
+      for (const open of fromExtensions("workspaceDefaults")) await open(session, first, () => textNow() === before);
     }
     session.history.restart();
     text = textNow();

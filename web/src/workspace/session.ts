@@ -2,7 +2,6 @@
 import { type Signal, signal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { type App, perApp } from "../pages/app-state";
-import type { WorkspaceInfo } from "../wire/routes";
 import "./all";
 import { WorkspaceHistory } from "./history";
 import { type Layout, maximise } from "./layout";
@@ -18,8 +17,6 @@ export interface WorkspaceSession {
   readonly arranging: Signal<boolean>;
   /** What could not be applied of the last workspace, in words. */
   readonly problems: Signal<readonly string[]>;
-  /** The stored workspace that was opened or saved last. */
-  readonly current: Signal<Pick<WorkspaceInfo, "name" | "revision"> | undefined>;
   /** Counts changes, for components that show whether something can be undone. */
   readonly steps: Signal<number>;
   /** Set the layout as a function of the present one: a step of undo. */
@@ -77,7 +74,6 @@ function newSession(view: WorkspaceView): WorkspaceSession {
     arranging: signal(false),
     problems,
     open,
-    current: signal(undefined),
     steps,
     change,
     adjust,

@@ -1,21 +1,28 @@
 /** Stored workspaces in the sheet: chosen, saved, exported, imported, deleted, and set for a family. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Slot } from "../extension";
-import { selected, type Deps } from "../panels/panel-context";
-import type { HttpProblem } from "../ui/http";
-import { Icon } from "../ui/icons";
-import { ProblemNote } from "../ui/problem-note";
-import { protocolOf } from "../wire/capabilities";
-import type { WorkspaceList } from "../wire/routes";
-import { TEXT } from "../texts/workspace";
-import type { WorkspaceSession } from "./session";
-import { exportFile, importFile, listWorkspaces, openStored, removeStored, saveAs, setDefault } from "./stored";
+import { Slot, type Slots } from "../../extension";
+import { selected } from "../../panels/panel-context";
+import type { HttpProblem } from "../../ui/http";
+import { Icon } from "../../ui/icons";
+import { ProblemNote } from "../../ui/problem-note";
+import { protocolOf } from "../../wire/capabilities";
+import type { WorkspaceList } from "../../wire/routes";
 
-interface Props {
-  readonly session: WorkspaceSession;
-  readonly deps: Deps;
-}
+import {
+  currentOf,
+  exportFile,
+  importFile,
+  listWorkspaces,
+  openStored,
+  removeStored,
+  saveAs,
+  setDefault,
+} from "./stored";
+import "./workspaces.css";
+import { TEXT } from "./texts";
+
+type Props = Slots["workspaceSheet"];
 
 export function StoredSection({ session, deps }: Props) {
   const list = useSignal<WorkspaceList>({ workspaces: [], defaults: {} });
@@ -34,7 +41,8 @@ export function StoredSection({ session, deps }: Props) {
     said.value = problem.value ? "" : done;
     await refresh();
   };
-  const { current, problems } = session;
+  const { problems } = session;
+  const current = currentOf(session);
   const name = current.value?.name;
   const choose = (next: string): void => {
     said.value = "";
@@ -101,7 +109,7 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
     const name = text.peek().trim();
     if (name === "") return;
     await run(() => saveAs(session, deps.store.devices.peek(), name, undefined), TEXT.saved(name));
-    if (session.current.peek()?.name === name) text.value = "";
+    if (currentOf(session).peek()?.name === name) text.value = "";
   };
   return (
     <form class="stored-row" onSubmit={(event) => void save(event)}>
@@ -153,7 +161,7 @@ function More({ session, deps, list, run, said }: MoreProps) {
   const save = async (): Promise<void> => {
     said.value = await exportFile(session, deps.store.devices.peek());
   };
-  const name = session.current.value?.name;
+  const name = currentOf(session).value?.name;
   const family = selected(deps)?.protocol ?? "";
   const title = protocolOf(family)?.title ?? family;
   const isDefault = name !== undefined && list.value.defaults[family] === name;

@@ -1,13 +1,20 @@
 /** Stored workspaces: on the server by name, as a file, and the last state of this browser. */
-import { type Outcome, type HttpProblem, request } from "../ui/http";
-import type { WorkspaceList } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
+import { type Outcome, type HttpProblem, request } from "../../ui/http";
+import type { WorkspaceInfo, WorkspaceList } from "../../wire/routes";
+import type { DeviceInfo } from "../../wire/types";
+import { signal } from "@preact/signals";
+import { madeFor } from "../../pages/app-state";
 import { accompanied, takeCompanions } from "./companions";
-import { withoutMoment, workspaceOf } from "./parts";
-import type { WorkspaceSession } from "./session";
+import { withoutMoment, workspaceOf } from "../../workspace/parts";
+import type { WorkspaceSession } from "../../workspace/session";
 
 /** Largest file that is read, bytes: that of the server. */
 const MAX_FILE = 256 * 1024;
+
+/** The stored workspace that was opened or saved last. */
+export const currentOf = madeFor((_session: WorkspaceSession) =>
+  signal<Pick<WorkspaceInfo, "name" | "revision"> | undefined>(undefined),
+);
 
 export const listWorkspaces = (): Promise<Outcome<WorkspaceList>> => request("GET /api/workspaces");
 
@@ -16,7 +23,7 @@ export async function openStored(session: WorkspaceSession, name: string): Promi
   const outcome = await request("GET /api/workspaces/{name}", { path: { name } });
   if (!outcome.ok) return outcome.problem;
   session.open(outcome.value.workspace);
-  session.current.value = outcome.value;
+  currentOf(session).value = outcome.value;
   await takeCompanions(session, outcome.value.workspace);
   return undefined;
 }
@@ -35,17 +42,17 @@ export async function saveAs(
     ...(ifMatch === undefined ? {} : { ifMatch }),
   });
   if (!outcome.ok) return outcome.problem;
-  session.current.value = outcome.value;
+  currentOf(session).value = outcome.value;
   return undefined;
 }
 
 export async function removeStored(session: WorkspaceSession): Promise<HttpProblem | undefined> {
-  const current = session.current.peek();
+  const current = currentOf(session).peek();
   if (!current) return undefined;
   const { name, revision } = current;
   const outcome = await request("DELETE /api/workspaces/{name}", { path: { name }, ifMatch: revision });
   if (!outcome.ok) return outcome.problem;
-  session.current.value = undefined;
+  currentOf(session).value = undefined;
   return undefined;
 }
 
@@ -61,7 +68,7 @@ export async function exportFile(session: WorkspaceSession, devices: readonly De
   const text = JSON.stringify(workspace, null, 1);
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
-  const name = session.current.peek()?.name ?? "workspace";
+  const name = currentOf(session).peek()?.name ?? "workspace";
   link.download = `${name.replace(/[^\p{L}\p{N} _.-]+/gu, "-")}.json`;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
@@ -77,6 +84,17 @@ export async function importFile(session: WorkspaceSession, file: File): Promise
     json = undefined; // told as any file that is no workspace
   }
   session.open(json);
-  session.current.value = undefined;
+  currentOf(session).value = undefined;
   await takeCompanions(session, json);
+}
+
+/** Open the workspace that was set for a family, unless a person was quicker. */
+export async function openDefault(
+  session: WorkspaceSession,
+  family: string,
+  isUntouched: () => boolean,
+): Promise<void> {
+  const outcome = await listWorkspaces();
+  const name = outcome.ok ? outcome.value.defaults[family] : undefined;
+  if (name !== undefined && isUntouched()) await openStored(session, name);
 }

@@ -1,0 +1,59 @@
+// @vitest-environment happy-dom
+/** Workspaces of a server: the default of a family, and a file. */
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { afterEach, beforeEach, expect, it } from "vitest";
+import { openPage } from "../../testing/live-page";
+import { recorded } from "../../testing/recorded";
+import { startLastState } from "../../workspace/last-state";
+import { sessionOf } from "../../workspace/session";
+import { TEXT as WORKSPACE } from "../../texts/workspace";
+import { currentOf } from "./stored";
+import { TEXT } from "./texts";
+
+const KEY = "imuscope.workspace.xbus";
+const stored = (plots: readonly string[]): object => ({
+  format: "imuscope-workspace",
+  version: 1,
+  parts: { extraPlots: plots },
+});
+const DEFAULT_OF_FAMILY = {
+  "GET /api/workspaces": { workspaces: [], defaults: { xbus: "race" } },
+  "GET /api/workspaces/race": { name: "race", modified: 0, revision: "1", workspace: stored(["Pressure"]) },
+};
+let stop = (): void => undefined;
+
+beforeEach(() => localStorage.clear());
+afterEach(() => stop());
+
+async function begun(isLinked = false) {
+  const { app } = await openPage(recorded("xbus"), { answers: DEFAULT_OF_FAMILY });
+  stop = startLastState(app, isLinked);
+  const plots = () => [...app.viewState.extraPlots.value];
+  return { app, plots };
+}
+
+it("a page opens with the workspace of the device's family", async () => {
+  const { app, plots } = await begun();
+  await waitFor(() => expect(plots()).toEqual(["Pressure"]));
+  expect(currentOf(sessionOf(app, app.viewState)).value?.name).toBe("race");
+  expect(sessionOf(app, app.viewState).history.canUndo).toBe(false);
+  expect(localStorage.getItem(KEY)).toBeNull(); // nobody changed anything
+});
+
+it("a file that is refused takes the words of an earlier success away", async () => {
+  const workspace = { name: "Bench", revision: "1", workspace: {} };
+  const answers = {
+    "GET /api/workspaces": { workspaces: [{ name: "Bench", revision: "1" }], defaults: {} },
+    "GET /api/workspaces/Bench": workspace,
+  };
+  await openPage(recorded("xbus"), { answers });
+  fireEvent.keyDown(document.body, { key: "w" });
+  await screen.findByRole("option", { name: "Bench" });
+  fireEvent.change(screen.getByLabelText(TEXT.workspace), { target: { value: "Bench" } });
+  await screen.findByText(TEXT.opened("Bench"));
+  const input = document.querySelector<HTMLInputElement>(".stored input[type=file]");
+  const files = [new File(["no workspace"], "bad.json")];
+  if (input) fireEvent.change(input, { target: { files } });
+  await screen.findByText(WORKSPACE.notAWorkspace);
+  expect(screen.queryByText(TEXT.opened("Bench"))).toBeNull();
+});
