@@ -1,9 +1,9 @@
 """Runner of transactions (protocols/transactions.py) on a live session.
 
-    transaction ──Send───────> session.send            write bytes, one writer at a time
+    transaction ──Send───────> port.send               write bytes, one writer at a time
                 ──WaitFor────> events of the session   the first that `match` accepts, or None at the time-out
                 ──Sleep──────> sleep
-                ──ReopenLink─> session.reopen          close the link and open it again
+                ──ReopenLink─> port.reopen             close the link and open it again
                 ──Note───────> watcher.add_note        a sentence for the traffic log
                 ──PutBack────> put_back                frames that are owed to the device until they are sent
 
@@ -11,6 +11,8 @@ Events are collected from the first act on, so that an answer that arrives befor
 request (a Send after a wait) discards older events, so that a late answer to the previous attempt is not taken for its
 answer. The session decodes at intervals (server/devices/decode_scheduler.py); at the time-out it decodes once more
 before giving up.
+
+At the log level debug each act (`<<`) and each answer (`>>`) is logged with the position of the transaction.
 
 A cancelled runner performs the final steps of the transaction (GoToMeasurement) before it ends.
 """
@@ -21,6 +23,7 @@ import asyncio
 import logging
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
+from types import GeneratorType
 from typing import Any, Protocol, TypeVar
 
 from imuscope.protocols.events import Event
@@ -79,6 +82,16 @@ class Runner:
         self._watcher = watcher
         self._received: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._awaited: tuple[WaitFor, asyncio.Future[Any]] | None = None
+        self._running: Transaction[Any] | None = None
+        self._act: Act | None = None
+
+    def __repr__(self) -> str:
+        """The running transaction, each generator with its line, and its present act."""
+        return (
+            f"<Runner: {position_of(self._running)}, {text_of(self._act)}>"
+            if self._running is not None
+            else "<Runner: idle>"
+        )
 
     async def run(self, transaction: Transaction[T]) -> T:
         """Run a transaction and return its result.
@@ -90,6 +103,7 @@ class Runner:
         self._received.clear()
         self._owed = ()
         stop_listening = self._channel.listen(self._on_event)
+        self._running = transaction
         try:
             return await self._play(transaction)
         except (asyncio.CancelledError, LinkError):
@@ -97,6 +111,7 @@ class Runner:
             raise
         finally:
             stop_listening()
+            self._running = self._act = None
 
     async def _play(self, transaction: Transaction[T]) -> T:
         answer: Any = None
@@ -110,7 +125,11 @@ class Runner:
             if isinstance(act, Send) and not just_sent:
                 self._received.clear()
             just_sent = isinstance(act, Send)
+            self._act = act
+            log.debug("%s << %s", TransactionPosition(transaction), text_of(act))
             answer = await self._do(act)
+            if isinstance(act, WaitFor):
+                log.debug("%s >> %s", TransactionPosition(transaction), type(answer).__name__)
 
     async def _do(self, act: Act) -> Any:
         match act:
@@ -208,6 +227,39 @@ class Runner:
                 log.warning("the final steps of a stopped transaction failed: %s", error)
                 return
         await self._do(PutBack())
+
+
+class TransactionPosition:
+    """Position of a transaction, found only when it is printed."""
+
+    def __init__(self, transaction: Transaction[Any]) -> None:
+        self._transaction = transaction
+
+    def __str__(self) -> str:
+        return position_of(self._transaction)
+
+
+def text_of(act: Act | None) -> str:
+    """An act in the log, without bytes, which may be a key."""
+    match act:
+        case Send(frame=frame, what=what):
+            return f"Send {what or f'{len(frame)} B'}"
+        case WaitFor(timeout_s=timeout_s, what=what):
+            return f"WaitFor {what or 'an event'}, {timeout_s:g} s"
+        case PutBack(frames=frames):
+            return f"PutBack {len(frames)} frames"
+        case _:
+            return repr(act)
+
+
+def position_of(transaction: Transaction[Any]) -> str:
+    """The generators of a transaction from the outermost to the acting one, each with its line: "apply:88 › read:31"."""
+    steps: list[str] = []
+    generator: Any = transaction
+    while isinstance(generator, GeneratorType) and generator.gi_frame is not None:
+        steps.append(f"{generator.gi_code.co_name}:{generator.gi_frame.f_lineno}")
+        generator = generator.gi_yieldfrom
+    return " › ".join(steps) or "ended"
 
 
 def group(number: int) -> str:
