@@ -366,6 +366,7 @@ class PageWords:
         panels: initial arrangement of the page for a device.
         abbreviations: parts of its names of flags and choices that stay in capitals: "GPX".
         supported: tables of products, firmware and data for the documentation.
+        exempt: rules of protocols/quality.py that do not apply to the family, each with the reason.
     """
 
     short: str = ""
@@ -373,6 +374,7 @@ class PageWords:
     panels: PanelDefaults = PanelDefaults()
     abbreviations: tuple[str, ...] = ()
     supported: Callable[[], Iterable[SupportTable]] = lambda: ()
+    exempt: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

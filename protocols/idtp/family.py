@@ -141,6 +141,16 @@ FAMILY = ProtocolInfo(
         short="IDTP",
         hints=FamilyHints(attitude="Configure the device to send ImuQuat payloads to show the horizon."),
         supported=supported,
+        exempt={
+            "settings": "IDTP has no settings.",
+            "clients": "IDTP has no settings that a program could change.",
+            "utc": "IDTP has no time in UTC.",
+            "position": "IDTP has no positions.",
+            "sensors": "IDTP does not name products.",
+            "logs": "No log format is documented.",
+            "corrections": "IDTP has no satellite receivers.",
+            "mounting": "IDTP has no settings.",
+        },
     ),
     simulator=SIMULATOR,
 )

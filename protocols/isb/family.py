@@ -213,6 +213,7 @@ FAMILY = ProtocolInfo(
         hints=FamilyHints(attitude="Stream INS 1, INS 2, INS 3 or INS 4 to show the horizon."),
         abbreviations=("GPX",),
         supported=supported,
+        exempt={"losses": "Data sets are not numbered; losses show in the times of the device."},
     ),
     simulator=SIMULATOR,
 )

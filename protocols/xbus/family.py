@@ -371,6 +371,7 @@ FAMILY = ProtocolInfo(
             pause="Reading the settings of an MTi interrupts its measurement for about a second.",
         ),
         supported=supported,
+        exempt={"identity": "An MTi that measures answers no request for its identity."},
     ),
     simulator=SIMULATOR,
 )

@@ -253,7 +253,7 @@ def text_of(act: Act | None) -> str:
 
 
 def position_of(transaction: Transaction[Any]) -> str:
-    """The generators of a transaction from the outermost to the acting one, each with its line: "apply:88 › read:31"."""
+    """The generators of a transaction, the acting one last, each with its line: "apply:88 › read:31"."""
     steps: list[str] = []
     generator: Any = transaction
     while isinstance(generator, GeneratorType) and generator.gi_frame is not None:

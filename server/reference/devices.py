@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from imuscope.protocols.quality import RULES, level_of
 from imuscope.protocols.registry import PROTOCOLS, log_formats
 from imuscope.server.reference.blocks import Block, Heading, Items, Paragraph, TableBlock
 
@@ -40,3 +41,26 @@ def devices() -> Iterator[Block]:
             if table.about:
                 yield Paragraph(table.about)
             yield TableBlock(table.head, table.rows)
+    yield from _ladder()
+
+
+def _ladder() -> Iterator[Block]:
+    """The rules of protocols/quality.py, and whether each family fulfils them."""
+    families = [*PROTOCOLS.values()]
+    yield Heading(2, "What each family offers")
+    yield Paragraph(
+        "Levels: "
+        + ", ".join(f"{one.title} is {level_of(one)}" for one in families)
+        + ". A number stands for a reason "
+        "why a rule does not apply."
+    )
+    reasons = [*dict.fromkeys(reason for one in families for reason in one.page.exempt.values())]
+    rows = []
+    for rule in RULES:
+        cells = []
+        for family in families:
+            reason = family.page.exempt.get(rule.name)
+            cells.append("yes" if rule.is_fulfilled(family) else f"({reasons.index(reason) + 1})" if reason else "no")
+        rows.append((rule.level, rule.words, *cells))
+    yield TableBlock(("level", "rule", *(one.short_title for one in families)), tuple(rows))
+    yield Items(tuple(f"({number}) {reason}" for number, reason in enumerate(reasons, 1)))
