@@ -1,6 +1,6 @@
 # imuscope in a container: built with nothing but Python, run without root, without a home, with a read-only root.
 #
-#   docker build -t imuscope .
+#   docker build -t imuscope --build-arg COMMIT="$(git rev-parse --short=8 HEAD)" .
 #   docker run --rm --read-only --tmpfs /tmp -v imuscope:/data --hostname "$(hostname)" -p 8080:8080 \
 #       --device /dev/ttyUSB0 --group-add "$(stat -c %g /dev/ttyUSB0)" imuscope /dev/ttyUSB0
 #
@@ -22,7 +22,8 @@ WORKDIR /source
 COPY pyproject.toml uv.lock ./
 RUN uv sync --frozen --no-dev --no-install-project
 COPY . .
-RUN uv sync --frozen --no-dev --no-editable
+ARG COMMIT=""
+RUN IMUSCOPE_COMMIT="$COMMIT" uv sync --frozen --no-dev --no-editable
 # Compile the hot loops now, for any CPU of this architecture. Started from / so that the installed package is meant.
 ENV NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
 RUN cd / && /app/bin/python -c "from imuscope.server.commands.common import warm; warm(None)" && ls /app/numba/*/*.nbi

@@ -241,6 +241,10 @@ def _npm_failed(output: str) -> str:
     return f"npm ci failed: {output.strip()}"
 
 
+COMMIT = "IMUSCOPE_COMMIT"
+"""Variable with the commit, for a build that has no `.git`: that of the image."""
+
+
 class PageBuildHook(BuildHookInterface):  # type: ignore[misc]
     """Called by hatchling before it collects files, for wheels, editable wheels and source distributions."""
 
@@ -255,10 +259,11 @@ class PageBuildHook(BuildHookInterface):  # type: ignore[misc]
         except BuildError as error:
             sys.exit(f"imuscope: {error}")
         self._folder = tempfile.TemporaryDirectory()
-        if version != "editable" and (WEB.parent / ".git").exists():
-            about = runpy.run_path(str(PAGE.parent / "version.py"))
+        about = runpy.run_path(str(PAGE.parent / "version.py"))
+        commit = os.environ.get(COMMIT) or ((WEB.parent / ".git").exists() and about["commit"]())
+        if version != "editable" and commit:
             file = Path(self._folder.name) / about["COMMIT_FILE"]
-            file.write_text(about["commit"]() + "\n", encoding="utf-8")
+            file.write_text(f"{commit}\n", encoding="utf-8")
             build_data["force_include"][str(file)] = f"imuscope/server/{file.name}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:

@@ -114,3 +114,19 @@ def test_licences_of_what_is_bundled_stand_beside_the_page(build: ModuleType) ->
     assert "preact 10.0.0 (MIT)" in told
     assert "Permission is hereby granted" in told
     assert "vite" not in told
+
+
+def test_a_build_without_git_takes_its_commit_from_the_environment(
+    build: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The image is built without `.git`, and did not know what it was made from."""
+    monkeypatch.setattr(build, "build", lambda: None)
+    monkeypatch.setattr(build, "PAGE", ROOT / "server" / "page")
+    monkeypatch.setenv(build.COMMIT, "0123abcd")
+    assert f'{build.COMMIT}="$COMMIT"' in (ROOT / "Dockerfile").read_text()
+    hook = build.PageBuildHook(str(ROOT), {}, None, None, "", "wheel")
+    included: dict[str, dict[str, str]] = {"force_include": {}}
+    hook.initialize("standard", included)
+    [(file, place)] = included["force_include"].items()
+    assert (Path(file).read_text(), place) == ("0123abcd\n", "imuscope/server/commit.txt")
+    hook.finalize("standard", included, "")
