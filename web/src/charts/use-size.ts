@@ -3,39 +3,24 @@ import { type Signal, useSignal } from "@preact/signals";
 import type { RefObject } from "preact";
 import { useEffect } from "preact/hooks";
 
-const FIRST_PX = 720;
-const MIN_PX = 240;
+/** Until the size is known, px, and the least at which a chart can be read. */
+const SIZES = { clientWidth: { first: 720, least: 240 }, clientHeight: { first: 220, least: 120 } } as const;
 
-/** The width of `host`, px; not below the least at which a chart can be read. */
-export function useWidth(host: RefObject<HTMLElement | null>): Signal<number> {
-  return useSize(host, "clientWidth", FIRST_PX, MIN_PX);
-}
+export const useWidth = (host: RefObject<HTMLElement | null>): Signal<number> => useSize(host, "clientWidth");
+export const useHeight = (host: RefObject<HTMLElement | null>): Signal<number> => useSize(host, "clientHeight");
 
-function useSize(
-  host: RefObject<HTMLElement | null>,
-  side: "clientWidth" | "clientHeight",
-  first: number,
-  least: number,
-): Signal<number> {
-  const size = useSignal(first);
+function useSize(host: RefObject<HTMLElement | null>, side: keyof typeof SIZES): Signal<number> {
+  const size = useSignal<number>(SIZES[side].first);
   useEffect(() => {
     const element = host.current;
     if (!element) return undefined;
     const fit = (): void => {
-      size.value = Math.max(least, element[side] || size.peek());
+      size.value = Math.max(SIZES[side].least, element[side] || size.peek());
     };
     fit();
     const resized = new ResizeObserver(fit);
     resized.observe(element);
     return () => resized.disconnect();
-  }, [host, size, side, least]);
+  }, [host, size, side]);
   return size;
-}
-
-const FIRST_HIGH_PX = 220;
-const MIN_HIGH_PX = 120;
-
-/** The height of `host`, px; not below the least at which a chart can be read. */
-export function useHeight(host: RefObject<HTMLElement | null>): Signal<number> {
-  return useSize(host, "clientHeight", FIRST_HIGH_PX, MIN_HIGH_PX);
 }

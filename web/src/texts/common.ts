@@ -72,8 +72,6 @@ export const COMMON = {
   range: "Range",
   window: "Window",
   fromAToB: "A to B",
-  frameUnknown: (signal: Value) =>
-    `The server cannot compute ${signal} in this frame. Choose another frame or a shorter range.`,
   keyPanTenth: "Back or forward by a tenth of the window",
   keyPanWindow: "Back or forward by a whole window",
   keyStep: "Back or forward one sample",

@@ -32,9 +32,5 @@ export const TEXT = {
   moreBytes: (bytes: number) => `and ${count(bytes, "more byte")}`,
 
   // ways to it
-  bytesHere: "Bytes",
-  bytesHereHint: "Show the frame that made the sample at cursor A (P)",
   rejectedBytes: "Show the bytes of the last rejected frame",
-  payloadBytes: "Frame",
-  payloadBytesHint: "Show the frame of the newest payload",
 };

@@ -1,19 +1,8 @@
 /** A chart of figures against frequency or averaging time: curves with bands, marks, and a reading under the pointer. */
 import { useSignal } from "@preact/signals";
-import { useRef } from "preact/hooks";
-import {
-  type Axis,
-  axisOf,
-  curve,
-  figure,
-  type Kind,
-  nearest,
-  type Point,
-  share,
-  valueAtShare,
-} from "../../charts/axes";
-import { type ChartArea, Crosshair, Grid } from "../../charts/grid";
-import { useWidth } from "../../charts/use-size";
+import { type Axis, axisOf, curve, figure, type Kind, nearest, type Point, share } from "../../charts/axes";
+import { Chart, chartClass, useChart, valueUnder } from "../../charts/chart";
+import { type ChartArea, Crosshair } from "../../charts/grid";
 
 export type CurveNumbers = readonly (number | null)[];
 
@@ -43,17 +32,13 @@ interface Props {
   readonly marks?: readonly { readonly x: number; readonly text: string }[];
 }
 
-const LEFT = 64;
-const BOTTOM = 40;
-const TOP = 18;
-const RIGHT = 12;
+const MARGINS = { left: 64, right: 12, top: 18, bottom: 40 };
 const HEIGHT = 340;
 
-export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, marks = [] }: Props) {
-  const host = useRef<HTMLDivElement>(null);
-  const width = useWidth(host);
+export function FigureChart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, marks = [] }: Props) {
+  const size = useChart(MARGINS, HEIGHT);
+  const { area } = size;
   const pointer = useSignal<number | undefined>(undefined);
-  const inner = { width: width.value - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
   const x = axisOf(
     xKind,
     curves.flatMap((one) => one.x),
@@ -62,40 +47,33 @@ export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, mark
     "log",
     curves.flatMap((one) => [...one.y, ...(one.low ?? []), ...(one.high ?? []), ...(one.reference ?? [])]),
   );
-  if (!x || !y) return <div class="chart analysis-chart" ref={host} />;
-  const move = (event: PointerEvent): void => {
-    const box = host.current?.getBoundingClientRect();
-    if (!box) return;
-    const at = (event.clientX - box.left - LEFT) / inner.width;
-    pointer.value = at >= 0 && at <= 1 ? valueAtShare(x, at) : undefined;
-  };
+  if (!x || !y) return <div class={chartClass("analysis-chart")} ref={size.host} />;
   return (
     <div
-      class="chart analysis-chart"
-      ref={host}
-      onPointerMove={move}
+      class={chartClass("analysis-chart")}
+      ref={size.host}
+      onPointerMove={(event) => (pointer.value = valueUnder(size, x, event))}
       onPointerLeave={() => (pointer.value = undefined)}
     >
-      <svg role="img" aria-label={label} width={width.value} height={HEIGHT}>
-        <g transform={`translate(${LEFT} ${TOP})`}>
-          <Grid x={x} y={y} {...inner} />
-          <svg {...inner} overflow="hidden">
-            {curves.map((one) => (
-              <Drawn key={one.name} curve={one} axes={{ x, y }} {...inner} />
-            ))}
-          </svg>
-          {placed(marks, x, inner.width).map((mark) => (
-            <Mark key={mark.x} {...mark} {...inner} />
+      <Chart
+        size={size}
+        label={label}
+        x={x}
+        y={y}
+        xTitle={`${xTitle} ${xUnit}`}
+        yTitle={`${yTitle} ${yUnit}`}
+        yTitleX={MARGINS.left}
+      >
+        <svg {...area} overflow="hidden">
+          {curves.map((one) => (
+            <Drawn key={one.name} curve={one} axes={{ x, y }} {...area} />
           ))}
-          {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
-        </g>
-        <text class="title" x={LEFT + inner.width / 2} y={HEIGHT - 4} text-anchor="middle">
-          {xTitle} {xUnit}
-        </text>
-        <text class="title" x={LEFT} y={12}>
-          {yTitle} {yUnit}
-        </text>
-      </svg>
+        </svg>
+        {placed(marks, x, area.width).map((mark) => (
+          <Mark key={mark.x} {...mark} {...area} />
+        ))}
+        {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * area.width} {...area} />}
+      </Chart>
       <Reading curves={curves} at={pointer.value} xUnit={xUnit} yUnit={yUnit} />
     </div>
   );

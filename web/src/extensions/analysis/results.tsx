@@ -7,7 +7,7 @@ import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { figure } from "../../charts/axes";
-import { Chart } from "./chart";
+import { FigureChart } from "./chart";
 import { curveName } from "../../charts/curve-colours";
 import {
   signalsByUnit,
@@ -82,7 +82,7 @@ function Spectrum({ figures, xKind }: Figures & Pick<ResultProps, "xKind">) {
   if (!first) return null;
   return (
     <>
-      <Chart
+      <FigureChart
         label={TEXT.chart(TEXT.psd, named(figures))}
         curves={curvesOf("psd", figures)}
         xKind={xKind}
@@ -113,7 +113,7 @@ function AllanDeviation({ figures }: Figures) {
   if (!first) return null;
   return (
     <>
-      <Chart
+      <FigureChart
         label={TEXT.chart(TEXT.allan, named(figures))}
         curves={curvesOf("allan", figures)}
         xKind="log"

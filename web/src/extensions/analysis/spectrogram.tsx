@@ -10,6 +10,7 @@ import { clock } from "../../ui/format";
 import type { SignalFigures } from "../../wire/routes";
 import { type Axis, axisOf, figure, nearest, share, axisTicks, valueAtShare } from "../../charts/axes";
 import { colourAt, type ColourScale, scaleOf, shareOf } from "../../charts/colours";
+import { chartClass } from "../../charts/chart";
 import { useWidth } from "../../charts/use-size";
 import { TEXT } from "./texts";
 
@@ -145,7 +146,7 @@ export function Spectrogram({ figures, plots }: SpectrogramProps) {
     if (canvas.current.height !== size[1]) canvas.current.height = size[1];
     draw(context, image, picture.x, x);
   });
-  if (!picture || !x) return <div class="chart analysis-chart" ref={host} />;
+  if (!picture || !x) return <div class={chartClass("analysis-chart")} ref={host} />;
   const { y, scale } = picture;
   const unit = figures.units["psd"] ?? "";
   const move = (event: PointerEvent): void => {
@@ -158,7 +159,7 @@ export function Spectrogram({ figures, plots }: SpectrogramProps) {
   const at = pointer.value;
   return (
     <div
-      class={`chart analysis-chart spectrogram ${plots ? "under-plots" : ""}`}
+      class={chartClass(`analysis-chart spectrogram ${plots ? "under-plots" : ""}`)}
       ref={host}
       onPointerMove={move}
       onPointerLeave={() => (pointer.value = undefined)}

@@ -1,13 +1,12 @@
 /** The picture of a histogram: the outline of each signal's bins, its normal curve, and what lies under the pointer. */
 import { useSignal } from "@preact/signals";
-import { useRef } from "preact/hooks";
-import { type Axis, axisOf, figure, share, valueAtShare } from "../../charts/axes";
-import { type ChartArea, Crosshair, Grid } from "../../charts/grid";
-import { useHeight, useWidth } from "../../charts/use-size";
+import { type Axis, axisOf, figure, share } from "../../charts/axes";
+import { Chart, chartClass, useChart, valueUnder } from "../../charts/chart";
+import { type ChartArea, Crosshair } from "../../charts/grid";
 import { type Bins, normal } from "./figures";
 import { TEXT } from "./texts";
 
-const [LEFT, RIGHT, TOP, BOTTOM] = [60, 12, 18, 34];
+const MARGINS = { left: 60, right: 12, top: 18, bottom: 34 };
 const CURVE_POINTS = 160;
 
 export interface HistogramContent {
@@ -26,10 +25,9 @@ interface Props {
 }
 
 export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Props) {
-  const host = useRef<HTMLDivElement>(null);
-  const [width, height] = [useWidth(host), useHeight(host)];
+  const size = useChart(MARGINS);
+  const { area } = size;
   const pointer = useSignal<number | undefined>(undefined);
-  const inner = { width: width.value - LEFT - RIGHT, height: height.value - TOP - BOTTOM };
   const x = axisOf(
     "linear",
     shown.flatMap(({ bins }) => [bins.edges[0] ?? NaN, bins.edges.at(-1) ?? NaN]),
@@ -37,46 +35,35 @@ export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Prop
   const values = (bins: Bins): readonly number[] => (isDensity ? bins.density : bins.counts);
   const tallest = Math.max(0, ...shown.flatMap(({ bins }) => values(bins)));
   const y: Axis = { kind: "linear", low: 0, high: tallest > 0 ? tallest * 1.05 : 1 };
-  const move = (event: PointerEvent): void => {
-    const box = host.current?.getBoundingClientRect();
-    const at = box ? (event.clientX - box.left - LEFT) / inner.width : -1;
-    pointer.value = x && at >= 0 && at <= 1 ? valueAtShare(x, at) : undefined;
-  };
   return (
     <div
-      class={`chart histogram-chart ${isOld ? "old" : ""}`}
-      ref={host}
-      onPointerMove={move}
+      class={chartClass(`histogram-chart ${isOld ? "old" : ""}`)}
+      ref={size.host}
+      onPointerMove={(event) => (pointer.value = valueUnder(size, x, event))}
       onPointerLeave={() => (pointer.value = undefined)}
     >
       {x && (
-        <svg
-          role="img"
-          aria-label={TEXT.chart(shown.map(({ name }) => name).join(", "))}
-          width={width.value}
-          height={height.value}
+        <Chart
+          size={size}
+          label={TEXT.chart(shown.map(({ name }) => name).join(", "))}
+          x={x}
+          y={y}
+          xTitle={unit}
+          xTitleAt="end"
+          yTitle={isDensity ? TEXT.densityAxis(unit) : TEXT.countAxis}
         >
-          <g transform={`translate(${LEFT} ${TOP})`}>
-            <Grid x={x} y={y} {...inner} />
-            {shown.map(({ name, colour, bins }) => {
-              const place = { x, y, ...inner };
-              const scale = isDensity ? 1 : bins.n * bins.width;
-              return (
-                <g key={name} class={colour}>
-                  <path class="bins" d={outline(bins.edges, values(bins), place)} />
-                  {hasCurve && bins.sigma > 0 && <path class="normal" d={bell(bins, scale, place)} />}
-                </g>
-              );
-            })}
-            {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
-          </g>
-          <text class="title" x={LEFT + inner.width} y={height.value - 4} text-anchor="end">
-            {unit}
-          </text>
-          <text class="title" x={4} y={12}>
-            {isDensity ? TEXT.densityAxis(unit) : TEXT.countAxis}
-          </text>
-        </svg>
+          {shown.map(({ name, colour, bins }) => {
+            const place = { x, y, ...area };
+            const scale = isDensity ? 1 : bins.n * bins.width;
+            return (
+              <g key={name} class={colour}>
+                <path class="bins" d={outline(bins.edges, values(bins), place)} />
+                {hasCurve && bins.sigma > 0 && <path class="normal" d={bell(bins, scale, place)} />}
+              </g>
+            );
+          })}
+          {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * area.width} {...area} />}
+        </Chart>
       )}
       <Reading shown={shown} at={pointer.value} unit={unit} values={values} />
     </div>
@@ -101,7 +88,7 @@ function bell({ edges, mean, sigma }: Bins, scale: number, { x, y, width, height
   return Array.from({ length: CURVE_POINTS + 1 }, (_, k) => {
     const value = low + (k / CURVE_POINTS) * (high - low);
     const top = (1 - share(y, scale * normal(value, mean, sigma))) * height;
-    return `${k === 0 ? "M" : "L"}${(share(x, value) * width).toFixed(1)} ${Math.max(-TOP, top).toFixed(1)}`;
+    return `${k === 0 ? "M" : "L"}${(share(x, value) * width).toFixed(1)} ${Math.max(-MARGINS.top, top).toFixed(1)}`;
   }).join("");
 }
 

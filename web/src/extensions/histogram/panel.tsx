@@ -23,7 +23,6 @@ import { chosenChannel, chosenSignals, countable } from "./choice";
 import { binsOf, clippedIn } from "./figures";
 import { HistogramTools } from "./tools";
 import { TEXT } from "./texts";
-import { COMMON } from "../../texts/common";
 import "./histogram.css";
 
 /** Live figures are asked for this often, ms, as far as the server keeps up. */
@@ -79,7 +78,7 @@ class Histogram {
     this.#set({
       answered: held?.answer.of === of ? held.answer : undefined,
       isOld: held?.question !== question && !view.live,
-      problem: lost ? COMMON.frameUnknown(lost.channel.info.title || lost.channel.info.name) : problem?.message,
+      problem: lost ? TEXT.frameUnknown(lost.channel.info.title || lost.channel.info.name) : problem?.message,
     });
   }
 

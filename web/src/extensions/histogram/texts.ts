@@ -31,4 +31,6 @@ export const TEXT = {
   noSignals: "This device sends no numbers to count.",
   loading: "Loading…",
   binReading: (low: Value, high: Value, unit: Value) => `${low} to ${high} ${unit}`.trimEnd(),
+  frameUnknown: (signal: Value) =>
+    `The server cannot compute ${signal} in this frame. Choose another frame or a shorter range.`,
 };

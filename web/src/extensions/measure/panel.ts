@@ -28,7 +28,7 @@ import type { SampleAccess } from "../../measure/sample-access";
 import type { MeasuredRange } from "../../measure/figure-source";
 import { ServerFigures } from "./server-figures";
 import { COMMON } from "../../texts/common";
-import { TEXT as PACKETS } from "../../texts/packets";
+
 import { TEXT } from "./texts";
 import "./measure.css";
 
@@ -76,7 +76,7 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     });
     return button;
   };
-  const bytes = el("button", { type: "button", class: "btn edge", title: PACKETS.bytesHereHint }, PACKETS.bytesHere);
+  const bytes = el("button", { type: "button", class: "btn edge", title: TEXT.bytesHereHint }, TEXT.bytesHere);
   bytes.addEventListener("click", () => actions.bytes());
   const close = el(
     "button",

@@ -44,4 +44,6 @@ export const TEXT = {
     n: "Number of samples",
     gaps: "Steps longer than 1.5 times the median",
   },
+  bytesHere: "Bytes",
+  bytesHereHint: "Show the frame that made the sample at cursor A (P)",
 };

@@ -9,7 +9,7 @@ import type { UnknownPayload } from "../../wire/types";
 import { type Deps, selected } from "../../panels/panel-context";
 import { hexBytes, type HexLine, hexLines, type Run } from "./hex";
 import { COMMON } from "../../texts/common";
-import { TEXT as PACKETS } from "../../texts/packets";
+
 import { TEXT } from "./texts";
 import "./payloads.css";
 
@@ -40,8 +40,8 @@ class Entry {
     this.root.open = open;
     const bytes = el(
       "button",
-      { type: "button", class: "btn small edge", title: PACKETS.payloadBytesHint },
-      PACKETS.payloadBytes,
+      { type: "button", class: "btn small edge", title: TEXT.payloadBytesHint },
+      TEXT.payloadBytes,
     );
     bytes.addEventListener("click", () => frame(this.#newest));
     this.root.append(bytes);

@@ -15,4 +15,6 @@ export const TEXT = {
   definitionLifetime: "Applies until imuscope stops. To make it permanent, save this text to a file and start with",
   fileOption: (name: Value) => `--${name} FILE`,
   useDefinition: "Use this definition",
+  payloadBytes: "Frame",
+  payloadBytesHint: "Show the frame of the newest payload",
 };

@@ -1,8 +1,10 @@
 // @vitest-environment happy-dom
 /** The traffic log beside the settings, and bytes by hand. */
-import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
+import { ConfigurePage } from "../../pages/configure/page";
 import { type Opened, openConfigure } from "../../testing/configure-page";
+import { newApp } from "../../testing/live-page";
 import type { Job, TrafficEntry } from "../../wire/types";
 import "./index";
 
@@ -62,4 +64,22 @@ test("bytes by hand are checked, asked about, sent as they are, and found in the
   fireEvent.input(screen.getByPlaceholderText("Name, bytes or text"), { target: { value: "gotoconf" } });
   await waitFor(() => expect(names().every((name) => /gotoconf/i.test(name ?? ""))).toBe(true));
   expect(names().slice(-2)).toEqual(["GoToConfig", "GoToConfigAck"]);
+});
+
+test("who may only look has no bytes to send", async () => {
+  await openConfigure("xbus", { answers: { "GET /api/build": { role: "view" } } });
+  await waitFor(() => expect(button("Send hex").disabled).toBe(true));
+});
+
+test("two pages beside each other have their own bytes by hand, and their own questions", async () => {
+  const asked = new Response(JSON.stringify({ kind: "confirm", message: "Sure.", hint: "" }), { status: 409 });
+  const { store } = await openConfigure("xbus", { answers: { "POST /api/devices/1/raw": asked } });
+  render(<ConfigurePage app={newApp(store)} />);
+  const [left, right] = [...document.querySelectorAll<HTMLElement>(".app.configure")];
+  if (left === undefined || right === undefined) throw new Error("not two pages");
+  fireEvent.click(await within(left).findByRole("button", { name: "Send hex" }));
+  fireEvent.input(await within(left).findByLabelText("Bytes to send (hex)"), { target: { value: "fa ff 30 00 d1" } });
+  fireEvent.submit(left.querySelector(".send-bytes") as HTMLElement);
+  await waitFor(() => expect(left.querySelector("dialog")).not.toBeNull());
+  expect(right.querySelector("dialog, .send-bytes")).toBeNull();
 });

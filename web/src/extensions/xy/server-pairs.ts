@@ -7,7 +7,7 @@ import { type Outcome, type HttpProblem, request } from "../../ui/http";
 import type { PairsInfo, PairsRequest } from "../../wire/routes";
 import { signalName } from "./choice";
 import type { Pairing, Pairs } from "./pairs";
-import { COMMON } from "../../texts/common";
+import { TEXT } from "./texts";
 
 export interface WantedPairs {
   readonly x: Found;
@@ -45,7 +45,7 @@ export class ServerPairs {
     const question = stampOf(wanted);
     const [x, y] = [wantedOf(wanted.x, this.#source), wantedOf(wanted.y, this.#source)];
     const unknown = x === undefined ? wanted.x : y === undefined ? wanted.y : undefined;
-    this.#refused = unknown && { message: COMMON.frameUnknown(signalName(unknown)) };
+    this.#refused = unknown && { message: TEXT.frameUnknown(signalName(unknown)) };
     if (x && y) this.#latest.want(question, now, (signal) => this.#request(wanted, x, y, signal));
     const { held } = this.#latest;
     if (held?.answer.signals !== signalsOf(wanted)) return undefined;

@@ -29,4 +29,6 @@ export const TEXT = {
   none: "No samples of both signals in this range.",
   noSignals: "This device sends no numbers to plot.",
   loading: "Loading…",
+  frameUnknown: (signal: Value) =>
+    `The server cannot compute ${signal} in this frame. Choose another frame or a shorter range.`,
 };

@@ -1,9 +1,9 @@
 /** A chart of outlines over time: A and B on one axis, of which B can be dragged; or their difference. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { type Axis, axisOf, figure, share, valueAtShare } from "../../../charts/axes";
-import { type ChartArea, Crosshair, Grid } from "../../../charts/grid";
-import { useWidth } from "../../../charts/use-size";
+import { type Axis, axisOf, figure, share } from "../../../charts/axes";
+import { Chart, chartClass, pointIn, useChart, valueUnder } from "../../../charts/chart";
+import { type ChartArea, Crosshair } from "../../../charts/grid";
 import type { Outline } from "../../../wire/routes";
 import { TEXT } from "./texts";
 import { type Ends, keyed, panned, wheeled, zoomedRange } from "./zoom";
@@ -34,10 +34,9 @@ interface Props {
   readonly show: (ends: Ends) => void;
 }
 
-const LEFT = 64;
-const RIGHT = 12;
-const TOP = 18;
-const BOTTOM = 20;
+const MARGINS = { left: 64, right: 12, top: 18, bottom: 20 };
+/** Least room of a figure along each axis, px. */
+const ROOM = [90, 24] as const;
 /** Share of the axis that an arrow key moves B by. */
 const NUDGE = 1 / 2000;
 
@@ -54,11 +53,10 @@ export function OverlayChart({
   all,
   show,
 }: Props) {
-  const host = useRef<HTMLDivElement>(null);
-  const width = useWidth(host);
+  const size = useChart(MARGINS, height);
+  const { host, area: inner } = size;
   const pointer = useSignal<number | undefined>(undefined);
   const grip = useRef<number | undefined>(undefined);
-  const inner = { width: width.value - LEFT - RIGHT, height: height - TOP - BOTTOM };
   const x: Axis = { kind: "linear", low: ends[0], high: ends[1] };
   const y = axisOf(
     "linear",
@@ -67,13 +65,13 @@ export function OverlayChart({
   const perPixel = (ends[1] - ends[0]) / inner.width;
   /** Fingers by their ids; a second one zooms, and gives B back. */
   const fingers = useRef(new Map<number, number>());
-  const shareAt = (clientX: number): number =>
-    (clientX - (host.current?.getBoundingClientRect().left ?? 0) - LEFT) / inner.width;
+  const shareAt = (clientX: number): number => pointIn(size, { clientX, clientY: 0 })[0] / inner.width;
   const wheel = useRef<(event: WheelEvent) => void>(() => undefined);
   wheel.current = (event) => {
     event.preventDefault();
     show(wheeled(ends, all, event, Math.min(1, Math.max(0, shareAt(event.clientX)))));
   };
+  // biome-ignore lint/correctness/useExhaustiveDependencies: its element stays the same
   useEffect(() => {
     const chart = host.current;
     const onWheel = (event: WheelEvent): void => wheel.current(event);
@@ -103,9 +101,7 @@ export function OverlayChart({
     if (grip.current !== undefined && move) return move.by((event.clientX - grip.current) * perPixel, false);
     if (grip.current !== undefined && before !== undefined)
       return show(panned(ends, all, (before - event.clientX) / inner.width));
-    const box = host.current?.getBoundingClientRect();
-    const at = box ? (event.clientX - box.left - LEFT) / inner.width : -1;
-    pointer.value = at >= 0 && at <= 1 ? valueAtShare(x, at) : undefined;
+    pointer.value = valueUnder(size, x, event);
   };
   const end = (event: PointerEvent): void => {
     fingers.current.delete(event.pointerId);
@@ -139,7 +135,7 @@ export function OverlayChart({
     // biome-ignore lint/a11y/noStaticElementInteractions: it has a role, a slider as long as B can be moved
     // biome-ignore lint/a11y/useAriaPropsSupportedByRole: both roles have a name
     <div
-      class={`chart analysis-chart overlay-chart ${move ? "movable" : ""}`}
+      class={chartClass(`analysis-chart overlay-chart ${move ? "movable" : ""}`)}
       ref={host}
       style={{ minHeight: `${height}px` }}
       onPointerDown={begin}
@@ -155,30 +151,24 @@ export function OverlayChart({
       aria-label={label}
       {...slides}
     >
-      <svg width={width.value} height={height} aria-hidden="true">
-        <g transform={`translate(${LEFT} ${TOP})`}>
-          {y && <Grid x={x} y={y} room={[90, 24]} {...inner} />}
-          <svg {...inner} overflow="hidden">
-            {y &&
-              traces.map(({ side, outline, offset, name }) => (
-                <g
-                  key={name}
-                  class={side}
-                  transform={side === "side-b" ? `translate(${(dragged / perPixel).toFixed(1)} 0)` : ""}
-                >
-                  <path class="trace" d={path(outline, offset - origin, { x, y }, inner)} />
-                </g>
-              ))}
-            {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
-          </svg>
-        </g>
-        <text class="title" x={LEFT} y={12}>
-          {title} {unit}
-        </text>
-        <text class="title" x={LEFT + inner.width} y={12} text-anchor="end">
+      <Chart size={size} x={x} y={y} room={ROOM} yTitle={`${title} ${unit}`} yTitleX={MARGINS.left}>
+        <svg {...inner} overflow="hidden">
+          {y &&
+            traces.map(({ side, outline, offset, name }) => (
+              <g
+                key={name}
+                class={side}
+                transform={side === "side-b" ? `translate(${(dragged / perPixel).toFixed(1)} 0)` : ""}
+              >
+                <path class="trace" d={path(outline, offset - origin, { x, y }, inner)} />
+              </g>
+            ))}
+          {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
+        </svg>
+        <text class="title" x={inner.width} y={12 - MARGINS.top} text-anchor="end">
           {pointer.value !== undefined && reading(traces, pointer.value + origin, unit, pointer.value)}
         </text>
-      </svg>
+      </Chart>
     </div>
   );
 }

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { figure } from "../../../charts/axes";
-import { Chart, type ChartCurve, type CurveNumbers } from "../chart";
+import { type ChartCurve, type CurveNumbers, FigureChart } from "../chart";
 import type { Difference } from "../../../forms/types";
 import { type HttpProblem, request } from "../../../ui/http";
 import { Message } from "../../../ui/message";
@@ -113,7 +113,7 @@ function BothSpectra({ model, wanted }: Props) {
   return (
     <>
       {first?.map((one, i) => (
-        <Chart
+        <FigureChart
           key={one.signal}
           label={ANALYSIS.chart(TEXT.spectra, one.signal)}
           curves={[spectrum("A", "side-a", one), ...(second?.[i] ? [spectrum("B", "side-b", second[i])] : [])]}

@@ -1,9 +1,7 @@
 /** Pictures of an answer: points of one column over another, and the histogram of a column. */
 import { useSignal } from "@preact/signals";
-import { useRef } from "preact/hooks";
 import { type Axis, axisOf, figure, share } from "../../../charts/axes";
-import { Grid } from "../../../charts/grid";
-import { useHeight, useWidth } from "../../../charts/use-size";
+import { Chart, chartClass, pointIn, useChart } from "../../../charts/chart";
 import { Icon } from "../../../ui/icons";
 import type { QueryAnswer } from "../../../wire/routes";
 import { countedBins, chartGroups, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
@@ -12,7 +10,7 @@ import { TEXT } from "./texts";
 
 /** Least room of a figure along each axis, px. */
 const ROOM = [80, 40] as const;
-const [LEFT, RIGHT, TOP, BOTTOM] = [72, 16, 16, 40];
+const MARGINS = { left: 72, right: 16, top: 16, bottom: 40 };
 const DRAWN = 20_000;
 const NEAR_PX = 24;
 
@@ -22,23 +20,20 @@ interface Props {
 }
 
 export function AnswerPlot({ state, answer }: Props) {
-  const host = useRef<HTMLDivElement>(null);
-  const [width, height] = [useWidth(host), useHeight(host)];
+  const size = useChart(MARGINS);
+  const { area: inner } = size;
   const pointed = useSignal(-1);
   const choice = state.choice.value;
   if (!choice) return <p class="answer-none dim">{TEXT.noNumbers}</p>;
   const { columns } = answer;
   const rows = answer.rows.slice(0, DRAWN);
   const picture = pictureOf(columns, rows, choice);
-  const inner = { width: width.value - LEFT - RIGHT, height: height.value - TOP - BOTTOM };
   const nameOf = (at: number): string => columns[at]?.name ?? "";
   const all = picture?.groups.flatMap(({ points }) => points) ?? [];
   const place = ([x, y]: readonly [number, number, number]): readonly [number, number] =>
     picture ? [share(picture.x, x) * inner.width, (1 - share(picture.y, y)) * inner.height] : [0, 0];
   const move = (event: PointerEvent): void => {
-    const box = host.current?.getBoundingClientRect();
-    if (!box) return;
-    const [px, py] = [event.clientX - box.left - LEFT, event.clientY - box.top - TOP];
+    const [px, py] = pointIn(size, event);
     let [best, least] = [-1, NEAR_PX];
     for (const point of all) {
       const [x, y] = place(point);
@@ -74,39 +69,33 @@ export function AnswerPlot({ state, answer }: Props) {
           />
         )}
       </div>
-      <div class="chart answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
+      <div
+        class={chartClass("answer-chart")}
+        ref={size.host}
+        onPointerMove={move}
+        onPointerLeave={() => (pointed.value = -1)}
+      >
         {picture && (
-          <svg
-            role="img"
-            aria-label={TEXT.chart(nameOf(choice.y), nameOf(choice.x))}
-            width={width.value}
-            height={height.value}
+          <Chart
+            size={size}
+            label={TEXT.chart(nameOf(choice.y), nameOf(choice.x))}
+            x={picture.xTicks(Math.max(2, Math.floor(inner.width / 96)))}
+            y={picture.y}
+            room={ROOM}
+            xTitle={columns[choice.x]?.kind === "time" ? TEXT.inUtc(nameOf(choice.x)) : nameOf(choice.x)}
+            yTitle={nameOf(choice.y)}
           >
-            <g transform={`translate(${LEFT} ${TOP})`}>
-              <Grid
-                x={picture.xTicks(Math.max(2, Math.floor(inner.width / 96)))}
-                y={picture.y}
-                room={ROOM}
-                {...inner}
+            {picture.groups.map(({ name, points, colour }) => (
+              <path
+                key={name}
+                class={`points ${colour}`}
+                d={points
+                  .map((one) => place(one))
+                  .map(([x, y]) => ["M", x.toFixed(1), ",", y.toFixed(1), "h0"].join(""))
+                  .join("")}
               />
-              {picture.groups.map(({ name, points, colour }) => (
-                <path
-                  key={name}
-                  class={`points ${colour}`}
-                  d={points
-                    .map((one) => place(one))
-                    .map(([x, y]) => ["M", x.toFixed(1), ",", y.toFixed(1), "h0"].join(""))
-                    .join("")}
-                />
-              ))}
-            </g>
-            <text class="title" x={LEFT + inner.width / 2} y={height.value - 4} text-anchor="middle">
-              {columns[choice.x]?.kind === "time" ? TEXT.inUtc(nameOf(choice.x)) : nameOf(choice.x)}
-            </text>
-            <text class="title" x={4} y={11}>
-              {nameOf(choice.y)}
-            </text>
-          </svg>
+            ))}
+          </Chart>
         )}
       </div>
       <p class="answer-reading">
@@ -125,8 +114,8 @@ export function AnswerPlot({ state, answer }: Props) {
 }
 
 export function AnswerHistogram({ state, answer }: Props) {
-  const host = useRef<HTMLDivElement>(null);
-  const [width, height] = [useWidth(host), useHeight(host)];
+  const size = useChart(MARGINS);
+  const { area: inner } = size;
   const pointed = useSignal(-1);
   const { columns, rows } = answer;
   const column = state.column.value;
@@ -138,10 +127,8 @@ export function AnswerHistogram({ state, answer }: Props) {
   );
   if (!x) return <p class="answer-none dim">{TEXT.noNumbers}</p>;
   const y: Axis = { kind: "linear", low: 0, high: Math.max(...bins.map(({ count }) => count)) * 1.05 };
-  const inner = { width: width.value - LEFT - RIGHT, height: height.value - TOP - BOTTOM };
   const move = (event: PointerEvent): void => {
-    const box = host.current?.getBoundingClientRect();
-    const at = box ? (event.clientX - box.left - LEFT) / inner.width : -1;
+    const at = pointIn(size, event)[0] / inner.width;
     pointed.value = at >= 0 && at < 1 ? Math.floor(at * bins.length) : -1;
   };
   const bin = bins[pointed.value];
@@ -156,35 +143,39 @@ export function AnswerHistogram({ state, answer }: Props) {
           onChange={(event) => (state.column.value = Number(event.currentTarget.value))}
         />
       </div>
-      <div class="chart answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
-        <svg role="img" aria-label={TEXT.histogramOf(nameOf(column))} width={width.value} height={height.value}>
-          <g transform={`translate(${LEFT} ${TOP})`}>
-            <Grid x={x} y={y} room={ROOM} {...inner} />
-            {bins.map(({ low, high, count }, k) => {
-              const [from, to, top] = [
-                share(x, low) * inner.width,
-                share(x, high) * inner.width,
-                share(y, count) * inner.height,
-              ];
-              return (
-                <rect
-                  key={low}
-                  class={k === pointed.value ? "bin pointed" : "bin"}
-                  x={from}
-                  y={inner.height - top}
-                  width={Math.max(0.5, to - from - 1)}
-                  height={top}
-                />
-              );
-            })}
-          </g>
-          <text class="title" x={LEFT + inner.width / 2} y={height.value - 4} text-anchor="middle">
-            {nameOf(column)}
-          </text>
-          <text class="title" x={4} y={11}>
-            {TEXT.rowCount}
-          </text>
-        </svg>
+      <div
+        class={chartClass("answer-chart")}
+        ref={size.host}
+        onPointerMove={move}
+        onPointerLeave={() => (pointed.value = -1)}
+      >
+        <Chart
+          size={size}
+          label={TEXT.histogramOf(nameOf(column))}
+          x={x}
+          y={y}
+          room={ROOM}
+          xTitle={nameOf(column)}
+          yTitle={TEXT.rowCount}
+        >
+          {bins.map(({ low, high, count }, k) => {
+            const [from, to, top] = [
+              share(x, low) * inner.width,
+              share(x, high) * inner.width,
+              share(y, count) * inner.height,
+            ];
+            return (
+              <rect
+                key={low}
+                class={k === pointed.value ? "bin pointed" : "bin"}
+                x={from}
+                y={inner.height - top}
+                width={Math.max(0.5, to - from - 1)}
+                height={top}
+              />
+            );
+          })}
+        </Chart>
       </div>
       <p class="answer-reading">
         {bin ? TEXT.binReading(figure(bin.low), figure(bin.high), bin.count) : TEXT.pointAtChart}
