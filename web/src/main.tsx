@@ -60,4 +60,3 @@ startExtensions(app);
 showLive(store, app.viewState);
 const root = document.getElementById("root");
 if (root) render(<Shell app={app} />, root);
-void import("./pages/extension-packages").then(({ loadExtensionPackages }) => loadExtensionPackages(app));

@@ -4,14 +4,14 @@
  *
  *     export default function (door) { door.addPanel({ id: "total/samples", title: "Samples", mount(host, view) { … } }); }
  */
-import type { App } from "./app-state";
-import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/panel-context";
-import { type PanelPlace, registerPanel } from "../panels/registry";
-import type { Panel } from "../ui/dom";
-import { request } from "../ui/http";
-import { serverRoot } from "../ui/server-place";
-import { TEXT } from "../texts/extensions";
-import type { InstalledExtension } from "../wire/routes";
+import type { App } from "../../pages/app-state";
+import { channelsOf, type Deps, reading, sampleAt, selected } from "../../panels/panel-context";
+import { type PanelPlace, registerPanel } from "../../panels/registry";
+import type { Panel } from "../../ui/dom";
+import { request } from "../../ui/http";
+import { serverRoot } from "../../ui/server-place";
+import { TEXT } from "./texts";
+import type { InstalledExtension } from "../../wire/routes";
 
 const VERSION = 1;
 
