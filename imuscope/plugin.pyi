@@ -85,13 +85,17 @@ from imuscope.recordings.exporters.request import ExportStep as ExportStep
 
 # Extensions of the server.
 from imuscope.server.api.dependencies import TheServices as TheServices
+from imuscope.server.diagnostics.checks import Finding as Finding
 from imuscope.server.extension import Extension as Extension
 from imuscope.server.extension import ExtensionCommand as ExtensionCommand
+from imuscope.server.extension import FileOutput as FileOutput
+from imuscope.server.extension_settings import ExtensionSettings as ExtensionSettings
 from imuscope.server.extensions.analysis.registry import Analysis as Analysis
 from imuscope.server.extensions.analysis.registry import AnalysisOption as AnalysisOption
 from imuscope.server.extensions.analysis.registry import Result as Result
 from imuscope.server.extensions.analysis.registry import register_analysis as register_analysis
 from imuscope.server.extensions.analysis.signals import Signal as Signal
+from imuscope.server.library.computed_signals import SignalComputation as SignalComputation
 
 # Links.
 from imuscope.server.links.base import Chunk as Chunk

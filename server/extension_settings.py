@@ -71,6 +71,7 @@ def extension_settings() -> tuple[type[ExtensionSettings], ...]:
         if not plugin.is_there:
             continue
         try:
+            plugin.check()
             kind: Any = getattr(import_module(plugin.module), plugin.value.partition(":")[2])
             if not (isinstance(kind, type) and issubclass(kind, ExtensionSettings)):
                 raise ValueError(f"{plugin.value} is not derived from ExtensionSettings")

@@ -15,6 +15,7 @@ PROMISES = {
 }
 RELEASE = VERSION.rpartition(".")[0]
 PAGE = (ROOT / "web" / "src" / "workspace" / "parts.ts").read_text()
+DOOR = ROOT / "web" / "src" / "extensions" / "packages" / "door.ts"
 
 
 def version_in(name: str, constant: str) -> str:
@@ -37,10 +38,13 @@ SAID = {
     "reports of robots to a fleet": version_in("fleet/reports.py", "VERSION"),
     "holder of a shared port": version_in("holder/messages.py", "VERSION"),
     "plug-in API (`imuscope.plugin`)": version_in("protocols/plugins.py", "API_VERSION"),
+    "panels of extension packages": next(
+        iter(re.findall(r"const VERSION = (\d+)", DOOR.read_text() if DOOR.exists() else "")), ""
+    ),
     "command line": RELEASE,
     "settings file": "none",
 }
-OF_EXTENSIONS = {"file of alarms", "evidence file", "reports of robots to a fleet"}
+OF_EXTENSIONS = {"panels of extension packages", "file of alarms", "evidence file", "reports of robots to a fleet"}
 
 
 def test_each_promise_has_a_version() -> None:
