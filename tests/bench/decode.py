@@ -6,13 +6,10 @@ The file is repeated to at least `--size` megabytes, fed in chunks of 1 MB, drai
 every batch is asked for, so that all conversion is done. Best of several passes. The yardstick, in the same run:
 zlib.adler32 over the same buffer. One line of JSON is printed (and with `--save` kept in results/):
 
-    {"protocol", "frames", "mb_per_s", "adler32_mb_per_s", "ratio", "us_per_frame_alone", …}
-
-`us_per_frame_alone` is what a live stream costs: one frame is fed and drained at a time (median, best pass), once
-drained only and once with all its columns.
+    {"protocol", "frames", "mb_per_s", "adler32_mb_per_s", "ratio"}
 
 Budgets (design, section 9): ratio at least 0.30 for ISB (isb_mixed.py writes a file) and Xbus, 0.25 for IDTP Lite and
-Safety (idtp_mixed.py writes a file); at most 8 µs for a frame alone.
+Safety (idtp_mixed.py writes a file). A frame alone, as a live stream has them, is measured by single_frame.py.
 """
 
 from __future__ import annotations
@@ -22,7 +19,6 @@ import sys
 import time
 import zlib
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -71,29 +67,6 @@ def decode(protocol: str, chunks: Sequence[bytes]) -> int:
     return messages
 
 
-def alone(protocol: str, data: bytes, *, columns: bool) -> float:
-    """Median time to feed and drain one frame, µs. Frames are cut at the starts given by the decoder."""
-    offsets: list[int] = []
-    decoder = decoder_of(protocol)
-    decoder.feed(data, 0)
-    for event in decoder.drain(stalled=True):
-        if isinstance(event, Batch):
-            offsets += event.offset.tolist()
-    offsets = sorted(offsets)[:2000]
-    decoder = decoder_of(protocol)
-    times = []
-    for begin, end in pairwise(offsets):
-        frame = data[begin:end]
-        start = time.perf_counter()
-        decoder.feed(frame, begin)
-        for event in decoder.drain():
-            if columns and isinstance(event, Batch):
-                for name in event.columns:
-                    event.columns[name]
-        times.append(time.perf_counter() - start)
-    return sorted(times)[len(times) // 2] * 1e6
-
-
 def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
     """The figures of one file."""
     jit.load()
@@ -109,8 +82,6 @@ def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
         "mb_per_s": speed,
         "adler32_mb_per_s": yardstick,
         "ratio": speed / yardstick,
-        "us_per_frame_alone": min(alone(protocol, once, columns=False) for _ in range(3)),
-        "us_per_frame_alone_with_columns": min(alone(protocol, once, columns=True) for _ in range(3)),
     }
 
 
