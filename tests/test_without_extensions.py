@@ -131,3 +131,20 @@ def test_tests_of_the_heart_use_no_extension() -> None:
         if name.startswith(("server.extensions", "tests.extensions"))
     ]
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.slow
+def test_the_tests_of_the_heart_pass_without_extensions(tmp_path: Path) -> None:
+    """In a copy of the checkout in which no extension is, nor any test of one."""
+    checkout = tmp_path / "imuscope"
+    subprocess.run(["git", "checkout-index", "--all", f"--prefix={checkout}/"], cwd=ROOT, check=True)
+    shutil.copytree(ROOT / "server" / "page", checkout / "server" / "page")
+    own = [checkout / "server" / "extensions" / name for name in NAMES]
+    for folder in (*own, checkout / "tests" / "extensions", checkout / "tests" / "whole"):
+        shutil.rmtree(folder)
+    (tmp_path / "shared").symlink_to(ROOT.parent / "shared")
+    places = [f"tests/{name}" for name in TESTS_OF_THE_HEART]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *places]
+    environment = os.environ | {"PYTHONPATH": str(checkout)}
+    done = subprocess.run(command, cwd=checkout, env=environment, stdout=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-4000:]
