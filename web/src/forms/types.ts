@@ -90,11 +90,11 @@ export interface RateTable {
   readonly grouped: boolean;
 }
 
-type Editor = "number" | "integer" | "choice" | "flags" | "bool" | "text" | "hex" | "record" | "list" | "vector";
+export type Editor = "number" | "integer" | "choice" | "flags" | "bool" | "text" | "hex" | "record" | "list" | "vector";
 
 export type CautionKind = "" | "restarts" | "stops-output" | "cuts-line" | "loses-settings" | "wears-flash" | "moves-frame";
 
-type Side = "device" | "factory" | "snapshot" | "text" | "other";
+export type Side = "device" | "factory" | "snapshot" | "text" | "other";
 
 /** Meaning of a field while another field of its record has certain values. */
 export interface MeaningForm {
