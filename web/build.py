@@ -259,11 +259,11 @@ class PageBuildHook(BuildHookInterface):  # type: ignore[misc]
         except BuildError as error:
             sys.exit(f"imuscope: {error}")
         self._folder = tempfile.TemporaryDirectory()
-        about = runpy.run_path(str(PAGE.parent / "version.py"))
-        commit = os.environ.get(COMMIT) or ((WEB.parent / ".git").exists() and about["commit"]())
-        if version != "editable" and commit:
+        commit = os.environ.get(COMMIT, "")
+        if version != "editable" and (commit or (WEB.parent / ".git").exists()):
+            about = runpy.run_path(str(PAGE.parent / "version.py"))
             file = Path(self._folder.name) / about["COMMIT_FILE"]
-            file.write_text(f"{commit}\n", encoding="utf-8")
+            file.write_text((commit or about["commit"]()) + "\n", encoding="utf-8")
             build_data["force_include"][str(file)] = f"imuscope/server/{file.name}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
