@@ -195,7 +195,8 @@ class Rollouts:
     def _running(self, plan: GroupPlan) -> int | None:
         key = plan.profile.group, plan.target.protocol, plan.target.product
         for number, run in self._runs.items():
-            if (run.rollout.group, run.rollout.protocol, run.rollout.product) == key:
+            is_same = (run.rollout.group, run.rollout.protocol, run.rollout.product) == key
+            if is_same and run.rollout.state == "running":  # otherwise only its end is still being stored
                 return number
         return None
 
@@ -267,7 +268,7 @@ class Rollouts:
         """
         name = operator_name(by)
         rollout, run = self.get(number), self._runs.get(number)
-        if run is None:
+        if run is None or rollout.state != "running":
             raise DomainError("not-now", f"Rollout {number} is not under way.", "It has ended.")
         if not rollout.stopped_by:
             rollout.stopped_by = name

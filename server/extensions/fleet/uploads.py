@@ -189,7 +189,8 @@ class UploadService:
         now = time.time()
         due = [entry for entry in waiting if now - entry.modified >= SETTLED_S]
         if not due:
-            return min(max(0.1, SETTLED_S - now + entry.modified) for entry in waiting)
+            settled_s = min(SETTLED_S - now + entry.modified for entry in waiting)
+            return min(max(0.1, settled_s), CHECK_S)  # a clock that was set back made it years
         entry = min(due, key=lambda one: (self._failures[one.path.name], one.began))
         return await self._upload(entry)
 
