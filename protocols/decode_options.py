@@ -33,8 +33,8 @@ offset operators option other output pairs parity port product protocol pty ques
 recordings_quota_gb rejects remove_unused rerun_connect reset_s robot robots rollback_s ros2 ros2_axes ros2_depth
 ros2_domain ros2_frames ros2_map_frame ros2_namespace ros2_reliability ros2_router ros2_tf router router_config search
 seed server share share_owners shares shell show signal signal_b source source_folders sources speed split_mb
-split_min sql square stop store systemd_unit tcp timeout tls tls_cert tls_key to to_b token trial_s type udev_rule udp
-unplug_s upload_gb version vertical view_token webhook_hosts without_position yes
+split_min sql square stop store sync_s systemd_unit tcp timeout tls tls_cert tls_key to to_b token trial_s type
+udev_rule udp unplug_s upload_gb version vertical view_token webhook_hosts without_position yes
 """
 RESERVED = frozenset(_RESERVED.split())
 """Names of the program's own options and settings, which a family cannot use."""

@@ -5,12 +5,15 @@
                                                                   v
                                            part 1 │ part 2 │ part 3 …        consecutive files
                                                 │
-    sync thread: fdatasync once a second; checks that the file still exists; finishes the parts that are full
+    sync thread: fdatasync once in `sync_s`; checks that the file still exists; finishes the parts that are full
 
 Writes go to the kernel's memory, which survives a killed process: at most `GATHER_S` of the queued data is lost with
 it. Only the sync thread waits for the disk, so that a slow disk delays nothing else: `behind_s` is the age of the
-queue. A part begins with all that is known (devices, configurations) and names its predecessor; its first chunk is the
-one that follows the predecessor's last.
+queue. A power cut loses what came after the last fdatasync: at most `sync_s` and the time that the disk takes, or, if
+that is left to the system, what the kernel has not written by itself yet. A finished part is always forced to disk.
+
+A part begins with all that is known (devices, configurations) and names its predecessor; its first chunk is the one
+that follows the predecessor's last.
 
 When the disk fails the recording ends by itself: `error` gives the cause; data written until then is kept.
 """
@@ -18,6 +21,7 @@ When the disk fails the recording ends by itself: `error` gives the cause; data 
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -33,6 +37,7 @@ log = logging.getLogger("imuscope.recording")
 
 GATHER_S = 0.008  # one write for all that arrives within; a killed process may lose 20 ms, 9 of them in its link
 SYNC_S = 1.0
+CHECK_S = 1.0  # at most, between two checks of the file
 MAX_WAITING = 256 << 20  # bytes
 HOLD_S = 0.05
 _BATCH = 4096  # chunks per write, so that a part ends near its size
@@ -73,6 +78,7 @@ class RecordingWriter:
         on_part: called (in a thread) with the path of each finished part.
         on_notice: called (in a thread) with a sentence about another program's change to a file.
         shift_ns: added to every time given, if the wall clock was set after `now_ns` began.
+        sync_s: time between two fdatasyncs of an unfinished part; 0 to leave writing to the system.
 
     Raises:
         RecordingError: the first part cannot be created.
@@ -87,6 +93,7 @@ class RecordingWriter:
         on_part: Callable[[Path], None] = lambda path: None,
         on_notice: Callable[[str], None] = lambda text: None,
         shift_ns: int = 0,
+        sync_s: float = SYNC_S,
     ) -> None:
         self._name = name
         self._header = dict(about)
@@ -95,6 +102,7 @@ class RecordingWriter:
         self._on_part = on_part
         self._on_notice = on_notice
         self.shift_ns = shift_ns
+        self.sync_s = sync_s
         self._shortened: McapWriter | None = None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._wake_event = threading.Event()
@@ -339,11 +347,16 @@ class RecordingWriter:
     # ── the sync thread ──────────────────────────────────────────────────────────────────────────────────────────────
 
     def _sync_forever(self) -> None:
+        period = self.sync_s or math.inf
+        due = time.monotonic() + period
         while not self._written.is_set():
-            self._sync_now.wait(SYNC_S)
+            self._sync_now.wait(min(CHECK_S, max(0.0, due - time.monotonic())))
             self._sync_now.clear()
             self._end(self._take_full())
-            self._sync()
+            if time.monotonic() >= due:
+                self._sync()
+                due = time.monotonic() + period
+            self._check()
         self._end(self._take_full())
         self._end([self._writer])
 
@@ -369,6 +382,10 @@ class RecordingWriter:
         except RecordingError as error:
             if writer is self._writer and self.running:
                 self._fail(error)
+
+    def _check(self) -> None:
+        """Look after the file, which another program may have removed or cut."""
+        writer = self._writer
         if writer is not self._writer or not self.running:
             return
         if not writer.is_there():

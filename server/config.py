@@ -13,6 +13,7 @@
     recordings_quota_gb = 20    # above it, the oldest recordings that are not pinned are deleted; 0: no quota
     split_mb = 2000             # size at which a recording continues in a new file
     split_min = 60              # … or duration
+    sync_s = 10                 # time between two writes of a recording to the disk itself; 0: left to the system
     shares = { "/dev/ttyUSB0" = ["/run/imuscope/imu0", "tcp://127.0.0.1:4001"] }  # for other programs (server/holder)
     foxglove = 8765             # serve the Foxglove protocol, on this loopback port and at /foxglove
     rerun_connect = "rerun+http://desk.local:9876/proxy"  # stream to this Rerun viewer
@@ -143,6 +144,7 @@ class Config:
         record: record all devices from the start.
         recordings_quota_gb: maximum size of all recordings together, 10⁹ bytes; 0 for no quota.
         split_mb, split_min: size (10⁶ bytes) or duration at which a recording continues in a new file; 0 for never.
+        sync_s: time between two fdatasyncs of a recording, whose end a power cut loses; 0 to leave them to the system.
         record_head: request the Configuration of an Xsens device when a recording begins (it pauses for a moment).
         shares: addresses at which the port of a source is offered to other programs, by source
             (server/holder/shares.py).
@@ -174,6 +176,7 @@ class Config:
     recordings_quota_gb: Annotated[float, zero_or(0.001, 1e6, "GB")] = 0.0
     split_mb: Annotated[float, zero_or(0.1, 1e6, "MB")] = 0.0
     split_min: Annotated[float, zero_or(0.01, 1e6, "min")] = 0.0
+    sync_s: Annotated[float, zero_or(0.1, 60, "s", "left to the system")] = 1.0
     record_head: bool = True
     shares: dict[str, tuple[str, ...]] = field(default_factory=dict)
     upload_gb: Annotated[float, Interval(gt=0, le=1e6)] = 16.0

@@ -28,9 +28,9 @@ class Form(Predicate):
     words: str = ""
 
 
-def zero_or(low: float, high: float, unit: str) -> Form:
-    """Zero for no limit, or a value in a range."""
-    words = f"is neither 0 (no limit) nor {_span(low, high)} {unit}"
+def zero_or(low: float, high: float, unit: str, zero: str = "no limit") -> Form:
+    """Zero, with the meaning `zero`, or a value in a range."""
+    words = f"is neither 0 ({zero}) nor {_span(low, high)} {unit}"
     return Form(lambda value: value == 0 or low <= value <= high, words)
 
 

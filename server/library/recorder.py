@@ -22,7 +22,6 @@ import contextlib
 import logging
 import math
 import platform
-import shutil
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -68,6 +67,7 @@ class RecordingOptions:
         quota_bytes: size of the folder above which the oldest unpinned recordings are deleted; 0 for no quota.
         request_header: request the Configuration of an Xsens device.
         follow_clock: continue in a new file when the wall clock is set.
+        sync_s: longest time until data is forced to the disk; 0 to leave that to the system.
     """
 
     folder: Path
@@ -75,12 +75,14 @@ class RecordingOptions:
     quota_bytes: int = 0
     request_header: bool = True
     follow_clock: bool = True
+    sync_s: float = 1.0
 
 
 def plan_of(config: Config) -> RecordingOptions:
     """Recording options from the configuration."""
     limits = Limits(round(config.split_mb * 1e6), config.split_min * 60)
-    return RecordingOptions(config.data / FOLDER, limits, round(config.recordings_quota_gb * 1e9), config.record_head)
+    quota_bytes = round(config.recordings_quota_gb * 1e9)
+    return RecordingOptions(config.data / FOLDER, limits, quota_bytes, config.record_head, sync_s=config.sync_s)
 
 
 class Recorder:
@@ -268,7 +270,7 @@ class Recorder:
         now = self._now
         if now is None:
             return self._last
-        free = _free(now.writer.path)
+        free = now.free_bytes
         return wire.RecorderState(
             running=True,
             id=now.writer.path.stem,
@@ -386,6 +388,7 @@ class Recorder:
             lambda part: self._soon(self._part_done, part),
             lambda text: self._soon(self._notice, text),
             shift_ns=self._shift_ns(),
+            sync_s=self.plan.sync_s,
         )
 
     def _shift_ns(self) -> int:
@@ -491,10 +494,3 @@ def _words(names: Sequence[str]) -> str:
     """The first name, and the number of further ones."""
     more = f"-and-{len(names) - 1}-more" if len(names) > 1 else ""
     return names[0] + more if names else ""
-
-
-def _free(path: Path) -> int | None:
-    try:
-        return shutil.disk_usage(path.parent).free
-    except OSError:
-        return None

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import heapq
 import math
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -197,6 +198,14 @@ class RecordingSession:
         now = self._bus.now()
         self._size_history.append((now, self.writer.bytes))
         self._size_history = [one for one in self._size_history if one[0] >= now - RATE_S]
+
+    @property
+    def free_bytes(self) -> int | None:
+        """Free space of the disk; None if unknown."""
+        try:
+            return shutil.disk_usage(self.writer.path.parent).free
+        except OSError:
+            return None
 
     def seconds_left(self, free: int | None) -> float | None:
         """Time until `free` bytes are used up at the recent rate, s; None if unknown."""

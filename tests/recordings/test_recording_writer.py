@@ -12,10 +12,12 @@ from pathlib import Path
 
 import pytest
 
+from imuscope.recordings import recording_writer
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.mcap_reader import McapReader, json_messages
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.recording_writer import GATHER_S, Limits, RecordingWriter
+from tests.each_row import each_row
 from tests.recordings.mcap_files import Message, read, theirs
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
@@ -218,3 +220,56 @@ def test_a_slow_disk_delays_no_caller_and_is_reported(tmp_path: Path, monkeypatc
     goes_on.set()
     tape.stop()
     assert len(read(tmp_path / "drive-1.mcap")) == 1001
+
+
+class SyncCounter:
+    """Counts of what the sync thread does: forcing a file to disk, and looking whether it is there."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.syncs = self.checks = 0
+        sync, is_there = os.fdatasync, McapWriter.is_there
+
+        def counted_sync(handle: int) -> None:
+            self.syncs += 1
+            sync(handle)
+
+        def counted_check(writer: McapWriter) -> bool:
+            self.checks += 1
+            return is_there(writer)
+
+        monkeypatch.setattr(os, "fdatasync", counted_sync)
+        monkeypatch.setattr(McapWriter, "is_there", counted_check)
+
+
+@each_row("sync_s", [0.0, 60.0])
+def test_a_recording_is_not_forced_to_disk_before_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sync_s: float
+) -> None:
+    """A removed file is noticed all the same, and each part that is finished is on disk."""
+    monkeypatch.setattr(recording_writer, "CHECK_S", 0.01)
+    counter = SyncCounter(monkeypatch)
+    folder = tmp_path / f"{sync_s:g}"
+    folder.mkdir()
+    tape = RecordingWriter(named(folder), ABOUT, time.time_ns, Limits(split_bytes=30_000), sync_s=sync_s)
+    wanted = put(tape, 10)
+    block_until(lambda: counter.checks >= 5, "the file is looked at")
+    assert counter.syncs == 0
+    wanted += put(tape, 1000, start=10)
+    tape.device("1", {"protocol": "xbus"})  # a part ends between two writes
+    wanted += put(tape, 1000, start=1010)
+    tape.stop()
+    parts = sorted(folder.iterdir())
+    assert len(parts) > 1
+    assert counter.syncs == len(parts)
+    assert sorted((one for path in parts for one in read(path)), key=lambda one: one[1]) == wanted
+
+
+def test_a_recording_is_forced_to_disk_once_in_the_time_that_was_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_writer, "CHECK_S", PATIENCE_S)
+    counter = SyncCounter(monkeypatch)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns, sync_s=0.1)
+    put(tape, 10)
+    block_until(lambda: counter.syncs >= 2, "it is forced to disk twice")
+    tape.stop()

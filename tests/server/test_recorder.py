@@ -23,12 +23,12 @@ from imuscope.recordings.mcap_reader import McapReader, json_messages
 from imuscope.recordings.mcap_writer import AtomicRecordFile, McapWriter, RecordingError
 from imuscope.recordings.recording_writer import Limits
 from imuscope.recordings.sources import McapSource
-from imuscope.server.config import Config
+from imuscope.server.config import Config, load
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.compaction_worker import CompactionWorker, uncompacted
-from imuscope.server.library.recorder import RecordingOptions
+from imuscope.server.library.recorder import RecordingOptions, plan_of
 from tests.bench.tcp_device import TcpDevice
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
@@ -336,6 +336,17 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
         for first, second in pairwise(paths):
             assert McapSource(second).header["previous"] == first.stem
             assert McapSource(second).devices["1"].identity["configuration"]  # every part can be exported
+
+
+@in_a_loop
+async def test_the_time_until_a_recording_is_on_disk_is_a_setting(tmp_path: Path) -> None:
+    for sync_s in (0.0, 7.0):
+        plan = plan_of(load(data=tmp_path / f"{sync_s:g}", sync_s=sync_s))
+        async with recorder(tmp_path, plan) as (_, one):
+            await one.start()
+            assert one.current is not None
+            assert one.current.writer.sync_s == sync_s
+    assert plan_of(load()).sync_s == 1.0
 
 
 @in_a_loop
