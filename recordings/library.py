@@ -475,7 +475,7 @@ def _completed(known: RecordingProbe, index: dict[str, Any], file: str) -> Recor
         started=index["started"] if index["started"] is not None else known.started,
         duration=index["duration"] if index["duration"] is not None else known.duration,
         devices=[RecordedDevice(**{**one, "name": one["name"] or file}) for one in index["devices"]] or known.devices,
-        damaged=index["damaged"] or known.damaged,
+        damaged=known.damaged or index["damaged"],  # the words stay those that the list had before it was opened
     )
 
 
