@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from imuscope.server.commands import doctor
 from imuscope.server.diagnostics import checks
 from imuscope.server.diagnostics.checks import Finding, Machine, run_checks
 from tests.each_row import each_row
-from tests.server_process import imuscope
+from tests.server_process import ROOT, imuscope
 
 NOW = 1_760_000_000.0
 
@@ -260,6 +261,8 @@ def test_the_files_for_the_machine() -> None:
     unit = doctor.systemd_unit()
     for line in ("KillSignal=SIGTERM", "DynamicUser=yes", "SupplementaryGroups=dialout", "ProtectSystem=strict"):
         assert line in unit.splitlines()
+    for limit in ("Nice", "CPUWeight", "MemoryHigh", "MemoryMax", "OOMPolicy", "LimitNOFILE", "TimeoutStopSec"):
+        assert any(line.startswith(f"{limit}=") for line in unit.splitlines()), limit
     rule = doctor.udev_rule()
     for maker in ("2639", "0403", "0483"):
         assert f'idVendor}}=="{maker}"' in rule
@@ -270,6 +273,32 @@ def test_the_files_for_the_machine() -> None:
 def test_systemd_takes_the_unit(tmp_path: Path) -> None:
     unit = tmp_path / "imuscope.service"
     unit.write_text(doctor.systemd_unit().replace("/opt/imuscope/bin/imuscope", "/bin/true"))
+    _assert_systemd_takes(unit)
+
+
+def guide_blocks(start: str) -> list[str]:
+    """Blocks of the guide's page about robots that begin so."""
+    page = (ROOT / "docs" / "guide" / "deployment.md").read_text(encoding="utf-8")
+    return [
+        block for block in re.findall(r"^```\w*\n(.*?)^```", page, re.DOTALL | re.MULTILINE) if block.startswith(start)
+    ]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+def test_systemd_takes_the_changes_of_the_guide(tmp_path: Path) -> None:
+    """What the guide puts into `systemctl edit imuscope`, all at once."""
+    unit = tmp_path / "imuscope.service"
+    unit.write_text(doctor.systemd_unit().replace("/opt/imuscope/bin/imuscope", "/bin/true"))
+    blocks = guide_blocks("[Unit]") + guide_blocks("[Service]")
+    assert len(blocks) >= 2
+    (tmp_path / "imuscope.service.d").mkdir()
+    for number, block in enumerate(blocks):
+        text = block.replace("/opt/imuscope/bin/imuscope", "/bin/true")
+        (tmp_path / "imuscope.service.d" / f"{number}.conf").write_text(text)
+    _assert_systemd_takes(unit)
+
+
+def _assert_systemd_takes(unit: Path) -> None:
     done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, timeout=60)
     about_it = [line for line in done.stderr.splitlines() if "imuscope" in line]
     assert about_it == []
