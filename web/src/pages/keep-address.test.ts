@@ -45,6 +45,18 @@ it("is left alone while it is another page's", () => {
   expect(writes).toEqual([]);
 });
 
+it("is not written over an address whose event is still to come", () => {
+  view = "#/recordings/drive?t=1";
+  vi.advanceTimersByTime(300);
+  expect(location.hash).toBe(view);
+  history.replaceState(null, "", "#/live"); // as `go` does
+  vi.advanceTimersByTime(100);
+  expect(location.hash).toBe("#/live");
+  view = undefined; // the event has come
+  vi.advanceTimersByTime(5000);
+  expect(location.hash).toBe("#/live");
+});
+
 it("is written once, whatever the browser's spelling of it", () => {
   view = "#/?a=é b";
   vi.advanceTimersByTime(5000);

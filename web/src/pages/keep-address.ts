@@ -20,8 +20,13 @@ export function keepAddress(next: () => string | undefined, onWrite: (hash: stri
   let last: string | undefined;
   let moved = 0;
   let [written, became] = ["", ""]; // a browser may spell a hash in its own way
+  let seen = location.hash;
   const isCurrent = (hash: string): boolean => hash === location.hash || (hash === written && location.hash === became);
   const look = (): void => {
+    if (location.hash !== seen) {
+      seen = location.hash; // a link or a page changed it, and its event may still wait: written over, the change would be lost
+      return;
+    }
     const now = next();
     const isMoving = now !== last;
     last = now;
@@ -36,6 +41,7 @@ export function keepAddress(next: () => string | undefined, onWrite: (hash: stri
     onWrite(now);
     history.replaceState(null, "", now);
     [written, became] = [now, location.hash];
+    seen = became;
   };
   const timer = setInterval(look, LOOK_MS);
   return () => clearInterval(timer);
