@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from imuscope.protocols.decode_options import Scope
 from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
+from imuscope.server.extension_settings import settings_problems
 
 if TYPE_CHECKING:
     from fastapi import APIRouter
@@ -183,7 +184,7 @@ def extension_problems() -> tuple[str, ...]:
     """A sentence about each extension that is declared and unusable."""
     declaring = [one for one in extensions() if one.problems]
     of_plugins = [problem for one in declaring for problem in attempt(one, _named(one.problems)) or ()]
-    return (*_installed()[1], *of_plugins)
+    return (*_installed()[1], *settings_problems(), *of_plugins)
 
 
 def file_outputs() -> dict[str, FileOutput]:

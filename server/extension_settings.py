@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import argparse
 import functools
-import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 from typing import Any, ClassVar
 
-from imuscope.protocols.plugins import plugins_of
+from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
 
 GROUP = "imuscope.settings"
-log = logging.getLogger("imuscope.extensions")
 
 
 class ExtensionSettings:
@@ -59,26 +57,26 @@ class ExtensionSettings:
         """
 
 
-@functools.cache
-def extension_settings() -> tuple[type[ExtensionSettings], ...]:
-    """The settings of all installed extensions. Those of another package that cannot be imported are left out.
+def extension_settings() -> Sequence[type[ExtensionSettings]]:
+    """The settings of all installed extensions that can be used."""
+    return _installed()[0]
 
-    Raises:
-        Exception: imuscope's own cannot be imported; a defect that must not be overlooked.
-    """
+
+def settings_problems() -> list[str]:
+    """A sentence about each package whose settings cannot be used."""
+    return _installed()[1]
+
+
+@functools.cache
+def _installed() -> tuple[list[type[ExtensionSettings]], list[str]]:
     kinds: list[type[ExtensionSettings]] = []
-    for plugin in plugins_of(GROUP):
-        if not plugin.is_there:
-            continue
-        try:
-            plugin.check()
-            kind: Any = getattr(import_module(plugin.module), plugin.value.partition(":")[2])
-            if not (isinstance(kind, type) and issubclass(kind, ExtensionSettings)):
-                raise ValueError(f"{plugin.value} is not derived from ExtensionSettings")
-            kind()  # all of its fields have defaults
-            kinds.append(kind)
-        except Exception as error:  # third-party code may raise anything
-            if not plugin.package:
-                raise
-            log.warning("%s", plugin.problem("settings", error))
-    return tuple(kinds)
+
+    def load(plugin: ProtocolPlugin) -> None:
+        plugin.check()
+        kind: Any = getattr(import_module(plugin.module), plugin.value.partition(":")[2])
+        if not (isinstance(kind, type) and issubclass(kind, ExtensionSettings)):
+            raise ValueError(f"{plugin.value} is not derived from ExtensionSettings")
+        kind()  # all of its fields have defaults
+        kinds.append(kind)
+
+    return kinds, each_usable((plugin for plugin in plugins_of(GROUP) if plugin.is_there), "settings", load)

@@ -87,7 +87,7 @@ SERVER: dict[str, set[str]] = {
         ),
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
-    "extension": {"config", "diagnostics", "parts", "services"},
+    "extension": {"config", "diagnostics", "extension_settings", "parts", "services"},
     "api": {
         *("auth", "extension", "configuration", "devices", "http_server"),
         *(

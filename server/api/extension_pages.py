@@ -48,15 +48,16 @@ async def list_extensions() -> list[InstalledExtension]:
 
 
 @functools.cache
-def _files_of(name: str) -> Files | None:
-    folder = next((one.page_folder for one in extensions() if one.name == name), None)
-    return Files(folder) if folder is not None else None
+def _files() -> dict[str, Files]:
+    """Files of the page's parts, by extension."""
+    folders = {one.name: one.page_folder for one in extensions()}
+    return {name: Files(folder) for name, folder in folders.items() if folder is not None}
 
 
 @router.get("/extensions/{name}/{path:path}", include_in_schema=False)
 async def get_page_file(request: Request, name: str, path: str) -> Response:
     """A file of the page's part of an extension."""
-    files = _files_of(name)
+    files = _files().get(name)
     response = serve(request, files, path) if files is not None else None
     if response is None:
         raise HTTPException(404)

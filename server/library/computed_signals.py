@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from imuscope.protocols.plugins import plugins_of
+from imuscope.protocols.plugins import each_usable, plugins_of
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.server.library.collector import RecordingSink
 from imuscope.server.library.decode import ComputeSignals
@@ -38,10 +38,12 @@ def compute_signals(store: ColumnStore, definitions: Mapping[str, Any], sink: Re
 
     If nothing installed computes them, an event says how many are left out.
     """
-    computing = [plugin.load(SignalComputation) for plugin in plugins_of(GROUP) if plugin.is_there]
-    for one in computing:
-        one.compute(store, definitions, sink)
-    if computing:
+    installed = [plugin for plugin in plugins_of(GROUP) if plugin.is_there]
+    for problem in each_usable(
+        installed, "computation", lambda plugin: plugin.load(SignalComputation).compute(store, definitions, sink)
+    ):
+        sink.event(next(iter(definitions)), "device", "warning", problem, data={"reason": "computed"})
+    if installed:
         return
     for device, rows in definitions.items():
         if isinstance(rows, list) and rows:

@@ -16,6 +16,7 @@ from imuscope.server.commands.common import (
     seekable,
     size_of,
 )
+from imuscope.server.commands.file_arguments import add_file, add_range
 from imuscope.server.devices.decode_options import DecodeOptions
 
 _COLUMN = 34
@@ -24,9 +25,7 @@ _COLUMN = 34
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope analyse`."""
     command = add_parser("analyse", help="print figures of signals of a recording, log or capture")
-    command.add_argument(
-        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
-    )
+    add_file(command)
     command.add_argument("analysis", metavar="ANALYSIS", help="name of an analysis, see below; or comparison")
     command.add_argument(
         "--signal",
@@ -35,10 +34,7 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
         metavar="NAME",
         help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… if there are several; may be repeated",
     )
-    command.add_argument(
-        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
-    )
-    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
+    add_range(command)
     command.add_argument(
         "--option", action="append", metavar="NAME=VALUE", help="option of the analysis; may be repeated"
     )

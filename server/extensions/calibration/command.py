@@ -16,6 +16,7 @@ from imuscope.server.commands.common import (
     seekable,
     size_of,
 )
+from imuscope.server.commands.file_arguments import add_file, add_range
 
 CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
 
@@ -23,14 +24,9 @@ CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope calibrate`."""
     command = add_parser("calibrate", help="calibrate a sensor with a recording, log or capture")
-    command.add_argument(
-        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
-    )
+    add_file(command)
     command.add_argument("kind", choices=CALIBRATIONS, metavar="KIND", help=", ".join(CALIBRATIONS))
-    command.add_argument(
-        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
-    )
-    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
+    add_range(command)
     command.add_argument("--device", default="", metavar="D", help="device to calibrate, if there are several")
     command.add_argument(
         "--field", type=float, default=0.0, metavar="F", help="magnetometer: strength of the field, in its unit"
