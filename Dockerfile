@@ -10,7 +10,7 @@
 # --hostname     the machine's own name: the address that is printed uses it, and requests to it are let in.
 # The address is not loopback, so a token is asked for: it is in the URL that `docker logs` shows.
 # /data          recordings; without a volume there they end with the container.
-# /tmp           for a while, while a file is uploaded, exported or opened; and for compiled code (2 MB).
+# /tmp           for a while, while a file is uploaded, exported or opened.
 
 # Versions are named in full, so that two builds of one commit are of the same parts; raise them when Python does.
 FROM python:3.13.12-slim-bookworm AS build
@@ -24,15 +24,12 @@ RUN uv sync --frozen --no-dev --no-install-project
 COPY . .
 ARG COMMIT=""
 RUN IMUSCOPE_COMMIT="$COMMIT" uv sync --frozen --no-dev --no-editable
-# Compile the hot loops now, for any CPU of this architecture. Started from / so that the installed package is meant.
-ENV NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
-RUN cd / && /app/bin/python -c "from imuscope.server.commands.common import warm; warm(None)" && ls /app/numba/*/*.nbi
+RUN cd / && /app/bin/python -c "from imuscope.protocols import compiled, registry; assert compiled.is_complete()"
 
 FROM python:3.13.12-slim-bookworm
 COPY --from=build /app /app
 RUN install -d -o 10001 -g 10001 /data
-ENV PATH=/app/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 \
-    NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
+ENV PATH=/app/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1
 USER 10001:10001
 WORKDIR /data
 VOLUME /data

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.jit import BYTES, INT, compiled, inlined, unsigned
+from imuscope.protocols.compiled import BYTES, INT, compiled, inlined, unsigned
 
 
 @compiled(INT, BYTES, INT, INT)

@@ -44,7 +44,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.jit import INT, INTS, NOTHING, STRIDED, compiled
+from imuscope.protocols.compiled import INT, INTS, NOTHING, STRIDED, compiled
 
 INT64, UINT8 = np.dtype(np.int64), np.dtype(np.uint8)  # a dtype is found sooner than a type; for loops over frames
 

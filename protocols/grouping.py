@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.jit import INT, INTS, compiled, unsigned
+from imuscope.protocols.compiled import INT, INTS, compiled, unsigned
 
 Ints = NDArray[np.int64]
 

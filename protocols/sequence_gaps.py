@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.jit import INT, INTS, TRIPLE, compiled
+from imuscope.protocols.compiled import INT, INTS, TRIPLE, compiled
 
 Ints = NDArray[np.int64]
 

@@ -35,7 +35,6 @@ from imuscope.protocols.framing import (
     one_number,
     scan_all,
 )
-from imuscope.protocols.jit import INTERPRETED_BYTES, load_for
 from imuscope.protocols.nmea import ParsedMessage
 
 Find = Callable[..., tuple[list[ParsedMessage], int]]
@@ -84,7 +83,6 @@ class StreamParser:
         self._room = ScanCapacity()
         self._scan_at = 0  # positions in the stream: from where to look for frames …
         self._find_at = 0  # … and for other messages
-        self._is_short = True  # so far little enough for plain Python
         self._known = 0  # bytes of accepted frames and of texts
 
     def feed(self, data: bytes, arrival_ns: int) -> None:
@@ -108,9 +106,6 @@ class StreamParser:
     def drain(self, *, stalled: bool = False) -> ParseResult:
         """Return everything complete; see events.Decoder.drain."""
         data = self._buffer.data()
-        if self._is_short and self._buffer.start + len(data) > INTERPRETED_BYTES:
-            self._is_short = False
-            load_for(self._buffer.start + len(data))
         array = np.frombuffer(data, UINT8)
         at = self._scan_at - self._buffer.start
         if len(data) - at < TINY:  # the usual case of a live stream: a frame or two

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.jit import FLAG, INT, INTS, TABLE, compiled
+from imuscope.protocols.compiled import FLAG, INT, INTS, TABLE, compiled
 
 Ints = NDArray[np.int64]
 

@@ -35,7 +35,7 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 
 from imuscope.protocols.framing import Bytes, Ints
-from imuscope.protocols.jit import BYTES, FOUR, INT, TABLE, compiled, load_for
+from imuscope.recordings.mcap_kernels import AT_END, FULL, messages_from, resume
 from imuscope.recordings.mcap_writer import PROFILE, READABLE, RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.tolerant_json import loads
@@ -48,77 +48,8 @@ ENDINGS = (DATA_END, FOOTER)  # with a fixed length; any other is damage
 CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
 LARGEST_CHUNK = 64 << 20  # bytes; a larger one is damage. Writers make chunks of 1 to 4 MB
 _RECORD = 9  # opcode, length
-TORN, FULL, AT_END = -1, -2, -3
 _COLUMNS = 1 << 15
 _LONGEST_RECORD = 64 << 20  # bytes, of a record that is not a chunk; a longer one is damage
-
-
-@compiled(INT, BYTES, INT)
-def _u8(data: Bytes, at: int) -> int:
-    low = int(data[at]) | int(data[at + 1]) << 8 | int(data[at + 2]) << 16 | int(data[at + 3]) << 24
-    high = int(data[at + 4]) | int(data[at + 5]) << 8 | int(data[at + 6]) << 16 | (int(data[at + 7]) & 0x7F) << 24
-    return low | high << 32
-
-
-@compiled(FOUR, BYTES, INT, TABLE)
-def _messages(data: Bytes, at: int, table: Ints) -> tuple[int, int, int, int]:
-    """Walk over records from `at`: (messages written, where it stopped, opcode there, its length).
-
-    Stops before a record that is not a message (its opcode is returned), before an incomplete one (TORN), at the end
-    (AT_END), or when the table is full (FULL).
-    """
-    n = 0
-    end = len(data)
-    while at < end:
-        if end - at < 9:
-            return n, at, TORN, 0
-        opcode = int(data[at])
-        length = _u8(data, at + 1)
-        if opcode != 5:
-            return n, at, opcode, length
-        if length < 22 or length > end - at - 9:
-            return n, at, TORN, length
-        if n == table.shape[1]:
-            return n, at, FULL, 0
-        body = at + 9
-        table[0, n] = int(data[body]) | int(data[body + 1]) << 8
-        table[1, n] = _u8(data, body + 6)
-        table[2, n] = body + 22
-        table[3, n] = length - 22
-        n += 1
-        at = body + length
-    return n, at, AT_END, 0
-
-
-@compiled(INT, BYTES, INT, BYTES)
-def _resume(data: Bytes, at: int, known: Bytes) -> int:
-    """Next offset at or after `at` where records follow each other: a message of a known channel or a chunk, then three
-    more whole records or the end of the data; −1 if there is none.
-
-    Args:
-        known: (65536,) 1 at the id of every described channel.
-    """
-    end = len(data)
-    while at + 31 <= end:
-        first = int(data[at])
-        if (first == 5 and known[int(data[at + 9]) | int(data[at + 10]) << 8] == 1) or first == 6:
-            count = 0
-            here = at
-            while count < 4 and here + 9 <= end:
-                opcode = int(data[here])
-                length = _u8(data, here + 1)
-                if opcode < 3 or opcode > 15 or (opcode == 5 and length < 22) or (opcode == 6 and length < 40):
-                    break
-                if length > end - here - 9:
-                    break
-                count += 1
-                here += 9 + length
-                if opcode == 15:
-                    count = 4
-            if count >= 4 or (count > 0 and here == end):
-                return at
-        at += 1
-    return -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +153,6 @@ class McapReader:
             start_ns, stop_ns: blocks entirely outside are skipped if there is an index; returned blocks may still
                 contain messages outside.
         """
-        load_for(self.size)
         if not self.chunks:
             yield from self._walk(memoryview(self._map), len(MAGIC))
             return
@@ -308,7 +238,7 @@ class McapReader:
         end = len(array)
         table = np.empty((4, _COLUMNS), np.int64)
         while at < end:
-            n, at, opcode, length = _messages(array, at, table)
+            n, at, opcode, length = messages_from(array, at, table)
             if n:
                 yield MessageBlock(data, table[:, :n], at if done is None else done)
                 table = np.empty((4, _COLUMNS), np.int64)
@@ -321,7 +251,7 @@ class McapReader:
                 if done is not None:
                     self.damage.append(_cut(done))
                     return
-                behind = _resume(array, at + 1, self._channel_ids())
+                behind = resume(array, at + 1, self._channel_ids())
                 if behind < 0:
                     self.damage.append(_torn(at, bytes(data[at : at + _RECORD]), array[at:]))
                     return

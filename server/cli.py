@@ -2,7 +2,7 @@
 `hold`, `record`, `replay`, `decode`, `analyse`, `simulate`, and those that extensions bring.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
-so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
+so `--help` and `--version` answer at once.
 """
 
 from __future__ import annotations
@@ -29,17 +29,14 @@ from imuscope.server.commands.common import (
     given_options,
     missing_file_text,
     normalized_sources,
-    prepare,
-    prepare_decoders,
-    print_status,
     readable,
     seekable,
     size_of,
+    warn_if_interpreted,
 )
 from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
 from imuscope.server.extension import extension_commands
-from imuscope.server.jit_cache import BackgroundLoad
 from imuscope.server.printable import printable
 
 
@@ -56,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         own = extension_commands().get(options.command)
         reads_file = options.command in OF_FILES if own is None else own.reads_file
         with _cleaning_up_at_sigterm() if reads_file else contextlib.nullcontext():
+            if options.command not in ("serve", "doctor") and getattr(options, "data", None) is not None:
+                load(data=options.data)  # an error, where it is none, also of commands that hardly need it
             status = (_RUN[options.command] if own is None else own.run)(options) or 0
         sys.stdout.flush()
         return status
@@ -106,7 +105,6 @@ def _silence() -> None:
 
 
 def _ports(options: argparse.Namespace) -> None:
-    prepare(options.data)
     from imuscope.server.links.ports import print_ports
 
     print_ports(sys.stdout)
@@ -130,7 +128,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
 def _inspect(options: argparse.Namespace) -> None:
     path = readable(options.file)
-    prepare_decoders(options.data, size_of(path))
+    warn_if_interpreted(size_of(path))
     from imuscope.server.commands.inspect import inspect_file
 
     decode_options = decode_options_of(options, "auto")
@@ -148,7 +146,6 @@ def _compose(options: argparse.Namespace) -> None:
         raise UsageError("give a message, or --jsonl with a file")
     if options.jsonl not in (None, "-"):
         readable(options.jsonl)
-    prepare(options.data)
     from imuscope.server.commands.compose import ComposeError, composers, context_of, find_composer, frame_of, frames_of
 
     decode_options = decode_options_of(options)
@@ -175,7 +172,6 @@ def _compose(options: argparse.Namespace) -> None:
 def _send(options: argparse.Namespace) -> None:
     import asyncio
 
-    prepare(options.data)
     from imuscope.server.commands.compose import ComposeError
     from imuscope.server.commands.send import SendError, SendRequest, send
 
@@ -191,7 +187,6 @@ def _send(options: argparse.Namespace) -> None:
 def _commands(options: argparse.Namespace) -> None:
     decode_options = decode_options_of(options)
     check_protocol(decode_options.protocol)
-    prepare(options.data)
     from imuscope.server.commands.commands import manual
     from imuscope.server.commands.compose import ComposeError
 
@@ -222,7 +217,7 @@ def _hold(options: argparse.Namespace) -> None:
 def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
-    data = prepare(options.data)
+    data = load(data=options.data).data
     from imuscope.server.commands.record import RecordError, RecordRequest, record
     from imuscope.server.links.base import LinkError
 
@@ -232,8 +227,7 @@ def _record(options: argparse.Namespace) -> None:
     check_sources(named, reading)
     requests = tuple((source, checked_protocol(decode_options)) for source, decode_options in sources)
     try:
-        with BackgroundLoad(print_status):
-            print(record(RecordRequest(requests, options.output, options.duration, data), sys.stderr))
+        print(record(RecordRequest(requests, options.output, options.duration, data), sys.stderr))
     except (RecordError, LinkError) as error:
         raise UsageError(str(error)) from None
 
@@ -241,7 +235,7 @@ def _record(options: argparse.Namespace) -> None:
 def _decode(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
-    prepare_decoders(options.data, size_of(file))
+    warn_if_interpreted(size_of(file))
     from imuscope.server.commands.decode import DecodedPart, DecodeError, decode_file
 
     decode_options = checked_protocol(decode_options)
@@ -263,7 +257,7 @@ def _replay(options: argparse.Namespace) -> None:
         raise UsageError(missing_file_text(options.file))
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
-    prepare_decoders(options.data, size_of(Path(options.file)))
+    warn_if_interpreted(size_of(Path(options.file)))
     from imuscope.server import logging_setup
     from imuscope.server.commands import replay
 
@@ -295,7 +289,6 @@ def _serve(options: argparse.Namespace) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    prepare(options.data)
     from imuscope.server.commands import replay, simulate
 
     try:
@@ -304,8 +297,7 @@ def _simulate(options: argparse.Namespace) -> None:
         decode_options = decode_options_of(options)
         for name in decode_options.values.keys() - simulate.options_of_family(device.protocol):
             raise UsageError(f"--{name.replace('_', '-')} is not an option of {device.protocol}")
-        with BackgroundLoad(print_status):
-            simulate.simulate(device, decode_options, options.pty, place, sys.stdout)
+        simulate.simulate(device, decode_options, options.pty, place, sys.stdout)
     except (simulate.SimulateError, replay.ReplayError) as error:
         raise UsageError(str(error)) from None
 

@@ -127,7 +127,7 @@ class Config:
 
     Args:
         host, port: address to listen on; port 0 lets the system choose one (it is printed).
-        data: folder for recordings and compiled code.
+        data: folder for recordings and what the server remembers.
         sources: opened at start; none given: simulators of all device families.
         protocol: of those sources; "" to detect it.
         decode_options: of those sources, as written: each a setting of its own, by the name that a protocol family

@@ -10,16 +10,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import select
 import sys
 from pathlib import Path
 
-from imuscope.protocols import jit
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
-from imuscope.server import jit_cache
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library.cache_provenance import write_source
@@ -35,8 +32,6 @@ def main() -> int:
     bounded()
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
-    if jit_cache.is_filled() and not select.select([sys.stdin], [], [], 0)[0]:
-        jit.load()  # started in advance, so there is time
     words = sys.stdin.read()
     if not words:
         return 0  # started in advance, and not used

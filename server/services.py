@@ -29,7 +29,6 @@ from imuscope.server.devices.protocol_set import protocols as installed_protocol
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.sessions import OpenLink, Sessions
 from imuscope.server.integrations.map_tiles import TileSource
-from imuscope.server.jit_cache import BackgroundLoad
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.cleanup import DataFolderLock
 from imuscope.server.library.column_cache import ColumnCache
@@ -93,12 +92,6 @@ class Services:
         """Start all services; close them concurrently at the end."""
         reading = self.reading if self.config.sources else DecodeOptions()
         sources = self.config.sources or (default_sources() if self.has_devices else [])
-        loop = asyncio.get_running_loop()
-
-        def report(text: str) -> None:
-            loop.call_soon_threadsafe(lambda: self.telemetry.bus.event("", "device", "info", text))
-
-        decoders = BackgroundLoad(report)
         await asyncio.to_thread(self.folder_lock.begin)
         self.sessions.start()
         if self.config.record:  # before the first byte is received
@@ -110,10 +103,6 @@ class Services:
         await self.recorder.resume()
         self.catalogue.start()
         await self.parts.start()
-        if self.sessions.all or self.has_devices:  # 200 MB that a server without devices does not need
-            decoders.start()
-        else:
-            self.sessions.on_added(lambda _: decoders.start())
         yield
         await shutdown.close_all(
             shutdown.close_sequentially(self.parts.leave_recorder(), self.recorder.close()),
@@ -121,7 +110,6 @@ class Services:
                 "an export": self.exports.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
                 **{part.name: part.close() for part in self.parts if not part.sends},
-                "the compiler": asyncio.to_thread(decoders.close),
                 "a device": shutdown.close_sequentially(self.parts.close_senders(), self.sessions.close()),
             },
         )

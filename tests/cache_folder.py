@@ -1,6 +1,5 @@
 """The folder of what takes long to make and depends on nothing but its sources: one for all clones on a machine.
 
-    compiled    machine code of the hot loops, keyed by what each is made of (protocols/jit.py)
     mypy        results of mypy, keyed by the contents of each file
 
 It is in the user's cache folder and may be deleted at any time. Where that cannot be written, artifacts/ serves.
@@ -9,13 +8,11 @@ It is in the user's cache folder and may be deleted at any time. Where that cann
 from __future__ import annotations
 
 import os
-import time
 from pathlib import Path
 
 import platformdirs
 
 ROOT = Path(__file__).resolve().parent.parent
-KEPT_S = 30 * 86_400  # compiled code that nothing has read for so long is of a version that is gone
 
 
 def cache_folder(name: str) -> Path:
@@ -28,14 +25,3 @@ def cache_folder(name: str) -> Path:
         if os.access(parent / name, os.W_OK):
             return parent / name
     raise PermissionError(f"{ROOT} cannot be written: run the tests in a folder of your own")
-
-
-def compiled_code() -> Path:
-    """The folder of compiled code, without what is long unused."""
-    folder = cache_folder("compiled")
-    oldest = time.time() - KEPT_S
-    for file in folder.glob("*/*.nb?"):
-        status = file.stat()
-        if max(status.st_atime, status.st_mtime) < oldest:
-            file.unlink(missing_ok=True)
-    return folder

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import logging
 import os
-import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
@@ -28,10 +27,9 @@ from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
-from imuscope.protocols import jit
+from imuscope.protocols import compiled
 from imuscope.recordings import priority
 from tests import browser_engine, chromium, each_row, fork_server, forked_workers, server_process
-from tests.cache_folder import compiled_code
 from tests.checking import machine
 from tests.checking.affected import durations
 from tests.chromium import until
@@ -51,8 +49,6 @@ READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.le
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# Servers started by tests have a data folder each; compiled code is shared by all of them, and by all clones.
-os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
 os.environ.setdefault(priority.SAME, "1")
 
 
@@ -74,32 +70,25 @@ if PROFILE == "fast":
     providers._get_local_constants = providers.Constants
 
 
-COMPILE = "from imuscope.server import jit_cache; jit_cache.load(report=print)"
-
-
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--row", default="", help="only rows whose title contains this")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile before the tests, and before several workers would do it beside each other."""
+    """Require machine code of the very source that is tested."""
     each_row.only = config.getoption("row")
     from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
-    from imuscope.server.links import read_loop  # noqa: F401
 
-    if not jit.is_stored(Path(os.environ["NUMBA_CACHE_DIR"])):
-        subprocess.run([sys.executable, "-c", COMPILE], cwd=ROOT, check=False)
+    if not compiled.DISABLED and (names := compiled.missing()):
+        command = "python -m imuscope.protocols.compiler"
+        pytest.exit(f"{len(names)} functions have no machine code, {names[0]} first: {command}", returncode=3)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_before_workers() -> None:
-    """Load once what each worker would load: compiled functions, what is known of the sources, and what servers are
-    forked from.
-    """
-    from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
+    """Load once what each worker would load: what is known of the sources, and what servers are forked from."""
     from imuscope.server.library.decoder_fingerprint import decoding_mark
 
-    jit.load(checked=True)
     decoding_mark()
     if fork_server.IS_THERE:
         fork_server.share()
@@ -114,14 +103,6 @@ def pytest_worker_begins() -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_worker_ends() -> None:
     browser_engine.close()
-
-
-@pytest.fixture(scope="session", autouse=True)
-def machine_code() -> None:
-    """Compiled functions for all tests, with checks of each call's argument types."""
-    from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
-
-    jit.load(checked=True)
 
 
 @pytest.fixture(scope="session", autouse=True)

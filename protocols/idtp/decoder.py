@@ -30,6 +30,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
 from imuscope.protocols.counters import TickUnwrapper
 from imuscope.protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap
 from imuscope.protocols.framing import (
@@ -62,7 +63,6 @@ from imuscope.protocols.idtp.replay_guard import (
 )
 from imuscope.protocols.idtp.stream_parser import ClassifiedFrames, IdtpStream
 from imuscope.protocols.idtp.units import UNITS, UnitWatch
-from imuscope.protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
 from imuscope.protocols.schema import Direction, Message
 from imuscope.protocols.stream_parser import StreamDecoder
 

@@ -43,6 +43,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.checksums import CRC8_END, CRC8_START, crc8_autosar, crc8_block, crc32_autosar
+from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, TABLE, compiled, inlined, unsigned
 from imuscope.protocols.framing import (
     BAD_CRC8,
     BAD_CRC32,
@@ -66,7 +67,6 @@ from imuscope.protocols.framing import (
     Ints,
     Scan,
 )
-from imuscope.protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, inlined, unsigned
 
 PREAMBLE, SUCCESSOR_PREAMBLE = b"IDTP", b"INDT"
 HEADER = struct.Struct("<4sIIHHBBB")  # without its CRC-8

@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.compiled import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
 from imuscope.protocols.framing import Bytes, Ints
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.messages import (
@@ -34,7 +35,6 @@ from imuscope.protocols.idtp.messages import (
     rest,
     status_of,
 )
-from imuscope.protocols.jit import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
 from imuscope.protocols.layouts import Layout, LazyColumns, element, size_of
 from imuscope.protocols.schema import Field, Message
 

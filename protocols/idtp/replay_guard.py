@@ -41,6 +41,20 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.compiled import (
+    BYTES,
+    FLAG,
+    FOUR,
+    INT,
+    INTS,
+    NOTHING,
+    PAIR,
+    STRIDED,
+    TABLE,
+    compiled,
+    inlined,
+    unsigned,
+)
 from imuscope.protocols.framing import (
     FAR_AHEAD,
     FRAME,
@@ -55,20 +69,6 @@ from imuscope.protocols.framing import (
     ScanCapacity,
 )
 from imuscope.protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
-from imuscope.protocols.jit import (
-    BYTES,
-    FLAG,
-    FOUR,
-    INT,
-    INTS,
-    NOTHING,
-    PAIR,
-    STRIDED,
-    TABLE,
-    compiled,
-    inlined,
-    unsigned,
-)
 
 FAR = 1 << 16
 HALF = 1 << 31

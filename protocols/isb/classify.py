@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
 from imuscope.protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS, Bytes, Ints
 from imuscope.protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
 from imuscope.protocols.isb.time_base import (
@@ -43,7 +44,6 @@ from imuscope.protocols.isb.time_base import (
     up_time,
     update_time,
 )
-from imuscope.protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
 
 VIEW = STRIDED  # a scan's table is the filled part of a larger one
 

@@ -32,6 +32,7 @@ import struct
 from collections.abc import Mapping
 
 from imuscope.protocols.checksums import fletcher16
+from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
 from imuscope.protocols.framing import (
     BAD_CHECKSUM,
     BAD_SIZE,
@@ -48,7 +49,6 @@ from imuscope.protocols.framing import (
     Bytes,
     Ints,
 )
-from imuscope.protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
 
 FIRST, SECOND = 0xEF, 0x49
 HEADER, TRAILER = 6, 2

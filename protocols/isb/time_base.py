@@ -31,15 +31,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from imuscope.protocols.compiled import FLAG, INT, compiled, inlined, several, unsigned
 from imuscope.protocols.framing import Bytes
-from imuscope.protocols.jit import FLAG, INT, compiled, inlined, several, unsigned
 
 LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 
 NONE, UP, WEEK_TOW, FIX, TOW, GTIME = range(6)
 
 # State of a device's clocks: shift, its quality, newest up-time, newest UTC, newest week, epoch. A tuple, because
-# compiled code keeps its numbers in registers; an array would be reference-counted in every function.
+# machine code keeps its numbers in registers.
 TimeState = tuple[int, int, int, int, int, int]
 TimeReport = tuple[TimeState, int, int, int, int]
 STATE = several(INT, INT, INT, INT, INT, INT)

@@ -28,6 +28,7 @@ import struct
 import numpy as np
 
 from imuscope.protocols.checksums import check_sum8, sum8
+from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
 from imuscope.protocols.framing import (
     BAD_CHECKSUM,
     BAD_ID,
@@ -44,7 +45,6 @@ from imuscope.protocols.framing import (
     Bytes,
     Ints,
 )
-from imuscope.protocols.jit import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
 
 PREAMBLE = 0xFA
 EXTENDED = 0xFF

@@ -51,7 +51,7 @@ ENVIRONMENT_HELP = """environment variables, used if the option is not given:
   IMUSCOPE_DATA                   --data
   IMUSCOPE_CONFIG                 --config
   IMUSCOPE_TOKEN                  --token
-{secrets}  XDG_DATA_HOME, NUMBA_CACHE_DIR  default places of the data folder and of compiled code
+{secrets}  XDG_DATA_HOME                   default place of the data folder
 """
 ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
 """Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""

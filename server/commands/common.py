@@ -1,4 +1,4 @@
-"""Helpers shared by several commands: one-line errors, decode options of sources, compiled code."""
+"""Helpers shared by several commands: one-line errors, decode options of sources."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from imuscope.server import jit_cache, logging_setup
+from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
-from imuscope.server.config import load
 from imuscope.server.devices.decode_options import (
     DecodeOptions,
     checked_options,
@@ -22,28 +21,27 @@ from imuscope.server.devices.decode_options import (
 )
 
 PIPE_BYTES = 1 << 20
+SLOW_BYTES = 1 << 20
+"""Plain Python decodes it in some seconds."""
+INTERPRETED = (
+    "Decoding runs as plain Python, about 100 times slower: there is no machine code for this source and processor. "
+    "Install imuscope again, or build it (python -m imuscope.protocols.compiler)."
+)
 
 
 class UsageError(Exception):
     """An error that the user can correct, printed as one line."""
 
 
-def prepare(data: Path | None) -> Path:
-    """Set the folder of compiled code, report unusual ones, and return the data folder."""
-    folder = load(data=data).data
-    for sentence in jit_cache.prepare_cache(folder):
-        print_status(sentence)
-    return folder
+def warn_if_interpreted(size: int | None) -> None:
+    """Say so where decoding `size` bytes takes long, because it runs as plain Python (None: an unknown number)."""
+    if size is not None and size < SLOW_BYTES:
+        return
+    from imuscope.protocols import registry  # noqa: F401 (its modules have the loops)
+    from imuscope.protocols.compiled import is_complete
 
-
-def prepare_decoders(data: Path | None, size: int | None = None) -> Path:
-    """`prepare`, and compile the decoders if `size` bytes are worth it (None: an unknown, possibly large number)."""
-    folder = prepare(data)
-    from imuscope.protocols.jit import INTERPRETED_BYTES
-
-    if size is None or size > INTERPRETED_BYTES:
-        jit_cache.load(report=print_status)
-    return folder
+    if not is_complete():
+        print_status(INTERPRETED)
 
 
 def print_status(sentence: str) -> None:

@@ -15,8 +15,8 @@ from imuscope.server.commands.common import (
     check_sources,
     given_options,
     normalized_sources,
-    prepare,
     shares_by_source,
+    warn_if_interpreted,
 )
 from imuscope.server.config import Config, load
 from imuscope.server.devices.decode_options import declared_options, option_text
@@ -66,7 +66,7 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
     logging_setup.install(config.log_format, config.log_level, keys)
     tls_renewal = http_server.keeper_of(config)
     _check_extensions(config)
-    prepare(config.data)
+    warn_if_interpreted(None)
     check_sources(config.sources, decode_options)
     try:
         listener = http_server.listen(config.host, config.port)

@@ -1,7 +1,6 @@
 """The protocols for a session: the rows of protocols/registry.py, imported on first use.
 
-Importing the registry loads compiled code (protocols/jit.py) in a tenth of a second, or compiles it the first time in
-some seconds; the command line does that before it serves, and reports it.
+Importing the registry takes a tenth of a second, which commands that need no protocol save.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ POLL_S = 0.02
 
 def likely_rates() -> tuple[int, ...]:
     """Rates to listen at, most likely first: factory rates of the families, then others."""
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use: it takes a tenth of a second
 
     delivered = (baud for family in PROTOCOLS.values() for baud in family.device.bauds)
     return tuple(dict.fromkeys((*delivered, *OTHER_RATES)))

@@ -6,8 +6,8 @@
 
 A device that sends 2000 times a second wakes its thread as often. In Python each time costs ten times what the kernel
 needs, and the thread waits for the interpreter's lock before it can take the time. The compiled loop needs neither: it
-releases the lock for the whole call, and stamps a read right after it. Before it is compiled it runs as plain Python
-(protocols/jit.py), in which each call of the system releases the lock.
+releases the lock for the whole call, and stamps a read right after it. As plain Python (protocols/compiled.py) it
+releases the lock for each call of the system.
 
 The loop reports a failed read without its cause; the caller then reads itself, and gets the exception.
 
@@ -24,73 +24,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuscope.protocols.events import Array
-from imuscope.protocols.jit import INT, INTS, LibraryFunction, array, compiled
 from imuscope.server.links.base import Chunk
+from imuscope.server.links.read_kernel import SECOND_NS, gather
 
 BUFFER_BYTES = 1 << 16
-ROOM_BYTES = 1 << 12  # a tty returns at most so much at once
 MAX_READS = 256  # per call
-SECOND_NS = 1_000_000_000
 
 _POLLED = np.dtype([("fd", "i4"), ("events", "i2"), ("revents", "i2")])  # struct pollfd, as four int16
-_STOPPED = 7  # revents of the second of two
-_MONOTONIC = time.CLOCK_MONOTONIC
-_SHORTS, _BUFFER = array("int16", 1, "C"), array("uint8", 1, "C")
-
-ppoll = LibraryFunction("ppoll", "int32", "int64", "uint64", "int64", "int64")
-read = LibraryFunction("read", "int64", "int32", "int64", "uint64")
-clock_gettime = LibraryFunction("clock_gettime", "int32", "int32", "int64")
-
-
-@compiled(INT, INT, _SHORTS, _BUFFER, INTS, INTS, INTS, INT, INT)
-def gather(
-    fd: int,
-    polled: Array,
-    buffer: Array,
-    ends: Array,
-    arrivals: Array,
-    timespec: Array,
-    first_ns: int,
-    until_ns: int,
-) -> int:
-    """Wait for bytes, then read until a time.
-
-    Args:
-        polled: two `struct pollfd`: of `fd`, and of a pipe that stops the loop when it is readable.
-        buffer: receives the bytes.
-        ends, arrivals: end of each read in `buffer`, and its time by the monotonic clock, ns.
-        timespec: (2,) memory for seconds and nanoseconds.
-        first_ns: longest wait for the first byte; negative for no limit.
-        until_ns: time by the monotonic clock at which the loop ends, if anything was read.
-
-    Returns:
-        Number of reads; if the last one failed, −1 minus the number of those before.
-    """
-    done = 0
-    size = 0
-    wait_ns = first_ns
-    while done < len(ends) and len(buffer) - size >= ROOM_BYTES:
-        timeout = 0
-        if wait_ns >= 0:
-            timespec[0] = wait_ns // SECOND_NS
-            timespec[1] = wait_ns % SECOND_NS
-            timeout = timespec.ctypes.data
-        if ppoll(polled.ctypes.data, 2, timeout, 0) <= 0 or polled[_STOPPED] != 0:
-            return done
-        count = read(fd, buffer.ctypes.data + size, len(buffer) - size)
-        if count <= 0:
-            return -1 - done
-        clock_gettime(_MONOTONIC, timespec.ctypes.data)
-        now = timespec[0] * SECOND_NS + timespec[1]
-        size += count
-        ends[done] = size
-        arrivals[done] = now
-        done += 1
-        wait_ns = until_ns - now
-        if wait_ns <= 0:
-            return done
-    return done
 
 
 class ReadLoop:

@@ -130,7 +130,7 @@ def frames_of(data: bytes, protocol: str) -> tuple[list[bytes], bytes]:
     Returns:
         The pieces (whole frames, and bytes between them), and the incomplete frame at the end.
     """
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry import PROTOCOLS  # imported on first use: it takes a tenth of a second
 
     simulator = PROTOCOLS[protocol].simulator
     assert simulator is not None

@@ -272,7 +272,7 @@ class SimulatorLink(Link):
         await self.close()
         if time.monotonic() < self._away_until_s:
             raise LinkError("not-found", f"{self.source} is unplugged.", "It comes back by itself in a few seconds.")
-        # The first device loads compiled modules: not on the event loop, and before the port exists.
+        # The first device imports its family: not on the event loop, and before the port exists.
         await asyncio.to_thread(self._make, 0)
         try:
             self._simulator = SimulatorThread(self._make, self.options, before=self._device)

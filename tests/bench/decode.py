@@ -25,7 +25,6 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from imuscope.protocols import jit  # noqa: E402
 from imuscope.protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
 from imuscope.protocols.registry import PROTOCOLS  # noqa: E402
 from tests.bench.report import report  # noqa: E402
@@ -69,7 +68,6 @@ def decode(protocol: str, chunks: Sequence[bytes]) -> int:
 
 def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
     """The figures of one file."""
-    jit.load()
     once = file.read_bytes()
     data = once * -(-size // len(once))
     megabytes = len(data) / 1e6

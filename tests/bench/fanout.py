@@ -30,7 +30,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from imuscope.server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
 from tests.bench.serial_device import Feed, must_be_live  # noqa: E402
@@ -174,7 +173,6 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--seconds", type=float, default=15)
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
-    use_compiled_code()
     report("fanout", asyncio.run(measure(parser.parse_args())))
 
 

@@ -24,7 +24,6 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.flood_latency import WITHIN_S, FloodLatency, lateness_s  # noqa: E402
 from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import report  # noqa: E402
@@ -59,7 +58,6 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=20, help="of each flood")
     parser.add_argument("--only", nargs="*", choices=FLOODS, default=list(FLOODS), help="these floods")
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
-    use_compiled_code()
     options = parser.parse_args()
     floods = {}
     with tempfile.TemporaryDirectory() as folder, watched(Path(folder)) as there:

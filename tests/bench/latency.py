@@ -35,7 +35,6 @@ sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
 from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
 from tests.server_process import ServerProcess, tied  # noqa: E402
 
@@ -164,7 +163,6 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
-    use_compiled_code()
     options = parser.parse_args()
     path = chromium.find()
     if path is None:

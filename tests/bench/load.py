@@ -38,7 +38,6 @@ sys.path.insert(0, str(ROOT))
 
 from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from tests import load_clients  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import Memory  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
@@ -239,7 +238,6 @@ def main() -> int:
     parser.add_argument("--memory-mb", type=int, default=64, help="of history; full after a minute at 4 × 2 kHz")
     parser.add_argument("--disturb", action="store_true", help="a stalled, a slow and a flooding client")
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
-    use_compiled_code()
     options = parser.parse_args()
     out = measure(options)
     kept = verdict(out)

@@ -89,13 +89,11 @@ def make(path: Path, minutes: float) -> None:
 
 def measure(path: Path, store: Path) -> dict[str, float]:
     """Work of the separate process; figures in s and MB."""
-    from imuscope.protocols import jit
     from imuscope.recordings.column_store import ColumnStore
     from imuscope.recordings.sources import McapSource
     from imuscope.server.devices.protocol_set import all_protocols
     from imuscope.server.library.decode import decode
 
-    jit.load()
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     start, cpu = time.perf_counter(), time.process_time()
     firsts: list[float] = []

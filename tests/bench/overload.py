@@ -28,7 +28,6 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.load import Api  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
 from tests.bench.serial_devices import Speakers, heard_in  # noqa: E402
@@ -160,7 +159,6 @@ def main() -> int:
     parser.add_argument("--cores", type=int, default=0, help="everything on so many cores; 0: all")
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
-    use_compiled_code()
     options = parser.parse_args()
     out = measure(options)
     kept = verdict(out)

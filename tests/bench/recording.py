@@ -30,7 +30,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 from tests.bench.tcp_device import TcpDevice  # noqa: E402
@@ -126,7 +125,6 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--kills", type=int, default=5)
     parser.add_argument("--save", action="store_true")
-    use_compiled_code()
     given = parser.parse_args()
     found = cost(given.rate, given.seconds, given.turns)
     yardstick = bare(given.rate, given.seconds)

@@ -37,7 +37,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.opening import make  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
@@ -197,7 +196,6 @@ def main() -> None:
     )
     parser.add_argument("--requests", action="store_true", help="tell the requests of the last opening, too")
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
-    use_compiled_code()
     wish = parser.parse_args()
     path = chromium.find()
     if path is None:

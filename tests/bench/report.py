@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 RESULTS = Path(__file__).parent / "results"
-PACKAGES = ("numpy", "numba", "uvicorn", "websockets", "fastapi")
+PACKAGES = ("numpy", "uvicorn", "websockets", "fastapi")
 
 
 def percentile(values: Sequence[float], share: float) -> float:

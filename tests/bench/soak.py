@@ -36,7 +36,6 @@ sys.path.insert(0, str(ROOT))
 from imuscope.server.config import Config  # noqa: E402
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
 from tests import load_clients  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import curve, resident_mb  # noqa: E402
 from tests.bench.report import report  # noqa: E402
@@ -107,9 +106,7 @@ def serve(options: argparse.Namespace) -> None:
     from imuscope.server.app import create_app
     from imuscope.server.auth import Access
     from imuscope.server.devices import sessions
-    from imuscope.server.jit_cache import prepare_cache
 
-    prepare_cache(options.data)
     logging_setup.install("text", "error")  # a client is expected not to keep up with a day in minutes
     sessions.WALL_STEP_S = float("inf")  # its wall clock goes at another pace, all the time
     clock = Time()
@@ -288,7 +285,6 @@ def main() -> int:
     parser.add_argument("--memory-mb", type=int, default=64, help="of history")
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     parser.add_argument("--serve", dest="data", type=Path, help=argparse.SUPPRESS)
-    use_compiled_code()
     options = parser.parse_args()
     if options.data is not None:
         serve(options)

@@ -30,7 +30,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
@@ -99,7 +98,6 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--seconds", type=float, default=10.0)
     options.add_argument("--save", action="store_true")
-    use_compiled_code()
     seconds = options.parse_args().seconds
     whole = 3 * (seconds + SETTLE_S) + 40
     with (

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import json
-import os
 import platform
 import sys
 import time
@@ -19,7 +18,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from tests.cache_folder import compiled_code
+from imuscope.protocols import compiled
 from tests.fuzz.cases import write
 from tests.fuzz.search import CorpusSearch, minimised
 from tests.fuzz.targets import TARGETS
@@ -71,8 +70,7 @@ def main() -> int:
 
 
 def _outside(given: argparse.Namespace) -> int:
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
-    from tests.fuzz.external_inputs import ExternalRun  # afterwards, because it loads compiled code
+    from tests.fuzz.external_inputs import ExternalRun
 
     begin = time.monotonic()
     run = ExternalRun(given.protocol, given.seed)
@@ -104,7 +102,7 @@ def _note(given: argparse.Namespace, search: CorpusSearch, seconds: float, kinds
             "date": datetime.now(UTC).strftime("%Y-%m-%d"),
             "protocol": given.protocol,
             "seed": given.seed,
-            "compiled": os.environ.get("NUMBA_DISABLE_JIT", "0") != "1",
+            "compiled": not compiled.DISABLED,
             "minutes": round(seconds / 60, 1),
             "cases": search.cases,
             "bytes": search.bytes,
@@ -114,7 +112,7 @@ def _note(given: argparse.Namespace, search: CorpusSearch, seconds: float, kinds
             "broken": kinds,
             "versions": {
                 "python": platform.python_version(),
-                **{name: version(name) for name in ("numpy", "numba", "pynmeagps")},
+                **{name: version(name) for name in ("numpy", "pynmeagps")},
             },
         }
     )

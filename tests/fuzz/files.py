@@ -53,7 +53,7 @@ from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.search import CorpusSearch as Decoders
 
 PATIENCE_S = 60  # no case takes a second on a quiet machine
-ROOM = 1 << 30  # bytes; a case holds some kB. What numba and threads reserve at once is in it
+ROOM = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
 LOGS = Path(__file__).parents[1] / "golden" / "isb" / "logs"
 LOG = "LOG_SN60339_20261120_120000_0001"
 START = 1_760_000_000_000_000_000

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from imuscope.protocols.jit import Kernel
+from imuscope.protocols.compiled import plain
 from imuscope.server.links import read_loop
 from imuscope.server.links.base import Chunk, steady_clock
 from imuscope.server.links.read_loop import BUFFER_BYTES, MAX_READS, ReadLoop, monotonic_offset_ns
@@ -51,8 +51,8 @@ class ReadEnd:
 
 @pytest.fixture(params=["compiled", "plain"])
 def end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[ReadEnd]:
-    if request.param == "plain" and isinstance(read_loop.gather, Kernel):
-        monkeypatch.setattr(read_loop, "gather", read_loop.gather.function)
+    if request.param == "plain":
+        monkeypatch.setattr(read_loop, "gather", plain(read_loop.gather))
     made = ReadEnd()
     yield made
     made.close()

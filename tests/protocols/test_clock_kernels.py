@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.protocols.clock_kernels import decreases, delays_of, host_times
+from imuscope.protocols.compiled import plain
 from imuscope.protocols.framing import StreamBuffer
-from imuscope.protocols.jit import Kernel
 
 ORIGIN, HOST_ORIGIN = 5_000_000_000_000, 1_700_000_000_000_000_000
 NS = st.integers(-(10**13), 10**13)
@@ -20,7 +20,7 @@ NS = st.integers(-(10**13), 10**13)
 
 def both(kernel: Any) -> list[Callable[..., Any]]:
     """A kernel as it runs, and its plain Python."""
-    return [kernel, kernel.function] if isinstance(kernel, Kernel) else [kernel]
+    return [kernel, plain(kernel)]
 
 
 @given(

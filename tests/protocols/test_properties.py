@@ -321,13 +321,13 @@ for path in sorted(Path(sys.argv[1]).iterdir()):
 
 
 def test_without_compilation(tmp_path: Path) -> None:
-    """NUMBA_DISABLE_JIT=1 runs the same source as plain Python and gives the same answers."""
+    """IMUSCOPE_PLAIN_PYTHON=1 runs the same source as plain Python and gives the same answers."""
     noise = bytes(range(256)) + b"\xfa\xff\x36\x05" + b"$HCHDM,123.45,M*18\r\n" + b"\xfa\xff\x36\xff\x1f\xff"
     streams = {name: noise.join(one.everything())[:60_000] for name, one in SPEAKERS.items()}
     streams["isb"] += IsbSimulator().advance(7 * 10**9)[-20_000:]  # its clocks go from uptime to time of week
     for name, stream in streams.items():
         (tmp_path / name).write_bytes(stream)
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "IMUSCOPE_PLAIN_PYTHON": "1", "PYTHONPATH": str(ROOT)}
     subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], env=environment, cwd=ROOT, check=True)
     for name, stream in streams.items():
         plain = (tmp_path / name).read_text()
@@ -348,9 +348,9 @@ INTERPRETED = (
 
 
 def test_the_tests_of_decoders_pass_without_compilation() -> None:
-    """Where nothing is compiled yet, as at a first start, the loops are these."""
+    """Where no machine code was built, the loops are these."""
     names = [f"tests/protocols/{name}" for name in INTERPRETED]
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *names]
     env = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}  # a profile counts them twice
-    done = subprocess.run(command, env={**env, "NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True)
+    done = subprocess.run(command, env={**env, "IMUSCOPE_PLAIN_PYTHON": "1"}, cwd=ROOT, capture_output=True)
     assert done.returncode == 0, done.stdout.decode()

@@ -121,10 +121,11 @@ def test_a_build_without_git_takes_its_commit_from_the_environment(
 ) -> None:
     """The image is built without `.git`, and did not know what it was made from."""
     monkeypatch.setattr(build, "build", lambda: None)
+    monkeypatch.setattr(build, "build_native", lambda: None)
     monkeypatch.setattr(build, "PAGE", ROOT / "server" / "page")
     monkeypatch.setenv(build.COMMIT, "0123abcd")
     assert f'{build.COMMIT}="$COMMIT"' in (ROOT / "Dockerfile").read_text()
-    hook = build.PageBuildHook.__new__(build.PageBuildHook)  # hatchling, which makes it, is no part of the tests
+    hook = build.PackageBuildHook.__new__(build.PackageBuildHook)  # hatchling, which makes it, is no part of the tests
     included: dict[str, dict[str, str]] = {"force_include": {}}
     hook.initialize("standard", included)
     [(file, place)] = included["force_include"].items()

@@ -11,10 +11,10 @@ from imuscope.server.commands.common import (
     UsageError,
     checked_protocol,
     decode_options_of,
-    prepare_decoders,
     readable,
     seekable,
     size_of,
+    warn_if_interpreted,
 )
 from imuscope.server.commands.file_arguments import add_file, add_range
 from imuscope.server.devices.decode_options import DecodeOptions
@@ -87,7 +87,7 @@ def analysis_list() -> str:
 def run(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
-    prepare_decoders(options.data, size_of(file))
+    warn_if_interpreted(size_of(file))
     from imuscope.server.extensions.analysis.analyse import (
         AnalyseError,
         AnalyseRequest,

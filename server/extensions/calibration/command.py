@@ -11,10 +11,10 @@ from imuscope.server.commands.common import (
     UsageError,
     checked_protocol,
     decode_options_of,
-    prepare_decoders,
     readable,
     seekable,
     size_of,
+    warn_if_interpreted,
 )
 from imuscope.server.commands.file_arguments import add_file, add_range
 
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     for name, most in (("field", 1e6), ("gravity", 20.0)):
         if not 0 <= getattr(options, name) <= most:
             raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
-    prepare_decoders(options.data, size_of(file))
+    warn_if_interpreted(size_of(file))
     from imuscope.server.extensions.calibration.calibrate import (
         CalibrateError,
         CalibrateRequest,

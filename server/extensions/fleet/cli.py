@@ -9,10 +9,10 @@ from imuscope.server.commands.common import (
     UsageError,
     checked_protocol,
     decode_options_of,
-    prepare_decoders,
     readable,
     seekable,
     size_of,
+    warn_if_interpreted,
 )
 
 
@@ -20,7 +20,7 @@ def upload(options: argparse.Namespace) -> None:
     """Run `imuscope upload`."""
     file = readable(options.file)
     decode_options = decode_options_of(options)
-    prepare_decoders(options.data, size_of(file))
+    warn_if_interpreted(size_of(file))
     from imuscope.server.extensions.fleet.upload_command import UploadError, UploadRequest, upload_file
 
     decode_options = checked_protocol(decode_options)
