@@ -248,8 +248,8 @@ class BaudChange:
 
 
 @dataclass(frozen=True, slots=True)
-class Harm:
-    """Possible harm of a change: its kind, and one sentence for the user."""
+class Risk:
+    """Possible harm of a command or a change: its kind, and one sentence for the user."""
 
     caution: Caution
     consequence: str
@@ -373,8 +373,8 @@ class DeviceDriver(ABC):
         """
         return None
 
-    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
-        """Harm of this write, by single fields, apart from `line_change` and the setting's own caution."""
+    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Risk]:
+        """Risk of this write, by single fields, apart from `line_change` and the setting's own caution."""
         return []
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:

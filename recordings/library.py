@@ -36,7 +36,7 @@ from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.probe import ALWAYS_LISTED, RecordedDevice, RecordingProbe, probe
 from imuscope.recordings.quota import BIN
 from imuscope.recordings.regular_file import read_regular, readable_name
-from imuscope.recordings.sidecar import Edits, Marker
+from imuscope.recordings.sidecar import Edits, MarkerInfo
 from imuscope.recordings.summary import is_summary, summarize
 from imuscope.recordings.upload_names import clean_name
 
@@ -268,7 +268,7 @@ class Library:
             self._store(entry, edits.over(sidecar.read(entry.path)))
             return self.get(recording)
 
-    def mark(self, recording: str, marker: Marker) -> Marker:
+    def mark(self, recording: str, marker: MarkerInfo) -> MarkerInfo:
         """Add a marker or note after recording. Raises as `edit` does."""
         with self._lock:
             entry = self.get(recording)

@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from imuscope.recordings import atomic_write
 from imuscope.recordings.mcap_writer import RecordingError, check_format_version
@@ -32,11 +32,11 @@ MAX_BYTES = 4 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Marker:
-    """A marker or note that was added later; `time` in unix s."""
+class MarkerInfo:
+    """A marker or note that was added later."""
 
-    time: float
-    kind: str = "marker"
+    time: float  # unix s
+    kind: Literal["marker", "note"] = "marker"
     text: str = ""
     device: str = ""
     id: int = 0
@@ -50,7 +50,7 @@ class Edits:
     tags: tuple[str, ...] | None = None
     notes: str | None = None
     pinned: bool | None = None
-    markers: tuple[Marker, ...] = field(default=())
+    markers: tuple[MarkerInfo, ...] = field(default=())
 
     def over(self, older: Edits) -> Edits:
         """These edits, filled up from older ones."""
@@ -63,7 +63,7 @@ class Edits:
             (*(marker for marker in older.markers if marker.id not in known), *self.markers),
         )
 
-    def with_marker(self, marker: Marker) -> Edits:
+    def with_marker(self, marker: MarkerInfo) -> Edits:
         """These edits with one more marker, which gets a new id."""
         number = max((one.id for one in self.markers), default=FIRST_MARKER - 1) + 1
         return replace(self, markers=(*self.markers, replace(marker, id=number)))
@@ -202,18 +202,18 @@ def _text(value: Any) -> str | None:
     return value if isinstance(value, str) else None
 
 
-def _marker(values: Any) -> Marker | None:
+def _marker(values: Any) -> MarkerInfo | None:
     if not isinstance(values, dict):
         return None
     time, number = values.get("time"), values.get("id")
     if isinstance(time, bool) or not isinstance(time, int | float) or not math.isfinite(time):
         return None
-    kind = "note" if values.get("kind") == "note" else "marker"
+    kind: Literal["marker", "note"] = "note" if values.get("kind") == "note" else "marker"
     text, device = _text(values.get("text")) or "", _text(values.get("device")) or ""
-    return Marker(float(time), kind, text, device, number if isinstance(number, int) else FIRST_MARKER)
+    return MarkerInfo(float(time), kind, text, device, number if isinstance(number, int) else FIRST_MARKER)
 
 
-def _plain(marker: Marker) -> dict[str, Any]:
+def _plain(marker: MarkerInfo) -> dict[str, Any]:
     return {
         "id": marker.id,
         "time": marker.time,

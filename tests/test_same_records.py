@@ -10,11 +10,8 @@ from tests.source_files import python_files, tree_of
 # Records of the same fields that are two, and why.
 SAME_FIELDS = {
     ("TimedRows", "_Rows"): "one is an answer, of the other a column may be one number",
-    ("PositionFix", "Position"): "a message may leave the height out; the tracker fills it in",
-    ("Harm", "Risk"): "a kind that the page knows, and any text",
     ("Bits", "BitsInfo"): "values of a group are numbers, and decimal text as keys of JSON",
     ("Meaning", "MeaningForm"): "rows of a table have tuples and an order of their own",
-    ("Marker", "MarkerInfo"): "a file may hold any kind, an answer one of two",
     ("Statistics", "ColumnStatistics"): "JSON has no NaN",
     ("AnalysisOption", "OptionInfo"): "the default of a choice is its number in the one, its text in the other",
     ("ProblemBody", "_Problem"): "one writes an answer, the other checks what a robot sent",
@@ -23,10 +20,9 @@ SAME_FIELDS = {
         "SettingsChange",
         "ClientChange",
     ): "the rows of an answer are those of a comparison without some columns",
-    ("ExpressionFunction", "SqlFunction"): "functions of two languages, answered by the kernel and by an extension",
+    ("ExpressionFunction", "SqlFunction"): "of two extensions, each of which can be left out",
     ("AcknowledgeRequest", "ProfileRequest"): "two extensions could each be removed",
     ("CalibrationOptions", "CalibrationOptionsBody"): "a request may leave the axis out",
-    ("SettingsAnswer", "DeviceSettings"): "one checks what a robot sent",
     ("TableColumnInfo", "StoreColumn"): "types of Arrow, and their names",
     ("ReportedDevice", "RobotDevice"): "one checks what a robot sent",
     ("Devices", "HealthReport"): "messages differ in `op`",

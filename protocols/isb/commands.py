@@ -8,10 +8,10 @@
     GET_DATA STOP_…    the packets themselves
     ASCE INFO PERS SRST STPB STPC                  the same in text, NMEA 0183, for every version of the protocol
 
-The harm in a row (`caution`, `consequence`) is shown to the user before it is sent. stored_settings.py lists
+The risk in a row (`caution`, `consequence`) is shown to the user before it is sent. stored_settings.py lists
 the stored settings.
 
-Rules for editing: a system command is a row of datasets.txt (eSystemCommand) and, if it does harm, one of `_HARM`. A
+Rules for editing: a system command is a row of datasets.txt (eSystemCommand) and, if it has a risk, one of `_RISKS`. A
 stored data set is a row of stored_settings.py.
 
 Source: ISB document; NMEA document of the same maker, "NMEA input messages"; inertial-sense-sdk 2.7.1, data_sets.h.
@@ -42,7 +42,7 @@ from imuscope.protocols.isb.stored_settings import (
 from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
 from imuscope.protocols.labels import constant_label
 from imuscope.protocols.schema import Command, Field
-from imuscope.protocols.transactions import Harm
+from imuscope.protocols.transactions import Risk
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
 NMEA_SOURCE = "Inertial Sense user manual, NMEA 0183 (ASCII) protocol"
@@ -60,16 +60,16 @@ _SENTENCES = {  # selectable ones: neither commands nor marks
 }
 
 
-_RESTARTS = Harm("restarts", "The device restarts; streams that are not saved do not resume.")
-_BRIDGE = Harm("cuts-line", "A port becomes a bridge and no longer answers until the device restarts.")
-_BOOT = Harm("cuts-line", "The device waits in its bootloader for firmware and does not measure until it restarts.")
-_MAKER = Harm("loses-settings", "A manufacturer command; data that it erases cannot be restored by this program.")
-_FAULT = Harm("restarts", "Causes a deliberate fault; the device restarts.")
-_ZERO = Harm("moves-frame", "The device assumes that it is stationary; if it is moving, its navigation becomes wrong.")
-_FLASH = Harm("wears-flash", "Writes to the flash memory, which supports a limited number of writes.")
+_RESTARTS = Risk("restarts", "The device restarts; streams that are not saved do not resume.")
+_BRIDGE = Risk("cuts-line", "A port becomes a bridge and no longer answers until the device restarts.")
+_BOOT = Risk("cuts-line", "The device waits in its bootloader for firmware and does not measure until it restarts.")
+_MAKER = Risk("loses-settings", "A manufacturer command; data that it erases cannot be restored by this program.")
+_FAULT = Risk("restarts", "Causes a deliberate fault; the device restarts.")
+_ZERO = Risk("moves-frame", "The device assumes that it is stationary; if it is moving, its navigation becomes wrong.")
+_FLASH = Risk("wears-flash", "Writes to the flash memory, which supports a limited number of writes.")
 
-_HARM: Mapping[str, Harm] = {
-    "SAVE_PERSISTENT_MESSAGES": Harm("wears-flash", "The current streams resume after every restart."),
+_RISKS: Mapping[str, Risk] = {
+    "SAVE_PERSISTENT_MESSAGES": Risk("wears-flash", "The current streams resume after every restart."),
     "SAVE_FLASH": _FLASH,
     "SAVE_GPS_ASSIST_TO_FLASH_RESET": _RESTARTS,
     "SOFTWARE_RESET": _RESTARTS,
@@ -79,25 +79,25 @@ _HARM: Mapping[str, Harm] = {
     "GPX_ENABLE_GNSS2_CHIPSET_BOOTLOADER": _BOOT,
     "GPX_ENABLE_GNSS1_PASS_THROUGH": _BRIDGE,
     "GPX_ENABLE_GNSS2_PASS_THROUGH": _BRIDGE,
-    "GPX_SOFT_RESET_GPX": Harm("restarts", "The GPX restarts; positions pause."),
-    "GPX_HARD_RESET_GNSS1": Harm("restarts", "The first receiver restarts; positions pause."),
-    "GPX_HARD_RESET_GNSS2": Harm("restarts", "The second receiver restarts; positions pause."),
-    "GNSS_RCVR_SOFT_RESET": Harm("restarts", "The receiver restarts; positions pause."),
-    "GNSS_RCVR_HARD_RESET": Harm("restarts", "The receiver restarts and discards its satellite data; positions pause."),
-    "GNSS_RCVR_QUIET_MODE": Harm("stops-output", "The receiver stops; no positions are available until it is reset."),
-    "RESET_EKF_STATES": Harm(
+    "GPX_SOFT_RESET_GPX": Risk("restarts", "The GPX restarts; positions pause."),
+    "GPX_HARD_RESET_GNSS1": Risk("restarts", "The first receiver restarts; positions pause."),
+    "GPX_HARD_RESET_GNSS2": Risk("restarts", "The second receiver restarts; positions pause."),
+    "GNSS_RCVR_SOFT_RESET": Risk("restarts", "The receiver restarts; positions pause."),
+    "GNSS_RCVR_HARD_RESET": Risk("restarts", "The receiver restarts and discards its satellite data; positions pause."),
+    "GNSS_RCVR_QUIET_MODE": Risk("stops-output", "The receiver stops; no positions are available until it is reset."),
+    "RESET_EKF_STATES": Risk(
         "moves-frame", "The navigation filter restarts; attitude and position must converge again."
     ),
     "ZERO_MOTION": _ZERO,
     "REF_POINT_STATIONARY": _ZERO,
 }
 
-_BY_NUMBER = Harm(
+_BY_NUMBER = Risk(
     "loses-settings",
     "Depending on its number, a system command can restart the device, turn a port into a bridge or erase data.",
 )
-_REPLACES = Harm("stops-output", "These streams replace the current streams of this port.")
-_OVERWRITES = Harm(
+_REPLACES = Risk("stops-output", "These streams replace the current streams of this port.")
+_OVERWRITES = Risk(
     "loses-settings", "Overwrites data of the device that cannot be read back and restored by this program."
 )
 _STORED = ("UCAL", "TCAL", "MCAL", "SCOMP", "TC_BIAS", "MANUFACTURING", "DEV_INFO", "FLASH")
@@ -129,8 +129,8 @@ ASCE_FIELDS = (
 
 # -- commands ----------------------------------------------------------------------------------------------------------
 
-_STOPS = Harm("stops-output", "All output on this port stops, including NMEA, until it is requested again.")
-_STOPS_ALL = Harm("stops-output", "Output stops on every port of the device, including ports used by other computers.")
+_STOPS = Risk("stops-output", "All output on this port stops, including NMEA, until it is requested again.")
+_STOPS_ALL = Risk("stops-output", "Output stops on every port of the device, including ports used by other computers.")
 
 
 def _packets() -> list[Command]:
@@ -149,7 +149,7 @@ def _packets() -> list[Command]:
             title="Stop one stream",
             doc="The device does not acknowledge this command.",
         ),
-        _harmed(
+        _with_risk(
             Command(
                 "STOP_BROADCASTS_CURRENT_PORT",
                 (),
@@ -161,7 +161,7 @@ def _packets() -> list[Command]:
             ),
             _STOPS,
         ),
-        _harmed(
+        _with_risk(
             Command(
                 "STOP_BROADCASTS_ALL_PORTS",
                 (),
@@ -177,20 +177,20 @@ def _packets() -> list[Command]:
     ]
 
 
-def _harmed(command: Command, harm: Harm | None) -> Command:
-    if harm is None:
+def _with_risk(command: Command, risk: Risk | None) -> Command:
+    if risk is None:
         return command
-    return replace(command, caution=harm.caution, consequence=harm.consequence)
+    return replace(command, caution=risk.caution, consequence=risk.consequence)
 
 
 def _nmea() -> list[Command]:
     rows = (
         Command("ASCE", ASCE_FIELDS, "set", G_NMEA, "ASCB", title="Set NMEA sentences"),
         Command("INFO", (), "ask", G_NMEA, "INFO", title="Device information (text)"),
-        _harmed(Command("PERS", (), "do", G_NMEA, title="Save NMEA sentences"), _HARM["SAVE_PERSISTENT_MESSAGES"]),
-        _harmed(Command("SRST", (), "do", G_NMEA, basic=False, title="Restart (text)"), _RESTARTS),
-        _harmed(Command("STPB", (), "do", G_NMEA, basic=False, title="Stop all ports (text)"), _STOPS_ALL),
-        _harmed(Command("STPC", (), "do", G_NMEA, title="Stop this port (text)"), _STOPS),
+        _with_risk(Command("PERS", (), "do", G_NMEA, title="Save NMEA sentences"), _RISKS["SAVE_PERSISTENT_MESSAGES"]),
+        _with_risk(Command("SRST", (), "do", G_NMEA, basic=False, title="Restart (text)"), _RESTARTS),
+        _with_risk(Command("STPB", (), "do", G_NMEA, basic=False, title="Stop all ports (text)"), _STOPS_ALL),
+        _with_risk(Command("STPC", (), "do", G_NMEA, title="Stop this port (text)"), _STOPS),
     )
     docs = {
         "ASCE": "Sets the sentences and their periods; an empty list requests the current ones.",
@@ -203,10 +203,10 @@ def _nmea() -> list[Command]:
     return [replace(row, source=NMEA_SOURCE, doc=docs.get(row.name, "")) for row in rows]
 
 
-def _harm_of(name: str) -> Harm | None:
-    """Harm of a system command."""
-    if name in _HARM:
-        return _HARM[name]
+def _risk_of(name: str) -> Risk | None:
+    """Risk of a system command."""
+    if name in _RISKS:
+        return _RISKS[name]
     if "BRIDGE" in name and not name.startswith("DISABLE"):
         return _BRIDGE
     return _MAKER if name.startswith("MANF_") else _FAULT if name.startswith("FAULT_") else None
@@ -215,14 +215,14 @@ def _harm_of(name: str) -> Harm | None:
 HARMLESS_COMMANDS = tuple(
     number
     for number, name in SYSTEM_COMMANDS.items()
-    if (harm := _harm_of(name)) is None or harm.caution == "wears-flash"
+    if (risk := _risk_of(name)) is None or risk.caution == "wears-flash"
 )
 
 
 def _system() -> list[Command]:
     commands = []
     for name in SYSTEM_COMMANDS.values():
-        harm = _harm_of(name)
+        risk = _risk_of(name)
         row = Command(
             f"DID_SYS_CMD.{name}",
             (),
@@ -234,7 +234,7 @@ def _system() -> list[Command]:
             doc=_does(name),
             source=SOURCE,
         )
-        commands.append(_harmed(row, harm))
+        commands.append(_with_risk(row, risk))
     return commands
 
 
@@ -335,11 +335,11 @@ def _sets() -> list[Command]:
         )
         if did == SYS_CMD:  # the inverse follows from the command
             command = replace(command, arguments=tuple(one for one in command.arguments if one.name != INVERSE))
-            command = replace(_harmed(command, _BY_NUMBER), harmless_values={"command": HARMLESS_COMMANDS})
+            command = replace(_with_risk(command, _BY_NUMBER), harmless_values={"command": HARMLESS_COMMANDS})
         elif did == RMC:
-            command = _harmed(command, _REPLACES)
+            command = _with_risk(command, _REPLACES)
         elif not (stored and stored.write) and any(part in ROWS[did].name for part in _STORED):
-            command = _harmed(command, _OVERWRITES)
+            command = _with_risk(command, _OVERWRITES)
         commands.append(command)
     return commands
 

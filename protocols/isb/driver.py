@@ -55,7 +55,7 @@ from imuscope.protocols.isb.encoder import (
 from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
 from imuscope.protocols.isb.messages import COMMANDS, SET_PREFIX
 from imuscope.protocols.isb.settings_diff import SAVED, differences
-from imuscope.protocols.isb.settings_warnings import harm
+from imuscope.protocols.isb.settings_warnings import risks_of_change
 from imuscope.protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from imuscope.protocols.isb.stream_discovery import ListeningTimes, to_wire
 from imuscope.protocols.isb.stream_restore import undisturbed
@@ -68,9 +68,9 @@ from imuscope.protocols.transactions import (
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
-    Harm,
     LinkLoad,
     NoReplyError,
+    Risk,
     Send,
     Sleep,
     Transaction,
@@ -375,8 +375,8 @@ class IsbDriver(DeviceDriver):
         read_only = {field.name for field in row.fields if field.read_only}
         return row.name, {name: value for name, value in values.items() if name not in read_only} or values
 
-    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
-        return harm(setting, old, new, known.product)
+    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Risk]:
+        return risks_of_change(setting, old, new, known.product)
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         """Save the streams first: otherwise the device would restart silent."""

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from imuscope.protocols.isb.stored_settings import settings_of
-from imuscope.protocols.transactions import Harm
+from imuscope.protocols.transactions import Risk
 
 Values = Mapping[str, Any]
 _FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla")
@@ -34,35 +34,35 @@ _OWN = "The device maintains these fields itself. Writing them can make it disca
 _CALIBRATES = (1, 2)  # states of DID_MAG_CAL that start one
 
 
-def _of_navigation(before: Values, changed: Values, product: str) -> list[Harm]:
+def _of_navigation(before: Values, changed: Values, product: str) -> list[Risk]:
     """Consequences of another navigation period."""
     period, old = changed.get("startupNavDtMs", 0), before.get("startupNavDtMs", 0)
     risks = []
     if 0 < period < LEAST_NAV_MS and (not product or product.startswith("IMX-5")):
-        risks.append(Harm("stops-output", _TOO_SHORT.format(least=LEAST_NAV_MS, given=period)))
+        risks.append(Risk("stops-output", _TOO_SHORT.format(least=LEAST_NAV_MS, given=period)))
     navigation, sampling = period or old, changed.get("startupImuDtMs", 0)
     if 0 < navigation < sampling:
-        risks.append(Harm("", _SHORTENED.format(given=sampling, least=navigation)))
+        risks.append(Risk("", _SHORTENED.format(given=sampling, least=navigation)))
     if 0 < period < old:
-        risks.append(Harm("", _FASTER.format(old=1000 / old, new=1000 / period)))
+        risks.append(Risk("", _FASTER.format(old=1000 / old, new=1000 / period)))
     return risks
 
 
-def harm(setting: str, old: Values | None, new: Values, product: str = "") -> list[Harm]:
+def risks_of_change(setting: str, old: Values | None, new: Values, product: str = "") -> list[Risk]:
     """See imuscope.protocols.transactions.DeviceDriver.risks."""
     before = old or {}
     changed = {name: value for name, value in new.items() if name not in before or before[name] != value}
     row = settings_of().get(setting)
     risks = []
     if row is not None and any(one.read_only and one.name in changed for one in row.fields):
-        risks.append(Harm("loses-settings", _OWN))
+        risks.append(Risk("loses-settings", _OWN))
     if setting in ("DID_FLASH_CONFIG", "DID_GPX_FLASH_CFG"):
         if any(name in changed for name in _FRAMES):
-            risks.append(Harm("moves-frame", _TURNED))
+            risks.append(Risk("moves-frame", _TURNED))
         if any(changed.get(name) == 0 for name in _PERIODS):
-            risks.append(Harm("stops-output", _ENDED))
+            risks.append(Risk("stops-output", _ENDED))
     if setting == "DID_FLASH_CONFIG":
         risks += _of_navigation(before, changed, product)
     if setting == "DID_MAG_CAL" and changed.get("state") in _CALIBRATES:
-        risks.append(Harm("moves-frame", _RECALIBRATED))
+        risks.append(Risk("moves-frame", _RECALIBRATED))
     return risks

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Response
 
+from imuscope.protocols.transactions import Risk
 from imuscope.server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_device
@@ -27,7 +28,6 @@ from imuscope.server.configuration.change_plan import (
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.products import mismatch
-from imuscope.server.configuration.risks import Risk
 from imuscope.server.configuration.sensor_check import doubts, sensor_of
 from imuscope.server.configuration.value_format import numbers
 from imuscope.server.errors import DomainError

@@ -17,10 +17,11 @@ from imuscope.recordings import sidecar
 from imuscope.recordings.download import file_name, full_recording, original_bytes
 from imuscope.recordings.library import LibraryEntry, NamingError
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses, unknown_recording
 from imuscope.server.errors import DomainError
-from imuscope.server.library.api_models import EditRequest, MarkerInfo, MarkerRequest, RecordingInfo
+from imuscope.server.library.api_models import EditRequest, MarkerRequest, RecordingInfo
 from imuscope.server.streaming_response import streamed, with_first_chunk
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
@@ -147,10 +148,10 @@ async def add_marker(recording: str, body: MarkerRequest, services: TheServices,
         raise DomainError(
             "bad-request", f"A recording can have at most {MAX_MARKERS} added markers.", "Notes hold any text."
         )
-    marker = sidecar.Marker(body.time, body.kind, body.text, body.device)
-    stored = await _in_thread(recording, lambda: services.catalogue.library.mark(recording, marker))
+    marker = MarkerInfo(body.time, body.kind, body.text, body.device)
+    stored: MarkerInfo = await _in_thread(recording, lambda: services.catalogue.library.mark(recording, marker))
     services.catalogue.changed()
-    return MarkerInfo(stored.time, body.kind, stored.text, stored.device, stored.id)
+    return stored
 
 
 @router.delete("/{recording}", responses=responses(404, 409, 422, 507))

@@ -12,11 +12,11 @@ from typing import Any
 
 from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.schema import Command, Setting
-from imuscope.protocols.transactions import RequiresState, Values
+from imuscope.protocols.transactions import RequiresState, Risk, Values
 from imuscope.server.configuration.api_models import FieldProblem
 from imuscope.server.configuration.budget import overload_error
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.configuration.risks import UNASKED, Risk, dangers_of_write
+from imuscope.server.configuration.risks import UNASKED, dangers_of_write
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import head_of, numbers
 from imuscope.server.devices.link_member import link_of, shares

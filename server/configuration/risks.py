@@ -10,22 +10,12 @@ Flash wear of each write is mentioned in the form and needs no confirmation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.schema import Setting
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Risk, Values
 
 UNASKED = ("", "wears-flash")
 RESTARTS = "The device restarts so that this takes effect; it sends nothing for about two seconds."
-
-
-@dataclass(frozen=True, slots=True)
-class Risk:
-    """Consequence that a change could have."""
-
-    caution: str
-    consequence: str
 
 
 def dangers_of_write(
@@ -55,7 +45,7 @@ def dangers_of_write(
         line = None  # incomplete values; the job checks again when it has read the rest
     if line is not None:
         risks.append(Risk("cuts-line", line.words))
-    risks += [Risk(one.caution, one.consequence) for one in driver.risks(row.name, old, new, known)]
+    risks += driver.risks(row.name, old, new, known)
     if restarts and row.after == "reset" and not any(one.caution == "restarts" for one in risks):
         risks.append(Risk("restarts", RESTARTS))
     return risks

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import time
 
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver
+from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Risk
 from imuscope.server.configuration.device_controller import DeviceController, JobError
-from imuscope.server.configuration.risks import Risk
 
 
 def sensor_of(controller: DeviceController, name: str) -> str:

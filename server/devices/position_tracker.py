@@ -7,27 +7,17 @@ positions (DeviceTraits.position).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import Any
 
 from imuscope.protocols.events import Batch, Event, Text
-
-
-@dataclass(frozen=True, slots=True)
-class Position:
-    """A position on the ellipsoid: degrees, north and east positive; height in m."""
-
-    latitude: float
-    longitude: float
-    height: float = 0.0
-    satellites: int = 10
+from imuscope.protocols.family import PositionFix
 
 
 class PositionTracker:
-    """Receives every event of a device; `place` is None until the first position."""
+    """Receives every event of a device; `place` is None until the first position, and then complete."""
 
     def __init__(self) -> None:
-        self.place: Position | None = None
+        self.place: PositionFix | None = None
 
     def update(self, event: Event, protocol: str) -> None:
         """Process an event; cheap for those without a position."""
@@ -44,10 +34,13 @@ class PositionTracker:
     def _set_position(self, latitude: Any, longitude: Any, height: Any, satellites: Any) -> None:
         if not (_is_number(latitude) and _is_number(longitude)) or not (latitude or longitude):
             return
-        new = Position(float(latitude), float(longitude))
-        old = self.place or new
-        new = replace(new, height=float(height) if _is_number(height) else old.height)
-        self.place = replace(new, satellites=int(satellites) if _is_number(satellites) else old.satellites)
+        old = self.place or PositionFix(0.0, 0.0, 0.0, 10)
+        self.place = PositionFix(
+            float(latitude),
+            float(longitude),
+            float(height) if _is_number(height) else old.height,
+            int(satellites) if _is_number(satellites) else old.satellites,
+        )
 
 
 def _is_number(value: Any) -> bool:

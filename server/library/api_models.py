@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from imuscope.recordings.probe import RecordedDevice
+from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.wire import ChannelInfo, DeviceInfo, EventInfo
 
 
@@ -36,15 +37,6 @@ class RecordingInfo:
     thumbnail: list[list[float]] = field(default_factory=list)  # min and max of |rate of turn| or similar, 0..1
     losses: list[float] = field(default_factory=list)  # positions of lost samples, 0..1 of the duration
     deleted: float | None = None  # time of deletion, while it is in the bin
-
-
-@dataclass(slots=True)
-class MarkerInfo:
-    time: float
-    kind: Literal["marker", "note"]
-    text: str
-    device: str = ""
-    id: int = 0
 
 
 @dataclass(slots=True)

@@ -17,7 +17,6 @@ import contextlib
 import logging
 import time
 from collections.abc import Coroutine
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,8 @@ from starlette.concurrency import run_in_threadpool
 
 from imuscope.recordings.library import Library, LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.library.api_models import MarkerInfo, RecordingInfo
+from imuscope.recordings.sidecar import MarkerInfo
+from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.clients import ClientFanout
@@ -71,7 +71,7 @@ class Catalogue:
 
     def markers(self, recording: str) -> list[MarkerInfo]:
         """Markers added after recording; KeyError for an unknown id."""
-        return [MarkerInfo(**asdict(marker)) for marker in self.library.get(recording).edits.markers]
+        return list(self.library.get(recording).edits.markers)
 
     def to_api(self, entry: LibraryEntry) -> RecordingInfo:
         """An entry in the form of the API."""

@@ -10,9 +10,10 @@ from weakref import WeakKeyDictionary
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.probe import RecordedDevice
+from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server import wire_codec
 from imuscope.server.devices.protocol_set import sensors_of
-from imuscope.server.library.api_models import MarkerInfo, RecordingDetail, RecordingInfo
+from imuscope.server.library.api_models import RecordingDetail, RecordingInfo
 from imuscope.server.library.decode import usual_interval
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
 

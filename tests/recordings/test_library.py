@@ -18,7 +18,7 @@ from imuscope.recordings.importers import SUFFIXES
 from imuscope.recordings.library import INDEX, KEPT_S, Library
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
-from imuscope.recordings.sidecar import Edits, Marker, sidecar_path
+from imuscope.recordings.sidecar import Edits, MarkerInfo, sidecar_path
 from imuscope.recordings.upload_names import clean_name
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import NS, START, recording, store
@@ -81,7 +81,7 @@ def test_user_changes_are_stored_beside_the_file(tmp_path: Path) -> None:
     before = path.read_bytes()
     Library(tmp_path).edit("a", Edits(title="New mast", tags=("yard", "höhe"), pinned=True))
     Library(tmp_path).edit("a", Edits(notes="3 laps"))
-    marker = Library(tmp_path).mark("a", Marker(START + 0.5, text="later"))
+    marker = Library(tmp_path).mark("a", MarkerInfo(START + 0.5, text="later"))
     entry = Library(tmp_path).get("a")
     assert (entry.title, entry.edits.tags, entry.edits.notes) == ("New mast", ("yard", "höhe"), "3 laps")
     assert entry.edits.pinned
@@ -97,14 +97,14 @@ def test_user_changes_are_stored_beside_the_file(tmp_path: Path) -> None:
 def test_the_files_own_metadata_counts_without_a_sidecar(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
     edits = Edits(
-        title="From elsewhere", tags=("x",), pinned=True, markers=(Marker(START, text="there", id=1_000_001),)
+        title="From elsewhere", tags=("x",), pinned=True, markers=(MarkerInfo(START, text="there", id=1_000_001),)
     )
     compact(path, edit=edits.as_metadata())
     library = Library(tmp_path)
     assert library.get("a").edits == edits
     library.edit("a", Edits(pinned=False))
     assert library.get("a").edits == Edits("From elsewhere", ("x",), None, False, edits.markers)
-    assert library.mark("a", Marker(START, text="more")).id == 1_000_002
+    assert library.mark("a", MarkerInfo(START, text="more")).id == 1_000_002
 
 
 def test_a_damaged_sidecar_is_reported_and_keeps_the_recording_pinned(tmp_path: Path) -> None:

@@ -11,9 +11,10 @@ from typing import Any, get_args
 from pydantic import TypeAdapter
 
 from imuscope.recordings.health_history import HealthHistory
+from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server import wire
 from imuscope.server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo
-from imuscope.server.library.api_models import MarkerInfo, RecordingDetail, RecordingInfo
+from imuscope.server.library.api_models import RecordingDetail, RecordingInfo
 from imuscope.server.previous_names import with_previous_keys
 from tests.each_row import each_row
 from tests.record_wire import FAMILIES, recorded

@@ -30,13 +30,13 @@ from typing import Protocol
 from urllib.parse import unquote, urlsplit
 
 from imuscope.protocols.events import Event, Reply
-from imuscope.protocols.family import CorrectionInput
+from imuscope.protocols.family import CorrectionInput, PositionFix
 from imuscope.protocols.nmea import sentence
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.api_models import Corrections
 from imuscope.server.devices.link_member import DevicePort, address_of
-from imuscope.server.devices.position_tracker import Position, PositionTracker
+from imuscope.server.devices.position_tracker import PositionTracker
 from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
 from imuscope.server.extensions.corrections.ntrip import (
     CONNECT_S,
@@ -427,7 +427,7 @@ class CorrectionForwarder:
                     await self._source.report(line)
 
 
-def gga(place: Position, now: datetime) -> bytes:
+def gga(place: PositionFix, now: datetime) -> bytes:
     """GGA sentence of a position, as casters of virtual reference stations expect it."""
 
     def angle(value: float, width: int, names: str) -> str:
@@ -440,9 +440,9 @@ def gga(place: Position, now: datetime) -> bytes:
         angle(place.latitude, 2, "NS"),
         angle(place.longitude, 3, "EW"),
         "1",
-        f"{place.satellites:02d}",
+        f"{10 if place.satellites is None else place.satellites:02d}",
         "1.0",
-        f"{place.height:.2f},M",
+        f"{place.height or 0.0:.2f},M",
         "0.0,M",
         "",
         "",

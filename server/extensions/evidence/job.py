@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
+from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.extensions.evidence.request import EvidenceRequest
-from imuscope.server.library.api_models import MarkerInfo, RecordingInfo
+from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.export_jobs import ExportWork, file_stem
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -29,23 +29,17 @@ from imuscope.server.extensions.fleet.reports import Name, ReportError
 MAX_SETTINGS = 65_536  # bytes
 
 
-class SettingsAnswer(msgspec.Struct, frozen=True):
-    """Settings of a device on the bus; `values` are wire values by setting and field."""
+@dataclass(frozen=True)
+class DeviceSettings:
+    """Writable settings of a device, with the product and firmware that define their meaning.
+
+    They are also the message on the bus; `values` are wire values by setting and field.
+    """
 
     protocol: Name
     product: Name
     firmware: Name
-    values: Annotated[dict[Name, dict[Name, Any]], Meta(max_length=500)]
-
-
-@dataclass(frozen=True)
-class DeviceSettings:
-    """Writable settings of a device, with the product and firmware that define their meaning."""
-
-    protocol: str
-    product: str
-    firmware: str
-    values: Mapping[str, Values]
+    values: Annotated[Mapping[Name, Mapping[Name, Any]], Meta(max_length=500)]
 
     @cached_property
     def digest(self) -> str:
@@ -85,17 +79,17 @@ def _writable(fields: Sequence[Field], values: Any) -> Any:
 
 def encode_settings(settings: DeviceSettings) -> bytes:
     """Settings as bytes; empty if they are too many, or contain what a message cannot."""
-    answer = SettingsAnswer(settings.protocol, settings.product, settings.firmware, _plain(settings.values))
     try:
-        data = msgspec.msgpack.encode(answer)
+        data = msgspec.msgpack.encode(_in_dictionaries(settings))
         is_read = decode_settings(data).digest == settings.digest
     except (TypeError, ValueError, OverflowError):
         return b""
     return data if is_read else b""
 
 
-def _plain(values: Mapping[str, Values]) -> dict[str, dict[str, Any]]:
-    return {name: dict(fields) for name, fields in values.items()}
+def _in_dictionaries(settings: DeviceSettings) -> DeviceSettings:
+    """The same settings in dictionaries, which alone can be sent and stored."""
+    return replace(settings, values={name: dict(fields) for name, fields in settings.values.items()})
 
 
 def decode_settings(data: bytes) -> DeviceSettings:
@@ -107,8 +101,7 @@ def decode_settings(data: bytes) -> DeviceSettings:
     if len(data) > MAX_SETTINGS:
         raise ReportError(f"The settings have {len(data)} bytes; at most {MAX_SETTINGS} are allowed.")
     try:
-        answer = msgspec.msgpack.decode(data, type=SettingsAnswer)
-        settings = DeviceSettings(answer.protocol, answer.product, answer.firmware, answer.values)
+        settings = msgspec.msgpack.decode(data, type=DeviceSettings)
         json.dumps(settings.values, allow_nan=False)
         assert settings.digest
     except (msgspec.DecodeError, ValueError, TypeError, OverflowError, RecursionError) as error:

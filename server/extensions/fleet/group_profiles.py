@@ -29,10 +29,8 @@ from imuscope.server.configuration.controllers import driver_of
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.device_settings import (
     DeviceSettings,
-    SettingsAnswer,
     decode_settings,
     difference,
-    encode_settings,
 )
 from imuscope.server.extensions.fleet.operator_name import operator_name
 from imuscope.server.extensions.fleet.reports import ReportError
@@ -61,7 +59,7 @@ class GroupProfile(msgspec.Struct, frozen=True):
     device: str
     by: str
     time: float
-    settings: SettingsAnswer
+    settings: DeviceSettings
 
 
 class _ProfileFile(msgspec.Struct):
@@ -94,7 +92,7 @@ class GroupProfiles:
     def __init__(self, folder: Path, drivers: Callable[[str], DeviceDriver | None] = driver_of) -> None:
         self._path = folder / FILE
         self._drivers = drivers
-        self._profiles: dict[tuple[str, str, str], tuple[GroupProfile, DeviceSettings]] = {}
+        self._profiles: dict[tuple[str, str, str], GroupProfile] = {}
         self._known: OrderedDict[str, DeviceSettings] = OrderedDict()
         # robot, device → digest of settings that are not known here
         self._unknown_digests: dict[tuple[str, str], str] = {}
@@ -111,12 +109,7 @@ class GroupProfiles:
                 log.error("%s Repair or remove %s.", self.problem, self._path)
             else:
                 for one in stored.profiles:
-                    self._take(one)
-
-    def _take(self, profile: GroupProfile) -> None:
-        target = profile.settings
-        settings = DeviceSettings(target.protocol, target.product, target.firmware, target.values)
-        self._profiles[profile.group, target.protocol, target.product] = profile, settings
+                    self._profiles[one.group, one.settings.protocol, one.settings.product] = one
 
     def judged(self, robot: RobotSummary) -> RobotSummary:
         """A summary with how far the robot is from the profiles of its group. Unknown settings are requested later."""
@@ -134,15 +127,15 @@ class GroupProfiles:
 
     def check(self, group: str, device: RobotDevice) -> SettingsCheck:
         """A device against the profile of its group."""
-        profile, target = self._profiles.get((group, device.protocol, device.product), (None, None))
-        if profile is None or target is None:
+        profile = self._profiles.get((group, device.protocol, device.product))
+        if profile is None:
             return SettingsCheck("unknown", "Its group has no profile for this product.")
         if not device.settings:
             why = "The robot does not know its settings: read them once on its page Configure."
             return SettingsCheck("unknown", why, profile)
         if device.settings not in self._known:
             return SettingsCheck("unknown", "The settings were requested from the robot.", profile)
-        difference = self._difference(device.settings, target)
+        difference = self._difference(device.settings, profile.settings)
         if difference is None:
             return SettingsCheck("unknown", "Its settings cannot be compared; the log has details.", profile)
         return SettingsCheck("drifted" if difference.rows else "as-profile", "", profile, difference)
@@ -157,14 +150,15 @@ class GroupProfiles:
         Raises:
             DomainError: there is none, or this version cannot use it.
         """
-        profile, target = self._profiles.get((group, device.protocol, device.product), (None, None))
-        if profile is None or target is None:
+        profile = self._profiles.get((group, device.protocol, device.product))
+        if profile is None:
             hint = "Make the settings of a device the profile first."
             raise DomainError("not-found", f"The group has no profile for {device.product:.80}.", hint)
-        driver = self._drivers(target.protocol)
+        protocol = profile.settings.protocol
+        driver = self._drivers(protocol)
         if driver is None:
             raise DomainError(
-                "no-driver", f"Devices of {target.protocol:.40} cannot be configured.", "Update the fleet server."
+                "no-driver", f"Devices of {protocol:.40} cannot be configured.", "Update the fleet server."
             )
         return profile, driver
 
@@ -189,13 +183,13 @@ class GroupProfiles:
 
     def _with_rate(self, group: str, device: RobotDevice) -> RobotDevice:
         """A device whose rate by its settings is unknown is expected to have that of the profile."""
-        _, target = self._profiles.get((group, device.protocol, device.product), (None, None))
-        driver = None if target is None else self._drivers(target.protocol)
-        if device.expected_rate is not None or target is None or driver is None:
+        profile = self._profiles.get((group, device.protocol, device.product))
+        driver = None if profile is None else self._drivers(profile.settings.protocol)
+        if device.expected_rate is not None or profile is None or driver is None:
             return device
         rate = None
         with suppress(Exception):  # values that came from the bus
-            rate = driver.message_rate(target.values, target.context)
+            rate = driver.message_rate(profile.settings.values, profile.settings.context)
         return device if rate is None else device.model_copy(update={"expected_rate": rate})
 
     def questions(self, now: float, limit: int) -> Iterator[tuple[str, str]]:
@@ -250,9 +244,8 @@ class GroupProfiles:
             )
         if len(self._profiles) >= MAX_PROFILES and key not in self._profiles:
             raise DomainError("full", f"There are {MAX_PROFILES} profiles already.", "Remove one first.")
-        settings = msgspec.msgpack.decode(encode_settings(known), type=SettingsAnswer)
-        profile = GroupProfile(robot.group, robot.name, device.name, name, time, settings)
-        self._change({**self._profiles, key: (profile, known)})
+        profile = GroupProfile(robot.group, robot.name, device.name, name, time, known)
+        self._change({**self._profiles, key: profile})
         return profile
 
     def remove(self, robot: RobotSummary, device: RobotDevice, by: str) -> None:
@@ -267,8 +260,8 @@ class GroupProfiles:
             raise DomainError("not-found", "There is no such profile.", "It may have been removed already.")
         self._change({other: one for other, one in self._profiles.items() if other != key})
 
-    def _change(self, profiles: dict[tuple[str, str, str], tuple[GroupProfile, DeviceSettings]]) -> None:
-        text = msgspec.json.encode(_ProfileFile([one for one, _ in profiles.values()]))
+    def _change(self, profiles: dict[tuple[str, str, str], GroupProfile]) -> None:
+        text = msgspec.json.encode(_ProfileFile([*profiles.values()]))
         try:
             atomic_write.write_atomic(self._path, msgspec.json.format(text, indent=1))
         except OSError as error:

@@ -53,11 +53,14 @@ class GroupPlan:
 
     id: str
     profile: GroupProfile
-    target: DeviceSettings
     devices: tuple[DeviceChange, ...]
     changes: tuple[RolloutChanges, ...]
     left_out: tuple[DeviceLeftOut, ...]
     same: int
+
+    @property
+    def target(self) -> DeviceSettings:
+        return self.profile.settings
 
     @property
     def origin(self) -> ProfileOrigin:
@@ -149,8 +152,7 @@ def plan_of(
         hint = "Split the group, or write to some of the robots on their own pages first."
         raise DomainError("full", f"A rollout can have {MAX_DEVICES} devices; this one has {len(devices)}.", hint)
     digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
-    settings = DeviceSettings(target.protocol, target.product, target.firmware, target.values)
-    return GroupPlan(digest, profile, settings, tuple(devices), tuple(changes.shown), tuple(left_out), same)
+    return GroupPlan(digest, profile, tuple(devices), tuple(changes.shown), tuple(left_out), same)
 
 
 def _obstacle(robot: RobotSummary, device: RobotDevice, check: SettingsCheck) -> str:

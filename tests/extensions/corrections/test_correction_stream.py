@@ -16,13 +16,13 @@ from typing import Any
 import pytest
 
 from imuscope.protocols.events import Event
+from imuscope.protocols.family import PositionFix
 from imuscope.protocols.isb.decoder import IsbDecoder
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.position_tracker import Position
 from imuscope.server.extensions.corrections import stream as correction_stream
 from imuscope.server.extensions.corrections.log import CorrectionLog
 from imuscope.server.extensions.corrections.ntrip import Caster, CorrectionError, mounts
@@ -300,9 +300,9 @@ def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> 
 
 def test_a_gga_sentence_with_the_position() -> None:
     when = datetime(2026, 1, 2, 3, 4, 5, 670_000, UTC)
-    line = gga(Position(-33.8567844, 151.2152967, 25.0, 9), when)
+    line = gga(PositionFix(-33.8567844, 151.2152967, 25.0, 9), when)
     assert line.startswith(b"$GPGGA,030405.67,3351.40706,S,15112.91780,E,1,09,1.0,25.00,M,0.0,M,,*")
-    assert gga(Position(-0.5, 59.999999999), when).split(b",")[4] == b"06000.00000"
+    assert gga(PositionFix(-0.5, 59.999999999), when).split(b",")[4] == b"06000.00000"
 
 
 async def test_plain_tcp_and_a_device_that_is_gone() -> None:

@@ -116,7 +116,7 @@ def test_a_table_is_imported_into_a_recording(commands: Commands, store: Path, t
 
 
 def test_tags_and_markers_of_the_page_come_along(commands: Commands, recording: Path, store: Path) -> None:
-    later = sidecar.Marker(START / 1e9 + 1, "note", "curb")
+    later = sidecar.MarkerInfo(START / 1e9 + 1, "note", "curb")
     sidecar.write(recording, sidecar.Edits(title="Yard", tags=("wet", "night"), notes="Slow.", markers=(later,)))
     commands.upload(recording, store)
     (row,) = commands.query(store, "SELECT title, tags, notes, markers FROM recordings")

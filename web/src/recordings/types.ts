@@ -15,6 +15,16 @@ export interface RecordedDevice {
   readonly rejects: number;
 }
 
+/** A marker or note that was added later. */
+export interface MarkerInfo {
+  /** unix s */
+  readonly time: number;
+  readonly kind: "marker" | "note";
+  readonly text: string;
+  readonly device: string;
+  readonly id: number;
+}
+
 /** Row of the library: file, size, times, devices and notes. */
 export interface RecordingInfo {
   /** the file's name without suffix */
@@ -46,14 +56,6 @@ export interface RecordingInfo {
   readonly losses: readonly number[];
   /** time of deletion, while it is in the bin */
   readonly deleted: number | null;
-}
-
-export interface MarkerInfo {
-  readonly time: number;
-  readonly kind: "marker" | "note";
-  readonly text: string;
-  readonly device: string;
-  readonly id: number;
 }
 
 /** A recording that is being decoded for the first time. */
