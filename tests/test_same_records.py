@@ -24,7 +24,6 @@ SAME_FIELDS = {
     ("AcknowledgeRequest", "ProfileRequest"): "two extensions could each be removed",
     ("CalibrationOptions", "CalibrationOptionsBody"): "a request may leave the axis out",
     ("TableColumnInfo", "StoreColumn"): "types of Arrow, and their names",
-    ("ReportedDevice", "RobotDevice"): "one checks what a robot sent",
     ("Devices", "HealthReport"): "messages differ in `op`",
     ("Devices", "JobsReport"): "messages differ in `op`",
     ("HealthReport", "JobsReport"): "messages differ in `op`",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imuscope.server.extensions.alarms.service import AlarmService
 from imuscope.server.extensions.fleet.device_figures import clipped
 from imuscope.server.extensions.fleet.reports import ReportedAlarm
-from imuscope.server.extensions.fleet.summaries import AlarmRaisedState
+from imuscope.server.extensions.fleet.unknown_fields import AlarmRaisedState
 
 
 def active_alarms(alarms: AlarmService) -> list[ReportedAlarm]:

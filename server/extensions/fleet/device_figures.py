@@ -14,7 +14,7 @@ import numpy as np
 
 from imuscope.server import wire
 from imuscope.server.devices.protocol_set import counts_losses
-from imuscope.server.extensions.fleet.reports import MAX_DEVICES, ReportedDevice
+from imuscope.server.extensions.fleet.reports import MAX_DEVICES, RobotDevice
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore, StoredChannel
 
@@ -38,7 +38,7 @@ class DeviceFigures:
         self._bus, self._store = bus, store
         self._counts: dict[str, deque[tuple[float, Mapping[str, int], int]]] = {}  # device → time, received, lost
 
-    def devices(self) -> tuple[ReportedDevice, ...]:
+    def devices(self) -> tuple[RobotDevice, ...]:
         """All devices, as many as fit into a report."""
         now = self._bus.now()
         infos = list(self._bus.devices.latest.values())[:MAX_DEVICES]
@@ -49,12 +49,12 @@ class DeviceFigures:
             channels.setdefault(channel.info.device, []).append(channel)
         return tuple(self._device(info, now, channels.get(info.id, [])) for info in infos)
 
-    def _device(self, info: wire.DeviceInfo, now: float, channels: list[StoredChannel]) -> ReportedDevice:
+    def _device(self, info: wire.DeviceInfo, now: float, channels: list[StoredChannel]) -> RobotDevice:
         health = self._bus.health_of(info.id)
         is_live = info.status == "live"
         rate, loss = (0.0, None) if health is None else self._rate_and_loss(info, health, channels)
         fresh = [one for one in channels if is_live and _arrival(one) > now - FRESH_S]
-        return ReportedDevice(
+        return RobotDevice(
             id=clipped(info.id),
             name=clipped(info.name),
             status=info.status,

@@ -15,7 +15,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -33,8 +33,8 @@ from imuscope.server.extensions.fleet.device_settings import (
     difference,
 )
 from imuscope.server.extensions.fleet.operator_name import operator_name
-from imuscope.server.extensions.fleet.reports import ReportError
-from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary, SettingsState
+from imuscope.server.extensions.fleet.reports import ReportError, RobotDevice
+from imuscope.server.extensions.fleet.summaries import RobotSummary, SettingsState
 
 log = logging.getLogger("imuscope.fleet")
 
@@ -190,7 +190,7 @@ class GroupProfiles:
         rate = None
         with suppress(Exception):  # values that came from the bus
             rate = driver.message_rate(profile.settings.values, profile.settings.context)
-        return device if rate is None else device.model_copy(update={"expected_rate": rate})
+        return device if rate is None else replace(device, expected_rate=rate)
 
     def questions(self, now: float, limit: int) -> Iterator[tuple[str, str]]:
         """Robots and devices whose settings are to be requested now: one for each digest, another one if no answer

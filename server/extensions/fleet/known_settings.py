@@ -11,17 +11,15 @@ import json
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-
-import msgspec
 
 from imuscope.protocols.transactions import Values
 from imuscope.recordings import atomic_write
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings, encode_settings, writable_settings
-from imuscope.server.extensions.fleet.reports import ReportedDevice
+from imuscope.server.extensions.fleet.reports import RobotDevice
 
 log = logging.getLogger("imuscope.fleet")
 
@@ -61,20 +59,20 @@ class KnownSettings:
         self._stored: dict[str, dict[str, Any]] | None = None  # protocol and serial number → values and time
         self._known: dict[str, tuple[object, KnownDeviceSettings]] = {}  # device → what it was made of
 
-    def with_settings(self, devices: tuple[ReportedDevice, ...]) -> tuple[ReportedDevice, ...]:
+    def with_settings(self, devices: tuple[RobotDevice, ...]) -> tuple[RobotDevice, ...]:
         """Devices with the digest of their settings and the rate that these configure."""
         for gone in self._known.keys() - {one.id for one in devices}:
             del self._known[gone]
         return tuple(self._with_settings(one) for one in devices)
 
-    def _with_settings(self, device: ReportedDevice) -> ReportedDevice:
+    def _with_settings(self, device: RobotDevice) -> RobotDevice:
         try:
             known = self._settings_of(device)
         except (KeyError, ControlError):
             return device
         if known is None:
             return device
-        return msgspec.structs.replace(
+        return replace(
             device, settings=known.digest, settings_read=known.read if known.digest else None, expected_rate=known.rate
         )
 
@@ -83,7 +81,7 @@ class KnownSettings:
         _, known = self._known.get(device, (None, None))
         return b"" if known is None else known.data
 
-    def _settings_of(self, device: ReportedDevice) -> KnownDeviceSettings | None:
+    def _settings_of(self, device: RobotDevice) -> KnownDeviceSettings | None:
         controller = self._controller_of(device.id)
         driver, known = controller.driver, controller.context
         if not known.serial_number:

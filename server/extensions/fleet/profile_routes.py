@@ -12,9 +12,10 @@ from imuscope.server.api.errors import responses
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.fleet_server import FleetServer
 from imuscope.server.extensions.fleet.group_profiles import SettingsCheck
+from imuscope.server.extensions.fleet.reports import RobotDevice
 from imuscope.server.extensions.fleet.robot_routes import TheFleetServer
 from imuscope.server.extensions.fleet.rollout_models import ProfileOrigin
-from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary, SettingsState
+from imuscope.server.extensions.fleet.summaries import RobotSummary, SettingsState
 
 router = APIRouter(prefix="/api/fleet/robots", tags=["fleet"])
 

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta
+from pydantic import Field
 
 from imuscope.server.extensions.fleet.unknown_fields import MAX_MORE, with_further_fields
 
@@ -50,31 +52,37 @@ class ReportedAlarm(msgspec.Struct, frozen=True):
     device: Name = ""
 
 
-class ReportedDevice(msgspec.Struct, frozen=True):
-    """A device; fields as those of RobotDevice (server/extensions/fleet/summaries.py).
+@dataclass(frozen=True, slots=True)
+class RobotDevice:
+    """Identity, rate and comparison with the profile of one device."""
 
-    Args:
-        more: fields of a later version, as text.
-    """
-
-    id: Name
+    id: Annotated[Name, Field(description="as on the robot's own page")]
     name: Name
-    status: Word
+    status: Annotated[Word, Field(description="as DeviceStatus, or another one of a later version")]
     product: Name = ""
     serial_number: Name = ""
     firmware: Name = ""
-    protocol: Name = ""
-    rate: Number = 0.0
-    expected_rate: Number | None = None
-    loss: Annotated[float, Meta(ge=0, le=1)] | None = None
-    lost: Count = 0
-    fix: Name = ""
-    temperature: Number | None = None
-    clock_ppm: Number | None = None
-    clock_uncertainty_ms: Number | None = None
-    settings: Digest = ""
-    settings_read: Number | None = None
-    more: Further = msgspec.field(default_factory=dict)
+    protocol: Annotated[Name, Field(description="empty while it is unknown")] = ""
+    rate: Annotated[Number, Field(description="samples/s of the fastest message, within 1 %")] = 0.0
+    expected_rate: Annotated[
+        Number | None, Field(description="samples/s that it is configured for; null if unknown")
+    ] = None
+    loss: Annotated[
+        Annotated[float, Meta(ge=0, le=1)] | None,
+        Field(description="share of samples lost in the last minute, 0 … 1; null if unknown"),
+    ] = None
+    lost: Annotated[Count, Field(description="samples lost since the robot's server was started")] = 0
+    fix: Annotated[Name, Field(description="fix of its receiver of satellites, in words; empty if it has none")] = ""
+    temperature: Annotated[Number | None, Field(description="°C")] = None
+    clock_ppm: Annotated[Number | None, Field(description="its clock against that of its host")] = None
+    clock_uncertainty_ms: Annotated[
+        Number | None, Field(description="± of the mapping from device time to host time")
+    ] = None
+    settings: Annotated[
+        Digest, Field(description="digest of its settings, as last read; empty while they are unknown")
+    ] = ""
+    settings_read: Annotated[Number | None, Field(description="clock of the robot, unix s: when they were read")] = None
+    more: Annotated[Further, Field(description="what a later version reports, by name")] = field(default_factory=dict)
 
 
 class RobotStatus(msgspec.Struct, frozen=True):
@@ -92,7 +100,7 @@ class RobotStatus(msgspec.Struct, frozen=True):
     disk_free_bytes: Count | None = None
     pages: Word = "off"
     alarms: Annotated[tuple[ReportedAlarm, ...], Meta(max_length=MAX_ALARMS)] = ()
-    devices: Annotated[tuple[ReportedDevice, ...], Meta(max_length=MAX_DEVICES)] = ()
+    devices: Annotated[tuple[RobotDevice, ...], Meta(max_length=MAX_DEVICES)] = ()
     more: Further = msgspec.field(default_factory=dict)
 
 
@@ -205,16 +213,19 @@ def _all_fields(data: bytes) -> Any:
         return {}
 
 
+_FIELDS_OF_DEVICE = frozenset(one.name for one in fields(RobotDevice))
+
+
 def _with_further(report: RobotReport, raw: Any) -> RobotReport:
     """The report, whose status and devices have the fields of later versions as text."""
-    status, fields = report.status, raw.get("status")
-    if status is None or not fields:
+    status, values = report.status, raw.get("status")
+    if status is None or not values:
         return report
     devices = tuple(
-        msgspec.structs.replace(one, more=with_further_fields(one.more, device, ReportedDevice.__struct_fields__))
-        for one, device in zip(status.devices, fields.get("devices") or (), strict=True)
+        replace(one, more=with_further_fields(one.more, device, _FIELDS_OF_DEVICE))
+        for one, device in zip(status.devices, values.get("devices") or (), strict=True)
     )
-    more = with_further_fields(status.more, fields, RobotStatus.__struct_fields__)
+    more = with_further_fields(status.more, values, RobotStatus.__struct_fields__)
     return msgspec.structs.replace(report, status=msgspec.structs.replace(status, devices=devices, more=more))
 
 

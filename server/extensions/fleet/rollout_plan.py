@@ -15,6 +15,7 @@ from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings
 from imuscope.server.extensions.fleet.group_profiles import GroupProfile, GroupProfiles, SettingsCheck
+from imuscope.server.extensions.fleet.reports import RobotDevice
 from imuscope.server.extensions.fleet.rollout_models import (
     DeviceLeftOut,
     PlannedDevice,
@@ -22,7 +23,7 @@ from imuscope.server.extensions.fleet.rollout_models import (
     RolloutChange,
     RolloutChanges,
 )
-from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary
+from imuscope.server.extensions.fleet.summaries import RobotSummary
 from imuscope.server.wire_codec import to_json_safe
 
 MAX_DEVICES = 5000

@@ -25,6 +25,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
 from imuscope.server.extensions.fleet.http_tunnel_server import RobotPages
 from imuscope.server.extensions.fleet.operator_name import operator_name
+from imuscope.server.extensions.fleet.reports import RobotDevice
 from imuscope.server.extensions.fleet.robot_line import RobotLine
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.rollout_models import (
@@ -37,7 +38,7 @@ from imuscope.server.extensions.fleet.rollout_models import (
 )
 from imuscope.server.extensions.fleet.rollout_plan import DeviceChange, GroupPlan, plan_of
 from imuscope.server.extensions.fleet.rollout_steps import DeviceRollout, RolloutTiming
-from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary
+from imuscope.server.extensions.fleet.summaries import RobotSummary
 
 log = logging.getLogger("imuscope.fleet")
 

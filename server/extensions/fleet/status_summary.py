@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from imuscope.server.extensions.fleet.reports import ReportedDevice, RobotStatus
-from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
-
-_FIELDS = tuple(one.name for one in msgspec.structs.fields(ReportedDevice))
+from imuscope.server.extensions.fleet.reports import RobotStatus
+from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
 
 
 def summary_of(name: str, status: RobotStatus, since: float, *, is_live: bool = True) -> RobotSummary:
@@ -27,8 +25,6 @@ def summary_of(name: str, status: RobotStatus, since: float, *, is_live: bool = 
         drifted=0,
         same_name=0,
         alarms=[RobotAlarm.model_validate(msgspec.structs.asdict(one)) for one in status.alarms],
-        devices=[
-            RobotDevice.model_construct(**{name: getattr(one, name) for name in _FIELDS}) for one in status.devices
-        ],
+        devices=list(status.devices),
         more=status.more,
     )

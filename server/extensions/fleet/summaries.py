@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 from pydantic import BaseModel, Field
+
+from imuscope.server.extensions.fleet.reports import RobotDevice
 
 RobotState = Literal["live", "lost"]
 SettingsState = Literal["unknown", "as-profile", "drifted"]
 PagesAllowed = Literal["off", "view", "control"]
-AlarmRaisedState = Literal["raised", "acknowledged", "missing"]
 
 
 class RobotAlarm(BaseModel):
@@ -28,29 +30,6 @@ class RobotAlarm(BaseModel):
     device: str = Field(description="id of the robot's device; empty if it is for none")
     condition: str = Field("", description="of the fleet server's own: lost, loss, settings or disk; else empty")
     acknowledged_by: str = Field("", description="of the fleet server's own: name of the person")
-
-
-class RobotDevice(BaseModel):
-    """Identity, rate and comparison with the profile of one device."""
-
-    id: str = Field(description="as on the robot's own page")
-    name: str
-    product: str
-    serial_number: str
-    firmware: str
-    protocol: str = Field(description="empty while it is unknown")
-    status: str = Field(description="as DeviceStatus, or another one of a later version")
-    rate: float = Field(description="samples/s of the fastest message, within 1 %")
-    expected_rate: float | None = Field(description="samples/s that it is configured for; null if unknown")
-    loss: float | None = Field(description="share of samples lost in the last minute, 0 … 1; null if unknown")
-    lost: int = Field(description="samples lost since the robot's server was started")
-    fix: str = Field(description="fix of its receiver of satellites, in words; empty if it has none")
-    temperature: float | None = Field(description="°C")
-    clock_ppm: float | None = Field(description="its clock against that of its host")
-    clock_uncertainty_ms: float | None = Field(description="± of the mapping from device time to host time")
-    settings: str = Field("", description="digest of its settings, as last read; empty while they are unknown")
-    settings_read: float | None = Field(None, description="clock of the robot, unix s: when they were read")
-    more: dict[str, str] = Field(default_factory=dict, description="what a later version reports, by name")
 
 
 class RobotSummary(BaseModel):
@@ -111,11 +90,11 @@ def with_hysteresis(new: RobotSummary, shown: RobotSummary | None) -> RobotSumma
 
 
 def _device(new: RobotDevice, shown: RobotDevice | None) -> RobotDevice:
-    changes = {
+    changes: dict[str, Any] = {
         name: _with_hysteresis(getattr(new, name), None if shown is None else getattr(shown, name), *steps)
         for name, steps in _STEPS.items()
     }
-    return new.model_copy(update=changes)
+    return replace(new, **changes)
 
 
 def _with_hysteresis(new: float | None, shown: float | None, relative: float, absolute: float) -> float | None:

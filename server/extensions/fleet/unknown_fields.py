@@ -9,15 +9,15 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from imuscope.server import wire
-from imuscope.server.extensions.fleet.summaries import AlarmRaisedState
 from imuscope.server.printable import json_text, printable
 
 if TYPE_CHECKING:
     from imuscope.server.extensions.fleet.reports import RobotReport
 
+AlarmRaisedState = Literal["raised", "acknowledged", "missing"]
 MAX_MORE = 16
 MAX_TEXT = 100
 PARTS = ("kind", "level", "state", "status", "field")

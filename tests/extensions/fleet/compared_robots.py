@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings
-from imuscope.server.extensions.fleet.summaries import RobotDevice, RobotSummary
+from imuscope.server.extensions.fleet.reports import RobotDevice
+from imuscope.server.extensions.fleet.summaries import RobotSummary
 
 PRODUCT = "MTi-630-8A1G6"
 
@@ -16,14 +17,9 @@ def settings_at(rate: int, **other: Any) -> DeviceSettings:
 
 
 def robot(name: str, settings: DeviceSettings | None, group: str = "otters") -> RobotSummary:
-    figures = {"rate": 100, "lost": 0, "loss": None, "fix": "", "status": "live", "protocol": "xbus"}
-    device = RobotDevice.model_validate(
-        {
-            **{"id": "1", "name": "MTi", "product": PRODUCT, "serial_number": "1", "firmware": "1.12.0", **figures},
-            **dict.fromkeys(("expected_rate", "temperature", "clock_ppm", "clock_uncertainty_ms")),
-            "settings": "" if settings is None else settings.digest,
-        }
-    )
+    digest = "" if settings is None else settings.digest
+    figures = {"serial_number": "1", "firmware": "1.12.0", "protocol": "xbus"}
+    device = RobotDevice("1", "MTi", "live", PRODUCT, **figures, rate=100, settings=digest)
     return RobotSummary.model_validate(
         {
             **{"name": name, "group": group, "state": "live", "since": 0, "latency_ms": None, "version": ""},

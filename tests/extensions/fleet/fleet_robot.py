@@ -11,7 +11,7 @@ import zenoh
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
 from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.reports import ReportedDevice, RobotEvent, RobotStatus
+from imuscope.server.extensions.fleet.reports import RobotDevice, RobotEvent, RobotStatus
 
 
 class FleetRobot:
@@ -60,7 +60,7 @@ class FleetRobot:
 
     def report(self, number: int, time: float = 1_700_000_000.0) -> None:
         """Report a status whose device has lost so many samples, and an event with the number."""
-        devices = (ReportedDevice("1", "MTi-630", "live", product="MTi-630 AHRS", rate=100.0, lost=number),)
+        devices = (RobotDevice("1", "MTi-630", "live", product="MTi-630 AHRS", rate=100.0, lost=number),)
         self.journal.add_event(RobotEvent(time, "marker", "info", str(number)))
         self.put(self.journal.report(time, RobotStatus(version="1.0", group="otters", devices=devices)))
 

@@ -11,11 +11,13 @@ import argparse
 import random
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from imuscope.server.config import Config
+from imuscope.server.extensions.fleet.reports import RobotDevice
 from imuscope.server.extensions.fleet.robots import Robots
-from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotDevice, RobotSummary
+from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
@@ -82,26 +84,22 @@ class RobotMaker:
         product, protocol, rate, firmware = PRODUCTS[(index + number) % len(PRODUCTS)]
         has_receiver = "GNSS" in product or protocol == "isb"
         is_losing = chance() < 0.025
-        return RobotDevice.model_validate(
-            {
-                "id": str(number + 1),
-                "name": product.split(" ", maxsplit=1)[0],
-                "product": product,
-                "serial_number": f"0{37_000_000 + 17 * index + number}",
-                "firmware": firmware[0] if chance() < 0.85 else firmware[1],
-                "protocol": protocol,
-                "status": "live",
-                "rate": rate * (0.7 if chance() < 0.01 else 1.0),
-                "expected_rate": rate,
-                "loss": self._random.uniform(0.0005, 0.06) if is_losing else 0.0,
-                "lost": self._random.randint(40, 9000) if is_losing else 0,
-                "fix": ("no fix" if chance() < 0.02 else self._random.choice(("3D", "RTK fixed")))
-                if has_receiver
-                else "",
-                "temperature": self._random.uniform(24, 48),
-                "clock_ppm": self._random.uniform(-18, 18),
-                "clock_uncertainty_ms": self._random.uniform(0.05, 0.6),
-            }
+        return RobotDevice(
+            id=str(number + 1),
+            name=product.split(" ", maxsplit=1)[0],
+            product=product,
+            serial_number=f"0{37_000_000 + 17 * index + number}",
+            firmware=firmware[0] if chance() < 0.85 else firmware[1],
+            protocol=protocol,
+            status="live",
+            rate=rate * (0.7 if chance() < 0.01 else 1.0),
+            expected_rate=rate,
+            loss=self._random.uniform(0.0005, 0.06) if is_losing else 0.0,
+            lost=self._random.randint(40, 9000) if is_losing else 0,
+            fix=("no fix" if chance() < 0.02 else self._random.choice(("3D", "RTK fixed"))) if has_receiver else "",
+            temperature=self._random.uniform(24, 48),
+            clock_ppm=self._random.uniform(-18, 18),
+            clock_uncertainty_ms=self._random.uniform(0.05, 0.6),
         )
 
     def _later(self, one: RobotSummary) -> RobotSummary:
@@ -113,15 +111,14 @@ class RobotMaker:
             return one.model_copy(update={"state": "lost", "since": self._now})
         wobble = self._random.gauss
         devices = [
-            device.model_copy(
-                update={
-                    "rate": max(0.0, device.rate * wobble(1, 0.02))
-                    if device.rate < 0.95 * (device.expected_rate or 0)
-                    else (device.expected_rate or 0) * wobble(1, 0.012),
-                    "temperature": (device.temperature or 0) + wobble(0, 0.6),
-                    "lost": device.lost + (self._random.randint(0, 3) if device.loss else 0),
-                    "loss": device.loss and min(0.2, max(1e-4, device.loss * wobble(1, 0.2))),
-                }
+            replace(
+                device,
+                rate=max(0.0, device.rate * wobble(1, 0.02))
+                if device.rate < 0.95 * (device.expected_rate or 0)
+                else (device.expected_rate or 0) * wobble(1, 0.012),
+                temperature=(device.temperature or 0) + wobble(0, 0.6),
+                lost=device.lost + (self._random.randint(0, 3) if device.loss else 0),
+                loss=device.loss and min(0.2, max(1e-4, device.loss * wobble(1, 0.2))),
             )
             for device in one.devices
         ]

@@ -19,7 +19,7 @@ from imuscope.server.extensions.fleet.database import (
     StoredRobot,
 )
 from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.reports import ReportedDevice, RobotEvent, RobotReport, RobotStatus, encode
+from imuscope.server.extensions.fleet.reports import RobotDevice, RobotEvent, RobotReport, RobotStatus, encode
 from imuscope.server.extensions.fleet.robots import Robots
 
 NAME = "otter-7"
@@ -202,7 +202,7 @@ def test_a_robot_that_left_during_a_restart_is_lost(bus: Bus) -> None:
 
 
 def status_of(serial_number: str) -> RobotStatus:
-    return RobotStatus(devices=(ReportedDevice("1", "MTi", "live", serial_number=serial_number),), pages="view")
+    return RobotStatus(devices=(RobotDevice("1", "MTi", "live", serial_number=serial_number),), pages="view")
 
 
 def rows(bus: Bus) -> dict[str, tuple[str, int, str]]:

@@ -16,7 +16,7 @@ import pytest
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.fleet_alarms import FILE, FleetAlarms
 from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings
-from imuscope.server.extensions.fleet.reports import ReportedDevice, RobotStatus
+from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 from tests.each_row import each_row
@@ -31,7 +31,7 @@ LIMITS = FleetServerSettings(alarm_lost_s=60, alarm_loss_percent=1, alarm_disk_g
 
 
 def robot(loss: float = 0.0, free: int = 10**11, *, is_live: bool = True, drifted: int = 0) -> RobotSummary:
-    device = ReportedDevice("1", "MTi", "live", loss=loss)
+    device = RobotDevice("1", "MTi", "live", loss=loss)
     status = RobotStatus(group="otters", disk_free_bytes=free, devices=(device,))
     found = summary_of("a", status, NOW, is_live=is_live)
     return found.model_copy(update={"drifted": drifted, "settings": "drifted" if drifted else "as-profile"})

@@ -25,7 +25,7 @@ from imuscope.server.extensions.fleet.device_settings import (
 )
 from imuscope.server.extensions.fleet.group_profiles import FILE, GroupProfiles
 from imuscope.server.extensions.fleet.known_settings import KnownSettings
-from imuscope.server.extensions.fleet.reports import ReportedDevice, ReportError
+from imuscope.server.extensions.fleet.reports import ReportError, RobotDevice
 from tests.extensions.fleet.compared_robots import PRODUCT, robot, settings_at
 from tests.free_ports import free_port
 from tests.server.control_harness import house, outputs
@@ -192,7 +192,7 @@ def test_a_write_is_reported_even_if_a_report_is_made_in_the_middle_of_it(tmp_pa
             await here.read(desk)
             known, device = (
                 KnownSettings(tmp_path / "fleet", here.desks.get),
-                ReportedDevice(desk.device, "MTi", "live"),
+                RobotDevice(desk.device, "MTi", "live"),
             )
             before = known.with_settings((device,))[0].settings
             task = desk.add("Write", here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(20)}, ""))

@@ -14,8 +14,8 @@ from imuscope.server.extensions.fleet import keys, reports
 from imuscope.server.extensions.fleet.journal import Journal
 from imuscope.server.extensions.fleet.reports import (
     JournalAnswer,
-    ReportedDevice,
     ReportError,
+    RobotDevice,
     RobotEvent,
     RobotReport,
     RobotStatus,
@@ -27,7 +27,7 @@ from tests.each_row import each_row
 
 BOOT = "0123456789abcdef"
 EVENT = RobotEvent(1_700_000_000.0, "link", "warning", "MTi-630 is gone.", "1")
-STATUS = RobotStatus(version="1.0", devices=(ReportedDevice("1", "MTi-630", "live", rate=100.0, temperature=31.5),))
+STATUS = RobotStatus(version="1.0", devices=(RobotDevice("1", "MTi-630", "live", rate=100.0, temperature=31.5),))
 REPORT = RobotReport(BOOT, 7, 1_700_000_000.0, status=STATUS, events=(EVENT,))
 
 
@@ -181,7 +181,7 @@ def test_long_events_in_another_script_fit_into_reports() -> None:
 
 def test_a_status_that_nobody_could_read_is_left_out() -> None:
     journal = Journal()
-    wrong = RobotStatus(devices=(ReportedDevice("1", "MTi-630", "live", rate=math.nan),))
+    wrong = RobotStatus(devices=(RobotDevice("1", "MTi-630", "live", rate=math.nan),))
     report = decode_report(journal.report(1.0, wrong))
     assert (report.number, report.is_empty, report.dropped) == (0, True, 1)
     assert decode_report(journal.report(2.0, STATUS)).number == 1

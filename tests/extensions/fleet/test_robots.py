@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.server.config import Config
+from imuscope.server.extensions.fleet.reports import RobotDevice
 from imuscope.server.extensions.fleet.robots import Robots, TooManyRobotsError
-from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotDevice, RobotSummary
+from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotSummary
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -39,7 +40,7 @@ def device(**changed: Any) -> RobotDevice:
         "clock_ppm": 4.0,
         "clock_uncertainty_ms": 0.2,
     }
-    return RobotDevice.model_validate({**figures, **changed})
+    return RobotDevice(**{**figures, **changed})
 
 
 def robot(name: str = "otter-7", **changed: Any) -> RobotSummary:

@@ -950,13 +950,13 @@ export interface RobotDevice {
   /** as on the robot's own page */
   readonly id: string;
   readonly name: string;
+  /** as DeviceStatus, or another one of a later version */
+  readonly status: string;
   readonly product: string;
   readonly serial_number: string;
   readonly firmware: string;
   /** empty while it is unknown */
   readonly protocol: string;
-  /** as DeviceStatus, or another one of a later version */
-  readonly status: string;
   /** samples/s of the fastest message, within 1 % */
   readonly rate: number;
   /** samples/s that it is configured for; null if unknown */
