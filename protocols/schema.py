@@ -54,23 +54,16 @@ class Bits:
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Meaning of a field while the field of the same record that it depends on has certain values.
+    """Meaning of a field while another field of its record has certain values; in place of what the field says."""
 
-    Args:
-        values: of the other field; empty: all values that no meaning before names.
-        title, unit, scale, decimals, doc: instead of those of the field.
-        low, high: allowed range of the wire value; None: that of the field.
-        signed: the unsigned wire value is a two's complement; `low` and `high` are signed.
-    """
-
-    values: tuple[int, ...]
+    values: tuple[int, ...]  # of the other field; empty: all that no meaning before names
     title: str
     unit: str = ""
-    scale: float = 1.0
+    scale: float = 1.0  # shown = wire × scale
     decimals: int = -1
-    low: float | None = None
+    low: float | None = None  # allowed wire values; null: those of the field
     high: float | None = None
-    signed: bool = False
+    signed: bool = False  # the unsigned wire value is a two's complement; low and high are signed
     doc: str = ""
 
 

@@ -9,19 +9,14 @@ from tests.source_files import python_files, tree_of
 
 # Records of the same fields that are two, and why.
 SAME_FIELDS = {
-    ("TimedRows", "_Rows"): "one is an answer, of the other a column may be one number",
+    ("TimedRows", "_Rows"): "rows of one message, and of several: then each has a size and a message of its own",
     ("Bits", "BitsInfo"): "values of a group are numbers, and decimal text as keys of JSON",
-    ("Meaning", "MeaningForm"): "rows of a table have tuples and an order of their own",
     ("Statistics", "ColumnStatistics"): "JSON has no NaN",
     ("AnalysisOption", "OptionInfo"): "the default of a choice is its number in the one, its text in the other",
-    ("ProblemBody", "_Problem"): "one writes an answer, the other checks what a robot sent",
+    ("ProblemBody", "_Problem"): "a robot may leave out the kind and the hint",
     ("MapInfo", "MapTiles"): "the page is told whether there are tiles, never their address",
-    (
-        "SettingsChange",
-        "ClientChange",
-    ): "the rows of an answer are those of a comparison without some columns",
     ("ExpressionFunction", "SqlFunction"): "of two extensions, each of which can be left out",
-    ("AcknowledgeRequest", "ProfileRequest"): "two extensions could each be removed",
+    ("AcknowledgeRequest", "ProfileRequest"): "the device may be left out of one; its limits differ",
     ("CalibrationOptions", "CalibrationOptionsBody"): "a request may leave the axis out",
     ("TableColumnInfo", "StoreColumn"): "types of Arrow, and their names",
     ("Devices", "HealthReport"): "messages differ in `op`",

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import responses
+from imuscope.server.configuration.client_changes import SettingsChange
 from imuscope.server.configuration.port_shares import client_name, speaker_name
 from imuscope.server.devices.session import Session
 from imuscope.server.links.held import SharedPortLink
@@ -58,25 +59,6 @@ class PortShare(BaseModel):
     clients: list[ShareClient]
 
 
-class ChangedValue(BaseModel):
-    """A value before and after; empty if it was not known."""
-
-    title: str
-    unit: str
-    before: str
-    after: str
-
-
-class SettingsChange(BaseModel):
-    """Changes of a client to the settings of the device."""
-
-    client: str
-    time: float = Field(description="unix s")
-    rows: list[ChangedValue]
-    unread: list[str] = Field(description="titles of settings that it may have changed, and were not read since")
-    snapshot: str = Field(description="name of the snapshot after it; empty if there is none")
-
-
 class SharedPort(BaseModel):
     """The shares of the port of a device."""
 
@@ -98,18 +80,7 @@ def _shared_port(services: Services, session: Session) -> SharedPort:
         holder=link.holder_pid if isinstance(link, SharedPortLink) and link.is_connected else 0,
         speaker=speaker_name(link),
         configuring=state.get("configuring") is not None,
-        changes=[
-            SettingsChange(
-                client=one.client,
-                time=one.time,
-                rows=[
-                    ChangedValue(title=row.title, unit=row.unit, before=row.left, after=row.right) for row in one.rows
-                ],
-                unread=list(one.unread),
-                snapshot=one.snapshot,
-            )
-            for one in services.shares.changes_of(session)
-        ],
+        changes=list(services.shares.changes_of(session)),
         shares=[
             PortShare(
                 name=share.text,

@@ -21,28 +21,13 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from imuscope.protocols.editor_choices import RateTable
-from imuscope.protocols.schema import TextList
+from imuscope.protocols.schema import Meaning, TextList
 from imuscope.protocols.transactions import ByteRange, OutputLoad
 from imuscope.server.wire import BitsInfo
 
 Editor = Literal["number", "integer", "choice", "flags", "bool", "text", "hex", "record", "list", "vector"]
 CautionKind = Literal["", "restarts", "stops-output", "cuts-line", "loses-settings", "wears-flash", "moves-frame"]
 Side = Literal["device", "factory", "snapshot", "text", "other"]
-
-
-@dataclass(slots=True)
-class MeaningForm:
-    """Meaning of a field while another field of its record has certain values."""
-
-    values: list[int]  # of the other field; empty: all that no meaning before names
-    title: str
-    unit: str
-    scale: float  # shown = wire × scale
-    decimals: int
-    signed: bool  # the wire value is a two's complement; low and high are signed
-    low: float | None = None  # allowed wire values; null: those of the field
-    high: float | None = None
-    doc: str = ""
 
 
 @dataclass(slots=True)
@@ -72,7 +57,7 @@ class FieldForm:
     options: list[str] = field(default_factory=list)  # known values of a text field
     listed: TextList | None = None  # if the device lists the values; a value may join several with "/"
     meaning_of: str = ""  # field of the same record on which the meaning depends
-    meanings: list[MeaningForm] = field(default_factory=list)
+    meanings: tuple[Meaning, ...] = ()
     doc: str = ""
     source: str = ""
 

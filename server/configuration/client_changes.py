@@ -14,11 +14,12 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.transactions import Values
-from imuscope.server.configuration.api_models import DifferenceRow
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import plain_values
@@ -33,21 +34,26 @@ POLL_S, MOST_DECODING_S = 0.05, 3.0  # a device without viewers is decoded once 
 
 
 @dataclass(frozen=True, slots=True)
-class ClientChange:
-    """Changes of a client, when it is done.
+class ChangedValue:
+    """A value before and after; empty if it was not known."""
 
-    Args:
-        time: unix s.
-        rows: differences: before, after.
-        unread: titles of settings that it wrote or altered and whose values are not known now.
-        snapshot: name of the snapshot of the settings after it; "" if none could be saved.
-    """
+    title: str
+    unit: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsChange:
+    """Changes of a client to the settings of the device."""
 
     client: str
-    time: float
-    rows: Sequence[DifferenceRow]
-    unread: Sequence[str]
-    snapshot: str
+    time: Annotated[float, Field(description="unix s")]
+    rows: tuple[ChangedValue, ...]
+    unread: Annotated[
+        tuple[str, ...], Field(description="titles of settings that it may have changed, and were not read since")
+    ]
+    snapshot: Annotated[str, Field(description="name of the snapshot after it; empty if there is none")]
 
 
 @dataclass(slots=True)
@@ -70,7 +76,7 @@ class ClientChanges:
         self._snapshots = snapshots
         self._now: _Configuration | None = None
         self._ending: _Configuration | None = None  # its client is done, and answers are still being decoded
-        self.latest: deque[ClientChange] = deque(maxlen=MAX_LATEST)
+        self.latest: deque[SettingsChange] = deque(maxlen=MAX_LATEST)
         self._tasks: set[asyncio.Task[None]] = set()
         self._off = DevicePort(controller.session).listen(self._on_event)
 
@@ -172,9 +178,10 @@ class ClientChanges:
         words += [f"{titles[name]} (not read yet)" for name in unread]
         self._report_to_log(now, f"{now.client} changed the settings: {'; '.join(words)}.", is_change=True)
         name = await self._save(now, [titles[one] for one in (*changed, *unread)])
-        unread_titles = [titles[one] for one in unread]
-        shown = (*difference.rows, *(DifferenceRow(one, "", titles[one], "", "", WRITTEN) for one in new))
-        self.latest.appendleft(ClientChange(now.client, controller.bus.now(), shown, unread_titles, name))
+        known = [ChangedValue(row.title, row.unit, row.left, row.right) for row in difference.rows]
+        shown = (*known, *(ChangedValue(titles[one], "", "", WRITTEN) for one in new))
+        unread_titles = tuple(titles[one] for one in unread)
+        self.latest.appendleft(SettingsChange(now.client, controller.bus.now(), shown, unread_titles, name))
 
     def _report_to_log(self, now: _Configuration, text: str, *, is_change: bool = False) -> None:
         controller = self._controller

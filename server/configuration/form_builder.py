@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from imuscope.protocols.editor_choices import RateTable
@@ -33,7 +32,6 @@ from imuscope.server.configuration.api_models import (
     Editor,
     FieldForm,
     Forms,
-    MeaningForm,
     SettingForm,
 )
 from imuscope.server.configuration.value_format import shown
@@ -160,7 +158,7 @@ def field_form(field: Field) -> FieldForm:
         options=list(field.options),
         listed=field.listed,
         meaning_of=field.meaning_of,
-        meanings=[MeaningForm(**{**asdict(one), "values": list(one.values)}) for one in field.meanings],
+        meanings=field.meanings,
         doc=field.doc,
         source=field.source,
     )

@@ -14,7 +14,7 @@ import os
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from typing import Any
 
-from imuscope.server.configuration.client_changes import ClientChange, ClientChanges
+from imuscope.server.configuration.client_changes import ClientChanges, SettingsChange
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.devices.session import Session
@@ -176,7 +176,7 @@ class PortShares:
         if rest:
             self._partial[key] = rest
 
-    def changes_of(self, session: Session) -> Sequence[ClientChange]:
+    def changes_of(self, session: Session) -> Sequence[SettingsChange]:
         """The last changes by clients, newest first."""
         changes = self._changes.get(session.info.id)
         return tuple(changes.latest) if changes is not None else ()

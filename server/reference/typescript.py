@@ -27,7 +27,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
+from types import EllipsisType, ModuleType
 
 from imuscope.protocols import editor_choices
 from imuscope.server import capabilities, wire
@@ -76,7 +76,12 @@ def typescript_type(node: ast.expr) -> str:
             return f"{typescript_type(left)} | {typescript_type(right)}"
         case ast.Subscript(value=ast.Name(id="Literal"), slice=values):
             return " | ".join(_literal(value) for value in _elements(values))
-        case ast.Subscript(value=ast.Name(id="list"), slice=item):
+        case (
+            ast.Subscript(value=ast.Name(id="list"), slice=item)
+            | ast.Subscript(
+                value=ast.Name(id="tuple"), slice=ast.Tuple(elts=[item, ast.Constant(value=EllipsisType())])
+            )
+        ):
             inner = typescript_type(item)
             compound = " | " in inner or inner.startswith("readonly ")
             return f"readonly ({inner})[]" if compound else f"readonly {inner}[]"

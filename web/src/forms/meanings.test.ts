@@ -2,10 +2,10 @@ import { expect, it } from "vitest";
 import { field } from "../testing/fixtures";
 import type { FormContext } from "./form-context";
 import { hasMeanings, meantFields, signedContext } from "./meanings";
-import type { MeaningForm } from "./types";
+import type { Meaning } from "./types";
 import { at, read, typed } from "./values";
 
-const meaning = (given: Partial<MeaningForm> & Pick<MeaningForm, "values" | "title">): MeaningForm => ({
+const meaning = (given: Partial<Meaning> & Pick<Meaning, "values" | "title">): Meaning => ({
   unit: "ms",
   scale: 0.1,
   decimals: 1,

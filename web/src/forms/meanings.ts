@@ -5,7 +5,7 @@
  *     wire 0…65535 ──signed: two's complement──▶ −32768…32767 ──× scale──▶ shown
  */
 import type { FormContext } from "./form-context";
-import type { FieldForm, MeaningForm } from "./types";
+import type { FieldForm, Meaning } from "./types";
 import { at, joined, type Path, put, type FormValues } from "./values";
 
 /** The fields of a record, each with the meaning that it has there. */
@@ -55,7 +55,7 @@ export function signedContext(form: FormContext, root: Path, fields: readonly Fi
 export const hasMeanings = (fields: readonly FieldForm[]): boolean =>
   fields.some(({ meanings }) => meanings.length > 0);
 
-function meaningIn(field: FieldForm, record: FormValues | undefined): MeaningForm | undefined {
+function meaningIn(field: FieldForm, record: FormValues | undefined): Meaning | undefined {
   const value = Number(record?.[field.meaning_of]);
   return field.meanings.find(({ values }) => values.length === 0 || values.includes(value));
 }

@@ -2,6 +2,23 @@
 
 import type { BitsInfo } from "../wire/types";
 
+/** Meaning of a field while another field of its record has certain values; in place of what the field says. */
+export interface Meaning {
+  /** of the other field; empty: all that no meaning before names */
+  readonly values: readonly number[];
+  readonly title: string;
+  readonly unit: string;
+  /** shown = wire × scale */
+  readonly scale: number;
+  readonly decimals: number;
+  /** allowed wire values; null: those of the field */
+  readonly low: number | null;
+  readonly high: number | null;
+  /** the unsigned wire value is a two's complement; low and high are signed */
+  readonly signed: boolean;
+  readonly doc: string;
+}
+
 /** Texts that the device lists in a setting. */
 export interface TextList {
   readonly setting: string;
@@ -96,23 +113,6 @@ export type CautionKind = "" | "restarts" | "stops-output" | "cuts-line" | "lose
 
 export type Side = "device" | "factory" | "snapshot" | "text" | "other";
 
-/** Meaning of a field while another field of its record has certain values. */
-export interface MeaningForm {
-  /** of the other field; empty: all that no meaning before names */
-  readonly values: readonly number[];
-  readonly title: string;
-  readonly unit: string;
-  /** shown = wire × scale */
-  readonly scale: number;
-  readonly decimals: number;
-  /** the wire value is a two's complement; low and high are signed */
-  readonly signed: boolean;
-  /** allowed wire values; null: those of the field */
-  readonly low: number | null;
-  readonly high: number | null;
-  readonly doc: string;
-}
-
 /** Input of one field: its type, range, unit and help. */
 export interface FieldForm {
   readonly name: string;
@@ -150,7 +150,7 @@ export interface FieldForm {
   readonly listed: TextList | null;
   /** field of the same record on which the meaning depends */
   readonly meaning_of: string;
-  readonly meanings: readonly MeaningForm[];
+  readonly meanings: readonly Meaning[];
   readonly doc: string;
   readonly source: string;
 }
