@@ -59,7 +59,7 @@ from imuscope.server.devices.decode_options import (
     option_text,
     source_options,
 )
-from imuscope.server.extension_settings import ExtensionSettings, extension_settings
+from imuscope.server.extension_settings import ExtensionSettings, extension_settings, shipped_owner
 from imuscope.server.holder.shares import ShareAddress, ShareError
 from imuscope.server.logging_setup import LEVELS, STYLES
 from imuscope.server.setting_types import Form, allowed_by, empty_or, one_of, refusal_of, zero_or
@@ -300,6 +300,9 @@ def _decode_options(settings: Mapping[str, Any]) -> dict[str, str | bool]:
     for name, value in settings.items():
         option = declared.get(name)
         if option is None:
+            if owner := shipped_owner(name):
+                again = "install imuscope again to add it: pip install --force-reinstall"
+                raise ConfigError(f"{name} is a setting of the extension {owner}, which is not installed; {again}.")
             known = ", ".join(sorted((*setting_names(), *declared)))
             raise ConfigError(f"{name} is not a valid setting; valid settings: {known}.")
         kind = bool if option.kind == "flag" else str

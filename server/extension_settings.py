@@ -20,6 +20,19 @@ from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
 
 GROUP = "imuscope.settings"
 
+SHIPPED: Mapping[str, Sequence[str]] = {
+    "alarms": ("webhook_hosts",),
+    "analysis": ("analysis_s", "analysis_mb"),
+    "fleet": ("store", "fleet", "fleet_server"),
+    "foxglove": ("foxglove",),
+    "rerun": ("rerun_connect",),
+    "ros2": (
+        *("ros2", "ros2_domain", "ros2_router", "ros2_namespace", "ros2_reliability", "ros2_depth"),
+        *("ros2_axes", "ros2_frames", "ros2_map_frame", "ros2_tf"),
+    ),
+}
+"""Settings of imuscope's own extensions, for an error when one is not installed and cannot be asked."""
+
 
 class ExtensionSettings:
     """Base of the settings of an extension.
@@ -65,6 +78,11 @@ def extension_settings() -> Sequence[type[ExtensionSettings]]:
 def settings_problems() -> list[str]:
     """A sentence about each package whose settings cannot be used."""
     return _installed()[1]
+
+
+def shipped_owner(setting: str) -> str:
+    """The extension of imuscope that a setting belongs to, installed or not; "" for none."""
+    return next((name for name, settings in SHIPPED.items() if setting in settings), "")
 
 
 @functools.cache

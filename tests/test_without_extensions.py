@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.protocols.plugins import protocol_plugins
+from imuscope.protocols.plugins import plugins_of, protocol_plugins
 from imuscope.server.extension import extensions
+from imuscope.server.extension_settings import GROUP, SHIPPED, extension_settings
 from imuscope.server.services import Services
 from tests.each_row import each_row
 from tests.server_process import tied
@@ -87,6 +88,31 @@ def test_a_server_starts_without_an_extension(tree: Path, tmp_path: Path, left_o
     finally:
         for name in left_out:
             (tmp_path / name).rename(folder / name)
+
+
+@each_row("name", [*SHIPPED])
+def test_a_setting_of_an_extension_that_is_not_installed(tree: Path, tmp_path: Path, name: str) -> None:
+    """It names the extension, and how to add it, in place of all valid settings."""
+    path = tmp_path / "imuscope.toml"
+    path.write_text(f"{SHIPPED[name][0]} = 1\n")
+    folder = tree / "server" / "extensions" / name
+    folder.rename(tmp_path / name)
+    try:
+        command = [sys.executable, "-m", PACKAGE, "serve", "sim:xbus", "--config", str(path)]
+        environment = os.environ | {"PYTHONPATH": str(tree)}
+        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
+    finally:
+        (tmp_path / name).rename(folder)
+    assert done.returncode == 1, done.stderr
+    assert f"is a setting of the extension {name}, which is not installed" in done.stderr
+    assert "install imuscope again to add it" in done.stderr
+
+
+def test_the_settings_of_the_shipped_extensions_are_known() -> None:
+    """Without them, too: SHIPPED is what they declare."""
+    names = {plugin.module: plugin.name for plugin in plugins_of(GROUP)}
+    declared = {names[kind.__module__]: tuple(one.name for one in fields(kind)) for kind in extension_settings()}  # type: ignore[arg-type]
+    assert declared == SHIPPED
 
 
 def test_nothing_outside_imports_an_extension() -> None:
