@@ -10,7 +10,6 @@ damaged anywhere but at its torn end: data after the damage must not be lost.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shutil
 import sys
@@ -29,7 +28,7 @@ from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
 from imuscope.recordings.mcap_records import message
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
-from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.parent_death import die_with_parent, tell_parent
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 
@@ -210,7 +209,7 @@ def main() -> int:
         except (MemoryError, TooLong) as error:
             what, is_over = "memory" if isinstance(error, MemoryError) else "time", True
             message = f"It stays as it is: packing it takes more {what} than it may have."
-        print(json.dumps({"path": name, "packed": has_room and not message, "message": message}), flush=True)
+        tell_parent(path=name, packed=has_room and not message, message=message)
         if is_over:
             return 1
     return 0

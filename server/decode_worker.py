@@ -15,7 +15,7 @@ from pathlib import Path
 
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.parent_death import die_with_parent, tell_parent
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
@@ -42,7 +42,7 @@ def main() -> int:
         nonlocal reported
         if share >= reported + STEP:
             reported = share
-            _send(progress=round(share, 3))
+            tell_parent(progress=round(share, 3))
 
     try:
         path, store = Path(request["path"]), Path(request["store"])
@@ -50,7 +50,7 @@ def main() -> int:
         bounded_by(path)
         source = open_file(path)
         usual = DecodeOptions("", request.get("reading", {}))
-        shown = lambda folder: _send(shown=str(folder))  # noqa: E731
+        shown = lambda folder: tell_parent(shown=str(folder))  # noqa: E731
         decode(
             source,
             store,
@@ -63,22 +63,24 @@ def main() -> int:
         )
         write_source(store, path, stamp)
     except RecordingError as error:
-        _send(message=error.message, hint=error.hint)
+        tell_parent(message=error.message, hint=error.hint)
         return 1
     except MemoryError:
-        _send(message="Opening the recording exceeds the memory limit.", hint="The file may be damaged or malicious.")
+        tell_parent(
+            message="Opening the recording exceeds the memory limit.", hint="The file may be damaged or malicious."
+        )
         return 1
     except TooLong:
-        _send(message="Opening the recording exceeds the time limit.", hint="The file may be damaged or malicious.")
+        tell_parent(
+            message="Opening the recording exceeds the time limit.", hint="The file may be damaged or malicious."
+        )
         return 1
     except OSError as error:
-        _send(message=f"The recording cannot be opened: {(error.strerror or 'the disk failed').lower()}.", hint="")
+        tell_parent(
+            message=f"The recording cannot be opened: {(error.strerror or 'the disk failed').lower()}.", hint=""
+        )
         return 1
     return 0
-
-
-def _send(**words: object) -> None:
-    print(json.dumps(words), flush=True)
 
 
 if __name__ == "__main__":

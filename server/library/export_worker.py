@@ -19,7 +19,7 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.parent_death import die_with_parent, tell_parent
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.resource_limits import TooLong, bounded
 
@@ -43,23 +43,23 @@ def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
         nonlocal shown
         if share >= shown + STEP:
             shown = share
-            _send(progress=round(min(share, 1.0), 3))
+            tell_parent(progress=round(min(share, 1.0), 3))
 
     try:
         files = work(message, step)
     except RecordingError as error:
-        _send(message=error.message, hint=error.hint)
+        tell_parent(message=error.message, hint=error.hint)
         return 1
     except MemoryError:
-        _send(message="The export exceeds the memory limit.", hint="Export a shorter time range.")
+        tell_parent(message="The export exceeds the memory limit.", hint="Export a shorter time range.")
         return 1
     except TooLong:
-        _send(message="The export exceeds the time limit.", hint="Export a shorter time range.")
+        tell_parent(message="The export exceeds the time limit.", hint="Export a shorter time range.")
         return 1
     except (OSError, ValueError, KeyError):
-        _send(message="The recording changed while it was exported.", hint="Export it again.")
+        tell_parent(message="The recording changed while it was exported.", hint="Export it again.")
         return 1
-    _send(files=[str(file) for file in files])
+    tell_parent(files=[str(file) for file in files])
     return 0
 
 
@@ -84,10 +84,6 @@ def request_of(message: dict[str, Any]) -> ExportRequest:
 
 def _end(number: int, frame: object) -> NoReturn:
     raise SystemExit(143)
-
-
-def _send(**words: object) -> None:
-    print(json.dumps(words), flush=True)
 
 
 if __name__ == "__main__":

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from imuscope.recordings.compaction import is_uncompacted
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.workers import Worker
 from tests.fault_injection.fault_harness import frames
@@ -43,3 +47,17 @@ def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
     assert [path.stem for path in packed] == ["a", "b", "d", "e"]
     assert "c.mcap could not be compacted" in caplog.text
     assert len(begun) == 1
+
+
+def test_a_process_whose_server_was_killed_ends_quietly(tmp_path: Path) -> None:
+    """Regression: it printed the traceback of a BrokenPipeError. The first file is whole, the second as it was."""
+    first, second = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    for path in (first, second):
+        recording(path, frames(0, 500))
+    reader, writer = os.pipe()
+    os.close(reader)  # as at the death of the server, a moment before the signal
+    with os.fdopen(writer, "wb") as output:
+        command = [sys.executable, "-m", "imuscope.recordings.compaction", str(first), str(second)]
+        done = subprocess.run(command, stdout=output, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert (is_uncompacted(first), is_uncompacted(second)) == (False, True)
