@@ -272,7 +272,7 @@ def _library(package: str) -> ModuleType | None:
         path = cast(Path, folder) / f"kernels.{name}.so"
         if not path.is_file():
             continue
-        loader = importlib.machinery.ExtensionFileLoader(f"{package}.native.kernels", str(path))
+        loader = importlib.machinery.ExtensionFileLoader(f"{package}_native.kernels", str(path))
         spec = importlib.util.spec_from_loader(loader.name, loader)
         try:
             module = importlib.util.module_from_spec(cast(Any, spec))
