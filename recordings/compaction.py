@@ -28,7 +28,7 @@ from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
 from imuscope.recordings.mcap_records import message
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
-from imuscope.recordings.parent_death import die_with_parent, tell_parent
+from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 
@@ -209,7 +209,7 @@ def main() -> int:
         except (MemoryError, TooLong) as error:
             what, is_over = "memory" if isinstance(error, MemoryError) else "time", True
             message = f"It stays as it is: packing it takes more {what} than it may have."
-        tell_parent(path=name, packed=has_room and not message, message=message)
+        report_to_parent(path=name, packed=has_room and not message, message=message)
         if is_over:
             return 1
     return 0

@@ -25,7 +25,7 @@ def die_with_parent() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM))
 
 
-def tell_parent(**words: object) -> None:
+def report_to_parent(**words: object) -> None:
     """Write a message to the parent: a line of JSON on standard output.
 
     Raises:

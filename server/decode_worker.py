@@ -15,7 +15,7 @@ from pathlib import Path
 
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, tell_parent
+from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
@@ -42,7 +42,7 @@ def main() -> int:
         nonlocal reported
         if share >= reported + STEP:
             reported = share
-            tell_parent(progress=round(share, 3))
+            report_to_parent(progress=round(share, 3))
 
     try:
         path, store = Path(request["path"]), Path(request["store"])
@@ -50,7 +50,7 @@ def main() -> int:
         bounded_by(path)
         source = open_file(path)
         usual = DecodeOptions("", request.get("reading", {}))
-        shown = lambda folder: tell_parent(shown=str(folder))  # noqa: E731
+        shown = lambda folder: report_to_parent(shown=str(folder))  # noqa: E731
         decode(
             source,
             store,
@@ -63,20 +63,20 @@ def main() -> int:
         )
         write_source(store, path, stamp)
     except RecordingError as error:
-        tell_parent(message=error.message, hint=error.hint)
+        report_to_parent(message=error.message, hint=error.hint)
         return 1
     except MemoryError:
-        tell_parent(
+        report_to_parent(
             message="Opening the recording exceeds the memory limit.", hint="The file may be damaged or malicious."
         )
         return 1
     except TooLong:
-        tell_parent(
+        report_to_parent(
             message="Opening the recording exceeds the time limit.", hint="The file may be damaged or malicious."
         )
         return 1
     except OSError as error:
-        tell_parent(
+        report_to_parent(
             message=f"The recording cannot be opened: {(error.strerror or 'the disk failed').lower()}.", hint=""
         )
         return 1

@@ -31,7 +31,7 @@ SHIPPED: Mapping[str, Sequence[str]] = {
         *("ros2_axes", "ros2_frames", "ros2_map_frame", "ros2_tf"),
     ),
 }
-"""Settings of imuscope's own extensions, for an error when one is not installed and cannot be asked."""
+"""Settings of imuscope's own extensions, for an error when one is not installed, and so cannot name them."""
 
 
 class ExtensionSettings:

@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import NoReturn
 
 import hypothesis  # noqa: F401 (in every process that is forked)
-import numba  # noqa: F401
 import pytest
 
 from tests.checking.affected import affected_tests

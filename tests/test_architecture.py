@@ -36,7 +36,7 @@ KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, 
 # name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
 COMMON = {
     *("backoff", "capabilities", "errors", "limiters", "listeners", "previous_names", "printable", "processes"),
-    *("prometheus_text", "rate_meter", "version", "wire", "workers"),
+    *("prometheus_text", "read_kernel", "rate_meter", "version", "wire", "workers"),
 }
 SERVER: dict[str, set[str]] = {
     **{part: set() for part in sorted(COMMON)},

@@ -123,7 +123,7 @@ def kernel_sources() -> Iterator[Path]:
     package = ROOT / "imuscope"
     yield from (package / "protocols").rglob("*.py")
     yield from (package / "recordings").glob("*_kernels.py")
-    yield from (package / "server" / "links").glob("*_kernel.py")
+    yield from (package / "server").glob("*_kernel.py")
 
 
 def native_is_fresh() -> bool:

@@ -5,7 +5,7 @@
                                └── Unix socket       imuscope (server/links/held.py)
 
 It outlives the server: what a client reads and writes does not depend on imuscope, its upgrade or its end. It imports
-neither numpy nor numba nor anything of the web, and runs one epoll loop in one thread.
+neither numpy nor anything of the web, and runs one epoll loop in one thread.
 
     process.py        the loop: the port, and the recipients of messages
     event_loop.py     descriptors and their handlers

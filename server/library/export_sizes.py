@@ -24,7 +24,7 @@ import numpy as np
 
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, tell_parent
+from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.resource_limits import TooLong, bounded
 from imuscope.server.library.export_worker import request_of
@@ -106,7 +106,7 @@ def main() -> int:
             }
     except (RecordingError, MemoryError, TooLong, OSError, ValueError, KeyError):
         return 1
-    tell_parent(**answer)
+    report_to_parent(**answer)
     return 0
 
 

@@ -19,7 +19,7 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, tell_parent
+from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.resource_limits import TooLong, bounded
 
@@ -43,23 +43,23 @@ def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
         nonlocal shown
         if share >= shown + STEP:
             shown = share
-            tell_parent(progress=round(min(share, 1.0), 3))
+            report_to_parent(progress=round(min(share, 1.0), 3))
 
     try:
         files = work(message, step)
     except RecordingError as error:
-        tell_parent(message=error.message, hint=error.hint)
+        report_to_parent(message=error.message, hint=error.hint)
         return 1
     except MemoryError:
-        tell_parent(message="The export exceeds the memory limit.", hint="Export a shorter time range.")
+        report_to_parent(message="The export exceeds the memory limit.", hint="Export a shorter time range.")
         return 1
     except TooLong:
-        tell_parent(message="The export exceeds the time limit.", hint="Export a shorter time range.")
+        report_to_parent(message="The export exceeds the time limit.", hint="Export a shorter time range.")
         return 1
     except (OSError, ValueError, KeyError):
-        tell_parent(message="The recording changed while it was exported.", hint="Export it again.")
+        report_to_parent(message="The recording changed while it was exported.", hint="Export it again.")
         return 1
-    tell_parent(files=[str(file) for file in files])
+    report_to_parent(files=[str(file) for file in files])
     return 0
 
 

@@ -25,7 +25,7 @@ from itertools import pairwise
 import numpy as np
 
 from imuscope.server.links.base import Chunk
-from imuscope.server.links.read_kernel import SECOND_NS, gather
+from imuscope.server.read_kernel import SECOND_NS, gather
 
 BUFFER_BYTES = 1 << 16
 MAX_READS = 256  # per call

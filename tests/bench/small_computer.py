@@ -39,7 +39,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench import small_computer_parts as parts  # noqa: E402
-from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 PARTS: dict[str, Callable[[parts.Place, float], dict[str, Any]]] = {
@@ -100,7 +99,6 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
-    use_compiled_code()
     figures: dict[str, Any] = {way: {} for way in options.ways}
     for part in options.parts:
         for way in options.ways:

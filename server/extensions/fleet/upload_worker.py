@@ -21,7 +21,7 @@ from typing import Any
 
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, tell_parent
+from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 from imuscope.server.devices.decode_options import DecodeOptions
@@ -45,7 +45,7 @@ def main() -> int:
         nonlocal reported
         if share >= reported + STEP:
             reported = share
-            tell_parent(progress=round(min(share, 1.0), 2))
+            report_to_parent(progress=round(min(share, 1.0), 2))
 
     path = Path(request["path"])
     bounded_by(path)
@@ -71,7 +71,7 @@ def main() -> int:
             return _fail("store", words, f"Free some space. {AGAIN}")
         cause = (error.strerror or "the disk failed").lower()
         return _fail("store", f"{path.name} cannot be read, or temporary files cannot be written: {cause}", "")
-    tell_parent(
+    report_to_parent(
         stored={"recording": made.recording, "object": made.key, "checksum": made.checksum, "is_first": made.is_first}
     )
     return 0
@@ -79,15 +79,15 @@ def main() -> int:
 
 def _confirm(path: Path, request: dict[str, Any]) -> None:
     if recording_id(path, open_file(path), request["robot"]) != request["recording"]:
-        tell_parent(confirmed=False, words="the file has changed since its upload.")
+        report_to_parent(confirmed=False, words="the file has changed since its upload.")
         return
     try:
         with limited(location(request["store"]), request["rate"]) as store:
             is_same = verify(store, request["recording"]) == request["checksum"]
     except NotInStoreError as error:
-        tell_parent(confirmed=False, words=f"{error.message}.")
+        report_to_parent(confirmed=False, words=f"{error.message}.")
         return
-    tell_parent(confirmed=is_same, words="" if is_same else "the store has another checksum.")
+    report_to_parent(confirmed=is_same, words="" if is_same else "the store has another checksum.")
 
 
 def _use_folder(folder: Path) -> None:
@@ -99,7 +99,7 @@ def _use_folder(folder: Path) -> None:
 
 def _fail(what: str, message: str, hint: str) -> int:
     hint = hint.replace(AGAIN, "Uploaded parts are kept; the rest is tried again.")
-    tell_parent(failed=what, words=f"{message.rstrip('.')}. {hint}".strip())
+    report_to_parent(failed=what, words=f"{message.rstrip('.')}. {hint}".strip())
     return 1
 
 
