@@ -154,7 +154,7 @@ function Frame({ packet, time, sample, step, show }: FrameProps) {
   const rest = packet.size - packet.hex.length / 2;
   return (
     <>
-      <div class="packet-actions">
+      <div class="control-row">
         <IconButton icon="left" label={TEXT.previous} class="edge" onClick={() => step(-1)} />
         <IconButton icon="right" label={TEXT.next} class="edge" onClick={() => step(1)} />
         <h3>{packetTitle(packet)}</h3>

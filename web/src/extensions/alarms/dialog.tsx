@@ -183,7 +183,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
           recorded={over && device && { device: device.id, show: over.show }}
         />
         {problem.value && <ProblemNote problem={problem.value} />}
-        <div class="alarm-end">
+        <div class="control-row">
           <button type="submit" class="btn main" disabled={isEmpty || check?.valid === false}>
             {TEXT.save}
           </button>

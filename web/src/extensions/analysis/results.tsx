@@ -64,7 +64,7 @@ export function AnalysisResult({ name, figures, body, xKind, plots }: ResultProp
       {name === "spectrogram" && figures.map((one) => <Spectrogram key={one.signal} figures={one} plots={plots} />)}
       {name === "statistics" && <Statistics figures={figures} />}
       {notes.length > 0 && (
-        <ul class="analysis-notes">
+        <ul class="bullets">
           {notes.map((note) => (
             <li key={note}>
               <Message text={note} />

@@ -64,7 +64,7 @@ export function CalibrationResult({
         )}
       </div>
       <p class="mono dim">{TEXT.equation}</p>
-      <ul class="calibration-notes">
+      <ul class="bullets">
         {report.notes.map((note) => (
           <li key={note}>
             <Message text={note} />

@@ -89,7 +89,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
           ))}
         </tbody>
       </table>
-      <div class="adopt">
+      <div class="adopt control-row">
         <button
           type="button"
           class="btn main"

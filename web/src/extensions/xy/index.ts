@@ -13,7 +13,7 @@ registerExtension({
       where: "main",
       height: "high",
       order: 22,
-      class: "xy",
+      class: "chart-panel",
       optional: true,
       mount: (host, deps) => latePanel(async () => (await import("./panel")).mountXy.bind(undefined, host, deps)),
     },

@@ -74,7 +74,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
   );
   return (
     <section class="setting compare" aria-label={TEXT.compare}>
-      <div class="sides">
+      <div class="sides control-row">
         <SidePicker
           label={TEXT.left}
           model={model}

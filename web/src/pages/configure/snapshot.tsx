@@ -32,7 +32,7 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
     };
   };
   return (
-    <div class="snapshot-actions">
+    <div class="snapshot-actions control-row">
       <span class="mid grow">
         <b>{info.title}</b> {info.reason && `· ${info.reason}`} {TEXT.settingCount(info.settings)}
         {info.missing ? TEXT.missingCount(info.missing) : ""}

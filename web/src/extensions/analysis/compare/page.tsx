@@ -221,7 +221,7 @@ function Notes({ answer: { notes, signals } }: { readonly answer: ComparisonAnsw
   const all = [...new Set([...notes, ...signals.flatMap((one) => one.notes)])];
   if (all.length === 0) return null;
   return (
-    <ul class="analysis-notes">
+    <ul class="bullets">
       {all.map((note) => (
         <li key={note}>
           <Message text={note} />

@@ -5,6 +5,7 @@ import { RolloutPlanForm } from "./rollout-plan";
 import { RolloutProgress } from "./rollout-progress";
 import { TEXT } from "./rollout-texts";
 import "./rollouts.css";
+import "./settings.css";
 
 interface Props {
   readonly robot: string;

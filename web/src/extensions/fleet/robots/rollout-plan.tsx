@@ -164,7 +164,7 @@ function Changes({ changes, devices }: ChangesProps) {
         {named.join(", ")}
         {others.length > 0 && <span title={others.join("\n")}> {TEXT.more(others.length)}</span>}
       </h3>
-      <table>
+      <table class="profile-table">
         <thead>
           <tr>
             <th>{TEXT.settingTitle}</th>

@@ -91,7 +91,7 @@ function Check({ check }: { readonly check: DeviceSettingsCheck }) {
     <>
       {why !== "" && <p class="dim">{why}</p>}
       {rows.length > 0 && (
-        <table>
+        <table class="profile-table">
           <thead>
             <tr>
               <th>{TEXT.settingTitle}</th>
