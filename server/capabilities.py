@@ -95,9 +95,19 @@ class LinkCapability:
 
 
 @dataclass(slots=True)
+class AbsentExtension:
+    """An extension whose packages are not installed."""
+
+    name: str  # "rerun"
+    title: str  # "Rerun"
+    install: str  # the command that adds it: "pip install 'imuscope[viewers]'"
+
+
+@dataclass(slots=True)
 class Capabilities:
     """Everything that can be added without changing the page."""
 
     protocols: list[ProtocolCapability] = field(default_factory=list)
     exports: list[ExportCapability] = field(default_factory=list)
     links: list[LinkCapability] = field(default_factory=list)
+    absent: list[AbsentExtension] = field(default_factory=list)

@@ -6,6 +6,7 @@ from imuscope.protocols.decode_options import DecodeOption
 from imuscope.protocols.family import ProtocolInfo
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.recordings.exporters import FORMATS
+from imuscope.recordings.optional_packages import lacks
 from imuscope.server.capabilities import (
     Capabilities,
     DecodeOptionChoice,
@@ -34,6 +35,7 @@ def list_capabilities() -> Capabilities:
                 per_byte=one.per_byte,
             )
             for name, one in FORMATS.items()
+            if not lacks(*one.modules)
         ],
         links=[
             LinkCapability(

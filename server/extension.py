@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from imuscope.protocols.decode_options import Scope
 from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
+from imuscope.recordings.optional_packages import installation_of, lacks
+from imuscope.server.capabilities import AbsentExtension
 from imuscope.server.extension_settings import settings_problems
 
 if TYPE_CHECKING:
@@ -121,6 +123,8 @@ class Extension:
             with a sentence; "" for none.
         jobs: modules with jobs for the processes of analyses (server/extensions/analysis/worker.py).
         requires: names of other extensions that it imports.
+        modules: of other packages, without which it is left out; extra: what brings them
+            (recordings/optional_packages.py).
         package: name and version of the distribution that declares it; "" for imuscope's own. Set when it is loaded.
     """
 
@@ -136,6 +140,8 @@ class Extension:
     diagnoses: str = ""
     problems: str = ""
     requires: tuple[str, ...] = ()
+    modules: tuple[str, ...] = ()
+    extra: str = ""
     package: str = ""
 
     @property
@@ -180,6 +186,11 @@ def extensions() -> tuple[Extension, ...]:
     return _installed()[0]
 
 
+def absent_extensions() -> tuple[Extension, ...]:
+    """Extensions whose packages are not installed, by name."""
+    return _installed()[2]
+
+
 def extension_problems() -> tuple[str, ...]:
     """A sentence about each extension that is declared and unusable."""
     declaring = [one for one in extensions() if one.problems]
@@ -193,7 +204,7 @@ def file_outputs() -> dict[str, FileOutput]:
 
 
 @functools.cache
-def _installed() -> tuple[tuple[Extension, ...], list[str]]:
+def _installed() -> tuple[tuple[Extension, ...], list[str], tuple[Extension, ...]]:
     return load_extensions(plugins_of(GROUP))
 
 
@@ -215,8 +226,10 @@ def attempt(extension: Extension, use: Callable[[], T]) -> T | None:
         return None
 
 
-def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension, ...], list[str]]:
-    """The usable extensions, and a sentence about each that is not.
+def load_extensions(
+    plugins: Sequence[ProtocolPlugin],
+) -> tuple[tuple[Extension, ...], list[str], tuple[Extension, ...]]:
+    """The usable extensions, a sentence about each that is not, and those whose packages are not installed.
 
     Raises:
         Exception: one of imuscope's own fails to load; a defect that must not be overlooked.
@@ -230,6 +243,7 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
         extensions[extension.name] = extension
 
     wrong = each_usable((plugin for plugin in plugins if plugin.is_there), "extension", load)
+    absent = tuple(extensions.pop(name) for name in sorted(extensions) if lacks(*extensions[name].modules))
     ordered: dict[str, Extension] = {}
     waiting = [extensions[name] for name in sorted(extensions)]
     while ready := [one for one in waiting if all(name in ordered for name in one.requires)]:
@@ -238,11 +252,14 @@ def load_extensions(plugins: Sequence[ProtocolPlugin]) -> tuple[tuple[Extension,
     for one in waiting:
         missing = ", ".join(name for name in one.requires if name not in ordered)
         wrong.append(f"The extension {one.name!r} cannot be used without {missing}. Install that, too.")
-    return tuple(ordered.values()), wrong
+    return tuple(ordered.values()), wrong, absent
 
 
 def install_extensions(services: Services) -> list[APIRouter]:
     """Add the parts of all extensions to a server that is not started; returns their routes."""
+    services.telemetry.clients.capabilities.absent = [
+        AbsentExtension(one.name, one.title, installation_of(one.extra)) for one in absent_extensions()
+    ]
     routers: list[APIRouter] = []
     for extension in extensions():
         routers += attempt(extension, functools.partial(extension.install, services)) or ()

@@ -151,7 +151,7 @@ def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
         ProtocolPlugin("viser", "imuscope.server.extensions.viser:EXTENSION"),
         ProtocolPlugin("fleet", "imuscope.server.extensions.fleet:EXTENSION"),
     ]
-    found, problems = load_extensions(plugins)
+    found, problems, _ = load_extensions(plugins)
     assert [one.name for one in found] == ["viser"]
     assert problems == [
         "The extension 'gone' of imuscope-gone 1.0 cannot be used: ModuleNotFoundError: No module named "

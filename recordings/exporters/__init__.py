@@ -18,6 +18,7 @@ from imuscope.recordings import atomic_write
 from imuscope.recordings.exporters.registry import EXPORTERS, ExportFormat
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
+from imuscope.recordings.optional_packages import installation_of, lacks
 
 __all__ = ["FORMATS", "PROBLEMS", "ExportError", "ExportFormat", "ExportRequest", "by_suffix", "export"]
 
@@ -44,6 +45,11 @@ def export(format: str, request: ExportRequest, out: Path, step: ExportStep = la
     """
     if not request.infos and not request.payloads and not FORMATS[format].needs_source:
         raise ExportError("This range contains nothing to export.", "Choose a longer range, or other channels.")
+    if lacks(*FORMATS[format].modules):
+        raise ExportError(
+            f"{FORMATS[format].title} files need packages that are not installed.",
+            f"Add them: {installation_of(FORMATS[format].extra)}.",
+        )
     temporary = out.parent / f".{secrets.token_hex(6)}.export"
     try:
         temporary.mkdir(parents=True)

@@ -8,7 +8,8 @@
     log time       device time mapped to the host's clock; its arrival if it has none (or if the base is arrival)
     message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/standard_schemas.py)
 
-Missing values, and those that JSON cannot represent (NaN, infinity), are left out.
+Missing values, and those that JSON cannot represent (NaN, infinity), are left out; so are standard messages and events
+where Foxglove's package is not installed.
 
 Messages of different topics are interleaved by time, in compressed and indexed chunks. An hour of 1 kHz has some twenty
 million messages, so their records are built column by column: Arrow joins texts, one sort orders the topics.
@@ -22,7 +23,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -31,13 +32,13 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from imuscope.protocols.framing import Ints
-from imuscope.recordings import standard_schemas
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.column_store import ExactRows
 from imuscope.recordings.exporters.message_table import windows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 from imuscope.recordings.file_names import device_names
 from imuscope.recordings.mcap_reader import McapChannel
+from imuscope.recordings.optional_packages import lacks
 from imuscope.recordings.rrd.entities import DeviceEntity, devices_of
 from imuscope.recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
@@ -46,6 +47,11 @@ Info = Mapping[str, Any]
 
 WINDOW = 1 << 14  # rows of the busiest channel held at once
 PER_ROW = 100  # bytes of a message, roughly
+STANDARD = not lacks("foxglove")
+"""Whether attitudes, positions and events are written as standard messages, too: Foxglove's package encodes them."""
+if STANDARD or TYPE_CHECKING:
+    from imuscope.recordings import standard_schemas
+
 _HEAD = np.dtype(
     [("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seq", "<u4"), ("log", "<u8"), ("published", "<u8")]
 )
@@ -143,10 +149,10 @@ def _streams(request: ExportRequest) -> list[DecodedTopic]:
     for info in manifest["channels"]:
         name, device = names.get(info["device"], info["device"]), devices[info["device"]]
         stream(topic_of(name, info, in_use), info, _json(schema_of(info)), partial(_plain, request, info))
-        if device.attitude and device.attitude.channel == info["id"]:
+        if STANDARD and device.attitude and device.attitude.channel == info["id"]:
             topic = named(name, standard_schemas.ATTITUDE, in_use=in_use)
             stream(topic, info, _protobuf(standard_schemas.FrameTransform), partial(_transforms, request, device))
-        if device.position and device.position.kind == "place" and device.position.channel == info["id"]:
+        if STANDARD and device.position and device.position.kind == "place" and device.position.channel == info["id"]:
             topic = named(name, standard_schemas.POSITION, in_use=in_use)
             stream(topic, info, _protobuf(standard_schemas.LocationFix), partial(_fixes, request, device))
     chosen |= {info["id"] for info in request.clocks if request.columns.rows(info["id"])}
@@ -252,6 +258,8 @@ def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
 
 def _events(request: ExportRequest, topic: int, target: ChunkedFile) -> None:
     """Write the events of the exported devices at the start of the file: they are few."""
+    if not STANDARD:
+        return
     manifest = request.columns.manifest
     names = device_names(manifest["devices"])
     inside = [

@@ -31,6 +31,8 @@ class ExportFormat:
         words: short description for a menu.
         needs_source: whether it is made from the bytes of one device instead of columns.
         protocol: of the devices whose bytes it can hold; "" for any.
+        modules: of packages that a smaller installation may lack (recordings/optional_packages.py).
+        extra: what brings them.
         per_byte: rough size, for each byte of a driving recording, until it is measured.
     """
 
@@ -44,6 +46,8 @@ class ExportFormat:
     needs_source: bool = False
     protocol: str = ""
     per_byte: float = 1.0
+    modules: tuple[str, ...] = ()
+    extra: str = ""
 
 
 EXPORTERS = Registry[ExportFormat]("exporter", "imuscope.recordings.exporters.formats", "imuscope.exporters")

@@ -33,6 +33,7 @@ class Build(BaseModel):
     protocols: list[str]
     role: Role  # of the token of this request
     fleet: bool = Field(description="whether this is a fleet server, which shows robots instead of devices")
+    absent: list[str] = Field(description="names of extensions whose packages are not installed")
 
 
 class HealthStatus(BaseModel):
@@ -55,6 +56,7 @@ async def get_build(request: Request, services: TheServices) -> Build:
         protocols=list(services.protocols()),
         role=request.state.role,
         fleet=not services.has_devices,
+        absent=[one.name for one in services.telemetry.clients.capabilities.absent],
     )
 
 

@@ -12,18 +12,21 @@ from typing import NoReturn, TypeAlias
 
 from imuscope.protocols.decode_options import DecodeOption, Scope
 from imuscope.protocols.plugins import protocol_names
+from imuscope.recordings.optional_packages import installation_of
 from imuscope.server import logging_setup
 from imuscope.server.commands.file_arguments import add_decode
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
-from imuscope.server.extension import add_commands, extension_commands
+from imuscope.server.extension import absent_extensions, add_commands, extension_commands
 from imuscope.server.extension_settings import extension_settings
 from imuscope.server.version import described
 
+ABSENT = {command.name: one.extra for one in absent_extensions() for command in one.commands}
+"""Commands of extensions whose packages are not installed, with the extra that has them."""
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", *extension_commands(), "simulate", "completion"),
+    *("decode", *extension_commands(), *ABSENT, "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -132,6 +135,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     root = parser(with_help=not {"-h", "--help"}.isdisjoint(words), command=words[0])
     command = root.commands.get(words[0])
     if command is None:
+        if extra := ABSENT.get(words[0]):
+            root.error(f"{words[0]} needs packages that are not installed; add them: {installation_of(extra)}")
         return root.parse_args(list(words))
     rest = list(words[1:])
     actions = command._actions  # noqa: SLF001 - argparse has no list of them

@@ -14,9 +14,10 @@ from functools import partial
 from importlib import resources
 from typing import TextIO
 
+from imuscope.recordings.optional_packages import installation_of
 from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import RULES, Finding
-from imuscope.server.extension import attempt, extension_problems, extensions
+from imuscope.server.extension import absent_extensions, attempt, extension_problems, extensions
 from imuscope.server.printable import json_text, printable
 
 UNIT = "imuscope.service"
@@ -48,6 +49,8 @@ def extension_findings(config: Config) -> Iterator[Finding]:
         yield from attempt(one, partial(one.diagnose, config)) or ()
     for problem in extension_problems():
         yield Finding("warning", "extension", problem)
+    for one in absent_extensions():
+        yield Finding("ok", "extension", f"{one.title} is not installed.", (installation_of(one.extra),))
 
 
 def udev_rule() -> str:

@@ -22,6 +22,7 @@ import type { UnderPlots } from "./plots/under-plots";
 import type { TreeRow } from "./signals/tree-rows";
 import type { Panel } from "./ui/dom";
 import type { Viewer } from "./views/viewer";
+import { capabilities } from "./wire/capabilities";
 import type { DeviceInfo } from "./wire/types";
 import type { Companion, CompanionProps } from "./workspace/companions";
 import type { WorkspaceSession } from "./workspace/session";
@@ -198,7 +199,10 @@ export function registerExtension(extension: Extension): void {
   const foreign = dialogs.find(({ overlay }) => !overlay.startsWith(`${name}/`));
   if (foreign) throw new Error(`the dialog ${foreign.overlay} of ${name} must begin with "${name}/"`);
   extensions.set(name, extension);
-  for (const panel of panels) registerPanel(panel);
+  for (const panel of panels) {
+    const { applies } = panel;
+    registerPanel({ ...panel, applies: (deps) => isThere(extension) && (applies?.(deps) ?? true) });
+  }
 }
 
 type Kinds =
@@ -217,7 +221,12 @@ type Kinds =
 
 /** What all extensions bring of one kind. */
 export function fromExtensions<Kind extends Kinds>(kind: Kind): readonly NonNullable<Extension[Kind]>[number][] {
-  return [...extensions.values()].flatMap((extension) => [...(extension[kind] ?? [])]);
+  return [...extensions.values()].filter(isThere).flatMap((extension) => [...(extension[kind] ?? [])]);
+}
+
+/** Whether the server has its part of an extension: a smaller installation leaves some out, and an older server does not say so. */
+function isThere({ name }: Extension): boolean {
+  return !(capabilities.value.absent ?? []).some((one) => one.name === name);
 }
 
 export function startExtensions(app: App): void {

@@ -31,5 +31,16 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
 
 
 register_exporter(
-    ExportFormat("rrd", "Rerun", ".rrd", write, order=40, label="RRD", words="for the Rerun viewer", per_byte=4.4)
+    ExportFormat(
+        "rrd",
+        "Rerun",
+        ".rrd",
+        write,
+        order=40,
+        label="RRD",
+        words="for the Rerun viewer",
+        per_byte=4.4,
+        modules=("rerun",),
+        extra="viewers",
+    )
 )

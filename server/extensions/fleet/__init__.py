@@ -41,6 +41,8 @@ from imuscope.server.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "fleet",
     "Fleet",
+    modules=("zenoh", "msgspec"),
+    extra="fleet",
     parts="imuscope.server.extensions.fleet.parts",
     routes=(
         "imuscope.server.extensions.fleet.question_routes",

@@ -5,6 +5,8 @@ from imuscope.server.extension import Extension
 EXTENSION = Extension(
     "foxglove",
     "Foxglove",
+    modules=("foxglove",),
+    extra="viewers",
     parts="imuscope.server.extensions.foxglove.service",
     routes=("imuscope.server.extensions.foxglove.routes",),
 )

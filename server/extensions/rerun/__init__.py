@@ -5,6 +5,8 @@ from imuscope.server.extension import Extension
 EXTENSION = Extension(
     "rerun",
     "Rerun",
+    modules=("rerun",),
+    extra="viewers",
     parts="imuscope.server.extensions.rerun.service",
     routes=("imuscope.server.extensions.rerun.routes",),
 )

@@ -5,6 +5,8 @@ from imuscope.server.extension import Extension
 EXTENSION = Extension(
     "ros2",
     "ROS 2",
+    modules=("zenoh", "xxhash"),
+    extra="ros2",
     parts="imuscope.server.extensions.ros2.service",
     routes=("imuscope.server.extensions.ros2.routes",),
     diagnoses="imuscope.server.extensions.ros2.diagnosis:findings",

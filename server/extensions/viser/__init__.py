@@ -5,6 +5,8 @@ from imuscope.server.extension import Extension
 EXTENSION = Extension(
     "viser",
     "3D scene (viser)",
+    modules=("viser", "msgspec"),
+    extra="viewers",
     parts="imuscope.server.extensions.viser.service",
     routes=("imuscope.server.extensions.viser.routes",),
 )

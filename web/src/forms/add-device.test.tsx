@@ -13,6 +13,7 @@ const ANY = { pattern: "", malformed: "", example: "" };
 function open(begin?: Begin): unknown[] {
   capabilities.value = {
     exports: [],
+    absent: [],
     links: [
       {
         name: "post",

@@ -20,6 +20,7 @@ function open(held: readonly object[]): { readonly app: App; readonly asked: rea
   const [info] = recorded("library").answers["GET /api/recordings"] as readonly RecordingInfo[];
   capabilities.value = {
     links: [],
+    absent: [],
     protocols: [],
     exports: [{ name: "csv", title: "CSV", words: "", single: false, protocol: "" } as unknown as ExportCapability],
   };

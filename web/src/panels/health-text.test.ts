@@ -123,13 +123,18 @@ describe("a device that is known by messages", () => {
   const clean = { ...health, gaps: 0, lost: 0, rejects: 0 };
 
   it("claims no loss only where its publishers number their messages", () => {
-    capabilities.value = { protocols: [], exports: [], links: [link("foxglove", false), link("ros2", true)] };
+    capabilities.value = {
+      protocols: [],
+      exports: [],
+      absent: [],
+      links: [link("foxglove", false), link("ros2", true)],
+    };
     expect(countsLosses(of("ros2"), [])).toBe(true);
     expect(verdict(of("ros2"), [], [], clean, 0)).toMatch(/^No loss/);
     expect(countsLosses(of("foxglove"), [])).toBe(false);
     expect(verdict(of("foxglove"), [], [], clean, 0)).toMatch(/cannot be counted/);
     expect(healthFigures(clean, quiet, 0, 0, true, false).gaps.value).toBe("—");
-    capabilities.value = { protocols: [], exports: [], links: [] };
+    capabilities.value = { protocols: [], exports: [], links: [], absent: [] };
   });
 });
 
@@ -174,8 +179,8 @@ describe("verdict", () => {
       protocol({ name: "xbus", counts_losses: true, counter: "PacketCounter" }),
       protocol({ name: "isb" }),
     ];
-    capabilities.value = { protocols, exports: [], links: [] };
-    return () => (capabilities.value = { protocols: [], exports: [], links: [] });
+    capabilities.value = { protocols, exports: [], links: [], absent: [] };
+    return () => (capabilities.value = { protocols: [], exports: [], links: [], absent: [] });
   });
 
   it("names where samples were lost", () => {

@@ -1,4 +1,5 @@
 /** The `?` overlay: every key, printed from the table that handles them. */
+import { capabilities } from "../wire/capabilities";
 import { Fragment } from "preact";
 import { Dialog } from "./dialog";
 import { keyGroups, type KeyGroup } from "./keys";
@@ -46,6 +47,11 @@ export function Help({ onClose, groups }: Props) {
           {COMMON.licences}
         </a>
       </p>
+      {(capabilities.value.absent ?? []).map(({ name, title, install }) => (
+        <p class="hint" key={name}>
+          {COMMON.notInstalled(title)} <code>{install}</code>
+        </p>
+      ))}
     </Dialog>
   );
 }

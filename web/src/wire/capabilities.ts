@@ -7,7 +7,7 @@ import type { Capabilities, LinkCapability, ProtocolCapability } from "./capabil
 import type { DeviceInfo } from "./types";
 
 /** Nothing is known before the server has greeted. */
-export const capabilities = signal<Capabilities>({ protocols: [], exports: [], links: [] });
+export const capabilities = signal<Capabilities>({ protocols: [], exports: [], links: [], absent: [] });
 
 const byName = computed(() => new Map(capabilities.value.protocols.map((one) => [one.name, one])));
 

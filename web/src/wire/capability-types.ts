@@ -108,9 +108,20 @@ export interface LinkCapability {
   readonly counts_messages: boolean;
 }
 
+/** An extension whose packages are not installed. */
+export interface AbsentExtension {
+  /** "rerun" */
+  readonly name: string;
+  /** "Rerun" */
+  readonly title: string;
+  /** the command that adds it: "pip install 'imuscope[viewers]'" */
+  readonly install: string;
+}
+
 /** Everything that can be added without changing the page. */
 export interface Capabilities {
   readonly protocols: readonly ProtocolCapability[];
   readonly exports: readonly ExportCapability[];
   readonly links: readonly LinkCapability[];
+  readonly absent: readonly AbsentExtension[];
 }

@@ -182,6 +182,8 @@ export interface Build {
   readonly role: "view" | "control";
   /** whether this is a fleet server, which shows robots instead of devices */
   readonly fleet: boolean;
+  /** names of extensions whose packages are not installed */
+  readonly absent: readonly string[];
 }
 
 /** A number of the result. */

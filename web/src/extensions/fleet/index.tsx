@@ -19,7 +19,7 @@ function Robots({ app }: { readonly app: App }) {
 
 registerExtension({
   name: "fleet",
-  start: askServerKind,
+  start: (app) => void askServerKind(app),
   pages: [
     {
       name: "fleet",

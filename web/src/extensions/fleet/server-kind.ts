@@ -12,20 +12,16 @@ export const serverKind = perApp(() => ({
   hasStore: signal(false),
 }));
 
-export function askServerKind(app: App): void {
-  void findFleet(app);
-  void findStore(app);
-}
-
 /** Asks the server, again while it does not respond. A page without an address of its own then goes to the robots. */
-async function findFleet(app: App): Promise<void> {
+export async function askServerKind(app: App): Promise<void> {
   const outcome = await request("GET /api/build");
   if (!outcome.ok) {
-    if (outcome.problem.status === 0) setTimeout(() => void findFleet(app), RETRY_MS);
+    if (outcome.problem.status === 0) setTimeout(() => void askServerKind(app), RETRY_MS);
     return;
   }
   serverKind(app).isFleet.value = outcome.value.fleet;
   if (outcome.value.fleet && location.hash === "") go("fleet");
+  if (!(outcome.value.absent ?? []).includes("fleet")) void findStore(app);
 }
 
 async function findStore(app: App): Promise<void> {

@@ -35,7 +35,7 @@ function open(): { readonly asked: readonly Asked[]; readonly store: Store } {
     devices: [{ id: "1", name: "one" }],
     channels: [channel(1, "Acceleration"), channel(2, "Velocity")],
   } as unknown as RecordingDetail;
-  capabilities.value = { links: [], protocols: [], exports: [form("csv", "CSV"), form("mat", "MATLAB")] };
+  capabilities.value = { absent: [], links: [], protocols: [], exports: [form("csv", "CSV"), form("mat", "MATLAB")] };
   const asked = answering({ "POST /api/recordings/yard/exports": job });
   const app = newApp();
   const { store } = app;

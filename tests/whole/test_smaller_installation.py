@@ -1,0 +1,87 @@
+"""A smaller installation, without viewers, ROS 2 and fleet: all else works, and what is missing is named with the
+command that adds it.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from imuscope.recordings.optional_packages import EXTRAS, installation_of
+from tests.chromium import until
+from tests.server_process import ROOT, ServerProcess
+from tests.timeouts import PATIENCE_S
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+ABSENT = sorted({module for modules in EXTRAS.values() for module in modules})
+HIDE = f"import sys; sys.modules |= dict.fromkeys({ABSENT})"
+"""In every process that imports it: these are not installed."""
+CAPTURE = bytes.fromhex("fa ff 36 05 10 20 02 00 01 93") * 50
+
+
+@pytest.fixture(scope="module")
+def hidden(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A PYTHONPATH that hides the packages."""
+    folder = tmp_path_factory.mktemp("hidden")
+    (folder / "sitecustomize.py").write_text(HIDE)
+    return f"{folder}{os.pathsep}{ROOT}"
+
+
+@pytest.fixture
+def run(hidden: str) -> Run:
+    """Run a command of such an installation."""
+
+    def start(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "imuscope", *map(str, arguments)]
+        env = os.environ | {"PYTHONPATH": hidden}
+        return subprocess.run(command, env=env, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+
+    return start
+
+
+def test_each_extra_brings_its_modules() -> None:
+    """And they are not among what every installation has."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    of_module = packages_distributions()
+    extras = project["optional-dependencies"]
+    for extra, modules in EXTRAS.items():
+        inner = extras["ros2"] if "imuscope[ros2]" in extras[extra] else []
+        listed = " ".join([*extras[extra], *inner])
+        for module in modules:
+            assert any(name in listed for name in of_module[module]), f"{module} is not in {extra}"
+            assert not any(name in " ".join(project["dependencies"]) for name in of_module[module]), module
+
+
+def test_commands_name_what_they_lack(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "x.raw").write_bytes(CAPTURE)
+    upload = run("upload", tmp_path / "x.raw", tmp_path)
+    assert upload.returncode == 1
+    assert installation_of("fleet") in upload.stderr
+    rerun = run("decode", tmp_path / "x.raw", "-o", tmp_path / "x.rrd")
+    assert rerun.returncode == 1
+    assert installation_of("viewers") in rerun.stderr
+    for suffix in ("csv", "mcap", "parquet"):
+        done = run("decode", tmp_path / "x.raw", "-o", tmp_path / f"x.{suffix}")
+        assert done.returncode == 0, done.stderr
+    doctor = run("doctor", "--data", tmp_path)
+    for extra in EXTRAS:
+        assert installation_of(extra) in doctor.stdout
+
+
+def test_the_page_offers_only_what_is_there(open_page: Callable[..., Page], hidden: str, tmp_path: Path) -> None:
+    with ServerProcess("sim:idtp", data=tmp_path, prefix=("env", f"PYTHONPATH={hidden}")) as server:
+        page = open_page(server.url)
+        until(page, "window.imuscope?.store.channels.value.length > 0")
+        assert page.get_by_title("Show in").count() == 0
+        page.keyboard.press("?")
+        help_text = page.get_by_role("dialog").inner_text()
+        for extra in EXTRAS:
+            assert installation_of(extra) in help_text
