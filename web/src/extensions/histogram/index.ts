@@ -13,7 +13,7 @@ registerExtension({
       where: "main",
       height: "high",
       order: 24,
-      class: "chart-panel",
+      class: "histogram chart-panel",
       optional: true,
       mount: (host, deps) =>
         latePanel(async () => (await import("./panel")).mountHistogram.bind(undefined, host, deps)),

@@ -13,7 +13,7 @@ registerExtension({
       where: "main",
       height: "high",
       order: 22,
-      class: "chart-panel",
+      class: "xy chart-panel",
       optional: true,
       mount: (host, deps) => latePanel(async () => (await import("./panel")).mountXy.bind(undefined, host, deps)),
     },
