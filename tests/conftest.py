@@ -9,12 +9,15 @@
 A page fails its test when anything is written to its console as an error, when a script throws, or when it asks any
 other host for anything. Browser tests run last. Without a browser they fail in CI and are skipped by hand.
 
+A test that is a coroutine runs in an event loop of its own.
+
 Profiles: `fast` (default) draws the same examples each time, so a red run is a change; `deep` (HYPOTHESIS_PROFILE=deep)
 draws new ones, many more.
 """
 
 from __future__ import annotations
 
+import inspect
 import logging
 import os
 import sys
@@ -50,6 +53,16 @@ sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 os.environ.setdefault(priority.SAME, "1")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine; one that a plugin runs is marked `anyio`."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj) or pyfuncitem.get_closest_marker("anyio"):
+        return None
+    names = inspect.signature(pyfuncitem.obj).parameters
+    each_row.run_test(pyfuncitem.obj, {name: pyfuncitem.funcargs[name] for name in names})
+    return True
 
 
 def _use_nursery() -> None:

@@ -13,10 +13,11 @@ Decorators stack, as pytest's do.
 
 from __future__ import annotations
 
+import asyncio
 import inspect
 import itertools
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
@@ -29,7 +30,7 @@ only = ""
 current = ""
 """Title of the row that runs; "" between tests (for tests/checking/hang_report.py)."""
 
-Test = Callable[..., None]
+Test = Callable[..., Coroutine[Any, Any, None] | None]
 Title = Callable[[Any], object] | Iterable[object] | None
 
 
@@ -123,7 +124,14 @@ def _run_one(test: Test, number: int, row: Row, fixtures: dict[str, Any]) -> Non
         for capture in ("capsys", "capfd"):
             if capture in given:
                 given[capture].readouterr()  # of the row before
-        test(**given, **row.values)
+        run_test(test, {**given, **row.values})
+
+
+def run_test(test: Test, given: dict[str, Any]) -> None:
+    """Call a test; one that is a coroutine runs in an event loop of its own."""
+    made = test(**given)
+    if inspect.iscoroutine(made):
+        asyncio.run(made)
 
 
 def _title(row: tuple[Any, ...], ids: Callable[[Any], object] | list[str] | None, number: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,12 @@ def some_skipped(number: int) -> None:
     SEEN.append(number)
 
 
+@each_row.each_row("number", [1, 2])
+async def awaited(number: int) -> None:
+    await asyncio.sleep(0)
+    SEEN.append(number)
+
+
 @pytest.fixture(autouse=True)
 def nothing_seen() -> None:
     SEEN.clear()
@@ -55,6 +62,11 @@ def test_only_some_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(each_row, "only", "3")
     odd()
     assert SEEN == [3]
+
+
+def test_a_coroutine_is_awaited_for_each_row() -> None:
+    awaited()
+    assert SEEN == [1, 2]
 
 
 def test_decorators_stack() -> None:

@@ -17,18 +17,14 @@ from tests.timeouts import PATIENCE_S
 pytestmark = pytest.mark.skipif(not fork_server.IS_THERE, reason="servers are forked on Linux only")
 
 
-def test_a_worker_that_was_killed_before_it_is_ended_has_ended() -> None:
+async def test_a_worker_that_was_killed_before_it_is_ended_has_ended() -> None:
     """To signal it took the news of its end from who waited for it, and a killed question had no answer."""
-
-    async def check() -> None:
-        worker = await Worker.start("imuscope.server.extensions.fleet.query_worker")
-        worker.dismiss()
-        process: Any = worker._process
-        os.kill(worker.pid, signal.SIGKILL)
-        select.select([process._child.fileno()], [], [])  # told, but the loop has not looked
-        async with asyncio.timeout(PATIENCE_S):
-            await worker.end()
-            await worker.wait()
-            assert await worker.output.read() == b""  # or it would be left open
-
-    asyncio.run(check())
+    worker = await Worker.start("imuscope.server.extensions.fleet.query_worker")
+    worker.dismiss()
+    process: Any = worker._process
+    os.kill(worker.pid, signal.SIGKILL)
+    select.select([process._child.fileno()], [], [])  # told, but the loop has not looked
+    async with asyncio.timeout(PATIENCE_S):
+        await worker.end()
+        await worker.wait()
+        assert await worker.output.read() == b""  # or it would be left open

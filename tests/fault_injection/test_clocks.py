@@ -27,25 +27,22 @@ from tests.server.recorder_harness import send, settled
 from tests.waiting import block_until, until
 
 
-def test_the_devices_clock_jumps() -> None:
-    async def check() -> None:
-        with pty() as port:
-            async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "is open" in here.info.message, "it is open")
-                for n in range(60):
-                    later = 300 if n >= 30 else 0  # s
-                    port.write(retimed(n, 100, later))
-                    await asyncio.sleep(0.01)
-                await until(lambda: here.samples == 60, "every sample is there")
-                assert (here.health.lost, here.health.rejects) == (0, 0)
-                await until(lambda: here.events("clock"), "it is told")
-                (event,) = here.events("clock")
-                assert "jumped" in event.text
-                for channel in here.telemetry.store.all:
-                    frames_ = list(channel.ring.frames(1, 0, channel.ring.total, here.telemetry.bus.now()))
-                    assert sum(n for n, _ in frames_) in (0, 60)
-
-    asyncio.run(check())
+async def test_the_devices_clock_jumps() -> None:
+    with pty() as port:
+        async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
+            await until(lambda: "is open" in here.info.message, "it is open")
+            for n in range(60):
+                later = 300 if n >= 30 else 0  # s
+                port.write(retimed(n, 100, later))
+                await asyncio.sleep(0.01)
+            await until(lambda: here.samples == 60, "every sample is there")
+            assert (here.health.lost, here.health.rejects) == (0, 0)
+            await until(lambda: here.events("clock"), "it is told")
+            (event,) = here.events("clock")
+            assert "jumped" in event.text
+            for channel in here.telemetry.store.all:
+                frames_ = list(channel.ring.frames(1, 0, channel.ring.total, here.telemetry.bus.now()))
+                assert sum(n for n, _ in frames_) in (0, 60)
 
 
 def retimed(n: int, rate: float, later_s: int) -> bytes:

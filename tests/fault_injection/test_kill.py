@@ -36,17 +36,14 @@ from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
 
 
-def test_killed_while_it_records_exports_and_writes_settings(tmp_path: Path) -> None:
+async def test_killed_while_it_records_exports_and_writes_settings(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
     recording(folder / "long.mcap", frames(0, 2000) * 40)
 
-    async def check() -> None:
-        async with bench() as there:
-            there.hold_open()  # the port outlives the server
-            await asyncio.to_thread(killed, there, tmp_path)
-
-    asyncio.run(check())
+    async with bench() as there:
+        there.hold_open()  # the port outlives the server
+        await asyncio.to_thread(killed, there, tmp_path)
 
 
 def killed(there: SimulatorThread, data: Path) -> None:

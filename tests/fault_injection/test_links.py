@@ -22,9 +22,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Coroutine
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -36,10 +34,6 @@ from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
 TCP_REPAIR = 19  # Linux: closing such a socket does not notify the other side
-
-
-def run(coroutine: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(coroutine)
 
 
 def plug(port: Pty, names: Path, number: int, serial: str = "A5028") -> str:
@@ -66,73 +60,63 @@ async def streams(port: Pty, here: FaultHarness) -> None:
     await until(here.status("live"), "it streams")
 
 
-def test_unplugged_and_back_under_another_number(tmp_path: Path) -> None:
-    async def check() -> None:
-        with pty() as first, pty() as second:
-            place = plug(first, tmp_path, 0)
-            async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
-                await streams(first, here)
-                unplug(first, tmp_path, 0)
-                await until(here.status("lost"), "it is gone")
-                assert "gone" in told(here.info)[0] or "no port" in told(here.info)[0]
-                plug(second, tmp_path, 1)
-                await until(lambda: here.info.notices, "it is open again")
-                assert f"came back as {second.path}" in here.info.notices[0]
-                assert "by-id" in here.info.notices[0]
-                second.let_go()
-                second.write(frames(30, 50))
-                await until(here.status("live"), "it streams again")
-                await until(lambda: here.samples == 40, "all samples are there")
-                assert here.bytes == frames(0, 20) + frames(30, 50)
-                (hole,) = here.events("gap")
-                assert "the link was down" in hole.text
-
-    run(check())
+async def test_unplugged_and_back_under_another_number(tmp_path: Path) -> None:
+    with pty() as first, pty() as second:
+        place = plug(first, tmp_path, 0)
+        async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
+            await streams(first, here)
+            unplug(first, tmp_path, 0)
+            await until(here.status("lost"), "it is gone")
+            assert "gone" in told(here.info)[0] or "no port" in told(here.info)[0]
+            plug(second, tmp_path, 1)
+            await until(lambda: here.info.notices, "it is open again")
+            assert f"came back as {second.path}" in here.info.notices[0]
+            assert "by-id" in here.info.notices[0]
+            second.let_go()
+            second.write(frames(30, 50))
+            await until(here.status("live"), "it streams again")
+            await until(lambda: here.samples == 40, "all samples are there")
+            assert here.bytes == frames(0, 20) + frames(30, 50)
+            (hole,) = here.events("gap")
+            assert "the link was down" in hole.text
 
 
-def test_another_adapter_is_not_mistaken_for_the_previous_one(tmp_path: Path) -> None:
-    async def check() -> None:
-        with pty() as first, pty() as other, pty() as back:
-            place = plug(first, tmp_path, 0)
-            async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
-                await streams(first, here)
-                unplug(first, tmp_path, 0)
-                plug(other, tmp_path, 0, "B777")
-                await until(lambda: "Another adapter" in here.info.message, "the other one is refused")
-                assert "B777" in told(here.info)[0]
-                plug(back, tmp_path, 1)
-                await until(lambda: here.info.notices, "its own is open")
-                back.let_go()
-                back.write(frames(20, 40))
-                await until(lambda: here.samples == 40, "its samples are there")
-                assert here.bytes == frames(0, 40)
-
-    run(check())
+async def test_another_adapter_is_not_mistaken_for_the_previous_one(tmp_path: Path) -> None:
+    with pty() as first, pty() as other, pty() as back:
+        place = plug(first, tmp_path, 0)
+        async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
+            await streams(first, here)
+            unplug(first, tmp_path, 0)
+            plug(other, tmp_path, 0, "B777")
+            await until(lambda: "Another adapter" in here.info.message, "the other one is refused")
+            assert "B777" in told(here.info)[0]
+            plug(back, tmp_path, 1)
+            await until(lambda: here.info.notices, "its own is open")
+            back.let_go()
+            back.write(frames(20, 40))
+            await until(lambda: here.samples == 40, "its samples are there")
+            assert here.bytes == frames(0, 40)
 
 
-def test_garbage_for_a_minute(tmp_path: Path) -> None:
+async def test_garbage_for_a_minute(tmp_path: Path) -> None:
     """A minute of noise at 115 200 Bd, at once."""
-
-    async def check() -> None:
-        noise = random.Random(7).randbytes(60 * 11_520)
-        with pty() as port:
-            async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "is open" in here.info.message, "it is open")
-                await asyncio.to_thread(write_all, port, frames(0, 50))
-                await until(here.status("live"), "it streams")
-                began, events = time.monotonic(), len(here.telemetry.log)
-                await asyncio.to_thread(write_all, port, noise)
-                await asyncio.to_thread(write_all, port, frames(50, 1000))
-                sent = frames(0, 50) + noise + frames(50, 1000)
-                await until(lambda: len(here.bytes) == len(sent), "all bytes came")
-                await until(lambda: here.health.rejects > 100, "what was refused is counted")
-                await until(lambda: here.samples >= 999, "the frames after it are there")
-                assert here.bytes == sent
-                seconds = time.monotonic() - began
-                assert len(here.telemetry.log) - events <= 6 * (seconds + 2), "nobody is flooded with events"
-                assert here.info.status == "live"
-
-    run(check())
+    noise = random.Random(7).randbytes(60 * 11_520)
+    with pty() as port:
+        async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
+            await until(lambda: "is open" in here.info.message, "it is open")
+            await asyncio.to_thread(write_all, port, frames(0, 50))
+            await until(here.status("live"), "it streams")
+            began, events = time.monotonic(), len(here.telemetry.log)
+            await asyncio.to_thread(write_all, port, noise)
+            await asyncio.to_thread(write_all, port, frames(50, 1000))
+            sent = frames(0, 50) + noise + frames(50, 1000)
+            await until(lambda: len(here.bytes) == len(sent), "all bytes came")
+            await until(lambda: here.health.rejects > 100, "what was refused is counted")
+            await until(lambda: here.samples >= 999, "the frames after it are there")
+            assert here.bytes == sent
+            seconds = time.monotonic() - began
+            assert len(here.telemetry.log) - events <= 6 * (seconds + 2), "nobody is flooded with events"
+            assert here.info.status == "live"
 
 
 def write_all(port: Pty, data: bytes) -> None:
@@ -141,40 +125,33 @@ def write_all(port: Pty, data: bytes) -> None:
         view = view[os.write(port.master, view) :]
 
 
-def test_half_a_frame_then_silence() -> None:
-    async def check() -> None:
-        with pty() as port:
-            async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "is open" in here.info.message, "it is open")
-                port.write(frames(0, 20) + frames(20, 21)[:30])
-                await until(lambda: here.health.rejects == 1, "the half is given up and counted")
-                assert here.samples == 20
-                port.write(frames(21, 40))
-                await until(lambda: here.samples == 39, "what follows is whole")
-                await until(lambda: here.health.lost == 1, "the one is counted as lost")
-
-    run(check())
+async def test_half_a_frame_then_silence() -> None:
+    with pty() as port:
+        async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
+            await until(lambda: "is open" in here.info.message, "it is open")
+            port.write(frames(0, 20) + frames(20, 21)[:30])
+            await until(lambda: here.health.rejects == 1, "the half is given up and counted")
+            assert here.samples == 20
+            port.write(frames(21, 40))
+            await until(lambda: here.samples == 39, "what follows is whole")
+            await until(lambda: here.health.lost == 1, "the one is counted as lost")
 
 
-def test_half_a_frame_while_the_server_was_held_up() -> None:
+async def test_half_a_frame_while_the_server_was_held_up() -> None:
     """Regression: on a busy host a half-received frame was given up although the rest was in the kernel's buffer."""
-
-    async def check() -> None:
-        with pty() as port:
-            async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "is open" in here.info.message, "it is open")
-                whole = frames(20, 21)
-                port.write(frames(0, 20) + whole[:30])
-                await until(lambda: here.samples == 20, "the frames are there")
-                port.write(whole[30:] + frames(21, 40))
-                # The server is stopped: afterwards everything due arrives at once, in any order.
-                time.sleep(0.6)
-                here.sessions.tick()
-                await until(lambda: here.samples == 40, "every frame is there")
-                assert (here.health.rejects, here.health.lost) == (0, 0)
-                assert here.events("link")[-1].data["kind"] != "silent"
-
-    run(check())
+    with pty() as port:
+        async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
+            await until(lambda: "is open" in here.info.message, "it is open")
+            whole = frames(20, 21)
+            port.write(frames(0, 20) + whole[:30])
+            await until(lambda: here.samples == 20, "the frames are there")
+            port.write(whole[30:] + frames(21, 40))
+            # The server is stopped: afterwards everything due arrives at once, in any order.
+            time.sleep(0.6)
+            here.sessions.tick()
+            await until(lambda: here.samples == 40, "every frame is there")
+            assert (here.health.rejects, here.health.lost) == (0, 0)
+            assert here.events("link")[-1].data["kind"] != "silent"
 
 
 HOLDER = """
@@ -186,138 +163,117 @@ sys.stdin.read()
 """
 
 
-def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
-    async def check() -> None:
-        with pty() as port:
-            command = tied([sys.executable, "-c", HOLDER, port.path])
-            other = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-            assert other.stdin
-            assert other.stdout
-            try:
-                assert await asyncio.to_thread(other.stdout.readline) == b"held\n"
-                port.let_go()
-                async with stage(f"serial://{port.path}?baud=115200") as here:
-                    await until(lambda: "in use" in here.info.message, "it is told")
-                    words, hint = told(here.info)
-                    assert f"(process {other.pid})" in words
-                    assert "--share" in hint
-                    other.stdin.close()
-                    other.wait(PATIENCE_S)
-                    await until(lambda: "open" in here.info.message, "it is opened without being asked")
-                    port.write(frames(0, 20))
-                    await until(lambda: here.samples == 20, "it streams")
-            finally:
-                other.kill()
-                other.wait()
-                other.stdin.close()
-                other.stdout.close()
-
-    run(check())
-
-
-def test_a_tcp_peer_that_vanishes_silently() -> None:
-    async def check() -> None:
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            server.settimeout(PATIENCE_S)
-            async with stage(f"tcp://127.0.0.1:{server.getsockname()[1]}") as here:
-                device, _ = await asyncio.to_thread(server.accept)
-                device.sendall(frames(0, 20))
-                await until(here.status("live"), "it streams")
-                try:
-                    device.setsockopt(socket.IPPROTO_TCP, TCP_REPAIR, 1)
-                except PermissionError:
-                    device.close()
-                    pytest.skip("a peer that says nothing needs the right to administer the network")
-                device.close()
-                await until(here.status("lost"), "its silence is told")
-                assert told(here.info)
-                again, _ = await asyncio.to_thread(server.accept)
-                with again:
-                    again.sendall(frames(40, 60))
-                    await until(here.status("live"), "it streams again")
-                    await until(lambda: here.samples == 40, "all samples are there")
-                    assert here.bytes == frames(0, 20) + frames(40, 60)
-                    assert "the link was down" in here.events("gap")[-1].text
-
-    run(check())
-
-
-def test_udp_silence_and_recovery() -> None:
-    async def check() -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
-            async with stage(f"udp://127.0.0.1:{port}?protocol=xbus") as here:
-                await until(lambda: here.info.notices, "it listens")
-                for n in range(10):
-                    device.sendto(frames(n, n + 1), ("127.0.0.1", port))
-                    await asyncio.sleep(0.01)
-                await until(here.status("live"), "it streams")
-                await until(here.status("lost"), "its silence is told")
-                assert "No data" in told(here.info)[0]
-                for n in range(15, 25):
-                    device.sendto(frames(n, n + 1), ("127.0.0.1", port))
-                await until(here.status("live"), "it streams again")
-                await until(lambda: here.samples == 20, "all that came is there")
-                assert here.bytes == frames(0, 10) + frames(15, 25)
-                await until(lambda: here.health.lost == 5, "what did not come is counted")
-
-    run(check())
-
-
-def test_noise_after_a_silence_is_told() -> None:
-    """A device that restarts is silent first; if it then sends at another rate, that must not count as silence."""
-
-    async def check() -> None:
-        with pty() as port:
+async def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
+    with pty() as port:
+        command = tied([sys.executable, "-c", HOLDER, port.path])
+        other = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert other.stdin
+        assert other.stdout
+        try:
+            assert await asyncio.to_thread(other.stdout.readline) == b"held\n"
+            port.let_go()
             async with stage(f"serial://{port.path}?baud=115200") as here:
-                await until(lambda: "is open" in here.info.message, "it is opened")
-                port.write(frames(0, 40))
-                await until(here.status("live"), "it streams")
-                await until(lambda: "No data" in here.info.message, "its silence is told")
+                await until(lambda: "in use" in here.info.message, "it is told")
+                words, hint = told(here.info)
+                assert f"(process {other.pid})" in words
+                assert "--share" in hint
+                other.stdin.close()
+                other.wait(PATIENCE_S)
+                await until(lambda: "open" in here.info.message, "it is opened without being asked")
+                port.write(frames(0, 20))
+                await until(lambda: here.samples == 20, "it streams")
+        finally:
+            other.kill()
+            other.wait()
+            other.stdin.close()
+            other.stdout.close()
 
-                def is_told() -> bool:
-                    port.write(bytes([0x55, 0x91, 0x0B]) * 4)
-                    return "none could be decoded" in here.info.message
 
-                await until(is_told, "the noise is told")
-                assert "rate" in told(here.info)[1]
-                port.write(frames(40, 80))
+async def test_a_tcp_peer_that_vanishes_silently() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(PATIENCE_S)
+        async with stage(f"tcp://127.0.0.1:{server.getsockname()[1]}") as here:
+            device, _ = await asyncio.to_thread(server.accept)
+            device.sendall(frames(0, 20))
+            await until(here.status("live"), "it streams")
+            try:
+                device.setsockopt(socket.IPPROTO_TCP, TCP_REPAIR, 1)
+            except PermissionError:
+                device.close()
+                pytest.skip("a peer that says nothing needs the right to administer the network")
+            device.close()
+            await until(here.status("lost"), "its silence is told")
+            assert told(here.info)
+            again, _ = await asyncio.to_thread(server.accept)
+            with again:
+                again.sendall(frames(40, 60))
                 await until(here.status("live"), "it streams again")
+                await until(lambda: here.samples == 40, "all samples are there")
+                assert here.bytes == frames(0, 20) + frames(40, 60)
+                assert "the link was down" in here.events("gap")[-1].text
 
-    run(check())
+
+async def test_udp_silence_and_recovery() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+        async with stage(f"udp://127.0.0.1:{port}?protocol=xbus") as here:
+            await until(lambda: here.info.notices, "it listens")
+            for n in range(10):
+                device.sendto(frames(n, n + 1), ("127.0.0.1", port))
+                await asyncio.sleep(0.01)
+            await until(here.status("live"), "it streams")
+            await until(here.status("lost"), "its silence is told")
+            assert "No data" in told(here.info)[0]
+            for n in range(15, 25):
+                device.sendto(frames(n, n + 1), ("127.0.0.1", port))
+            await until(here.status("live"), "it streams again")
+            await until(lambda: here.samples == 20, "all that came is there")
+            assert here.bytes == frames(0, 10) + frames(15, 25)
+            await until(lambda: here.health.lost == 5, "what did not come is counted")
+
+
+async def test_noise_after_a_silence_is_told() -> None:
+    """A device that restarts is silent first; if it then sends at another rate, that must not count as silence."""
+    with pty() as port:
+        async with stage(f"serial://{port.path}?baud=115200") as here:
+            await until(lambda: "is open" in here.info.message, "it is opened")
+            port.write(frames(0, 40))
+            await until(here.status("live"), "it streams")
+            await until(lambda: "No data" in here.info.message, "its silence is told")
+
+            def is_told() -> bool:
+                port.write(bytes([0x55, 0x91, 0x0B]) * 4)
+                return "none could be decoded" in here.info.message
+
+            await until(is_told, "the noise is told")
+            assert "rate" in told(here.info)[1]
+            port.write(frames(40, 80))
+            await until(here.status("live"), "it streams again")
 
 
 @each_row("known", [True, False])
-def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
+async def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
     """The bytes are then endless noise, reported as such; if no rate was given, the new one is found."""
-
-    async def check() -> None:
-        with device(115_200) as bench:
-            source = f"serial://{bench.slave}" + "?baud=115200" * known
-            async with stage(source) as here:
-                await until(here.status("live"), "it streams")
-                assert bench.device is not None
-                bench.device.baud = 460_800
-                await until(lambda: "none could be decoded" in here.info.message, "it is told")
-                assert "rate" in told(here.info)[1]
-                if not known:
-                    await until(here.status("live"), "it is found at the new rate")
-                    assert here.info.baud == 460_800
-                    return
-                bench.device.baud = 115_200
-                await until(here.status("live"), "it is read again without being opened anew")
-
-    run(check())
+    with device(115_200) as bench:
+        source = f"serial://{bench.slave}" + "?baud=115200" * known
+        async with stage(source) as here:
+            await until(here.status("live"), "it streams")
+            assert bench.device is not None
+            bench.device.baud = 460_800
+            await until(lambda: "none could be decoded" in here.info.message, "it is told")
+            assert "rate" in told(here.info)[1]
+            if not known:
+                await until(here.status("live"), "it is found at the new rate")
+                assert here.info.baud == 460_800
+                return
+            bench.device.baud = 115_200
+            await until(here.status("live"), "it is read again without being opened anew")
 
 
-def test_a_retry_is_reported_once() -> None:
+async def test_a_retry_is_reported_once() -> None:
     """Regression: the retry was reported by the link and by the session."""
-
-    async def check() -> None:
-        async with stage("tcp://127.0.0.1:1") as there:
-            await until(lambda: there.info.next_attempt, "it was tried")
-            assert [one.what for one in there.info.attempts] == ["127.0.0.1:1"]
-
-    asyncio.run(check())
+    async with stage("tcp://127.0.0.1:1") as there:
+        await until(lambda: there.info.next_attempt, "it was tried")
+        assert [one.what for one in there.info.attempts] == ["127.0.0.1:1"]

@@ -23,84 +23,72 @@ def run(coroutine: Any) -> Any:
 
 
 @each_row("baud", [115_200, 921_600, 460_800, 57_600])
-def test_the_rate_is_found_and_every_attempt_reported(baud: int) -> None:
-    async def check() -> None:
-        with device(baud) as bench:
-            attempts: list[Attempt] = []
-            link = open_link(bench.slave, settings())
-            await link.open(attempts.append)
-            try:
-                assert link.baud == baud
-                assert link.capacity == baud / 10
-                assert [one.what.replace(" ", "") for one in attempts] == [
-                    f"{rate}Bd" for rate in likely_rates()[: len(attempts)]
-                ]
-                assert "Xbus frame" in attempts[-1].outcome
-                for wrong in attempts[:-1]:
-                    assert wrong.outcome.endswith(("B, no frame in them", "0 B")), wrong.outcome
-                data = joined(await gather(link, 500))
-                assert describe_bytes(data).certain
-            finally:
-                await link.close()
-
-    run(check())
-
-
-def test_a_pseudo_terminal_without_a_rate_is_recognised_at_once() -> None:
-    async def check() -> None:
-        with pty() as port:
-
-            async def talk() -> None:
-                for i in range(1000):
-                    port.write(frame(i, i))
-                    await asyncio.sleep(0.005)
-
-            talking = asyncio.create_task(talk())
-            attempts: list[Attempt] = []
-            link = open_link(port.path, settings())
-            await link.open(attempts.append)
-            assert link.baud == 115_200
-            assert len(attempts) == 1
-            talking.cancel()
+async def test_the_rate_is_found_and_every_attempt_reported(baud: int) -> None:
+    with device(baud) as bench:
+        attempts: list[Attempt] = []
+        link = open_link(bench.slave, settings())
+        await link.open(attempts.append)
+        try:
+            assert link.baud == baud
+            assert link.capacity == baud / 10
+            assert [one.what.replace(" ", "") for one in attempts] == [
+                f"{rate}Bd" for rate in likely_rates()[: len(attempts)]
+            ]
+            assert "Xbus frame" in attempts[-1].outcome
+            for wrong in attempts[:-1]:
+                assert wrong.outcome.endswith(("B, no frame in them", "0 B")), wrong.outcome
+            data = joined(await gather(link, 500))
+            assert describe_bytes(data).certain
+        finally:
             await link.close()
 
-    run(check())
+
+async def test_a_pseudo_terminal_without_a_rate_is_recognised_at_once() -> None:
+    with pty() as port:
+
+        async def talk() -> None:
+            for i in range(1000):
+                port.write(frame(i, i))
+                await asyncio.sleep(0.005)
+
+        talking = asyncio.create_task(talk())
+        attempts: list[Attempt] = []
+        link = open_link(port.path, settings())
+        await link.open(attempts.append)
+        assert link.baud == 115_200
+        assert len(attempts) == 1
+        talking.cancel()
+        await link.close()
 
 
-def test_silence_at_every_rate_is_reported() -> None:
-    async def check() -> None:
-        with pty() as port:
-            before = left_behind()
-            attempts: list[Attempt] = []
-            error = await fails(open_link(port.path, settings(windows=SHORT)).open(attempts.append))
-            assert error.kind == "refused"
-            assert "0 B at every rate: is the device powered?" in error.message
-            assert {one.outcome for one in attempts} == {"0 B"}
-            assert len(attempts) == len(likely_rates()) + 1
-            assert left_behind() == before
-
-    run(check())
+async def test_silence_at_every_rate_is_reported() -> None:
+    with pty() as port:
+        before = left_behind()
+        attempts: list[Attempt] = []
+        error = await fails(open_link(port.path, settings(windows=SHORT)).open(attempts.append))
+        assert error.kind == "refused"
+        assert "0 B at every rate: is the device powered?" in error.message
+        assert {one.outcome for one in attempts} == {"0 B"}
+        assert len(attempts) == len(likely_rates()) + 1
+        assert left_behind() == before
 
 
-def test_noise_at_every_rate_is_reported() -> None:
-    async def check() -> None:
-        with pty() as port:
+async def test_noise_at_every_rate_is_reported() -> None:
+    with pty() as port:
 
-            async def talk() -> None:
-                while True:
-                    port.write(b"nothing that is known ")
-                    await asyncio.sleep(0.005)
+        async def talk() -> None:
+            while True:
+                port.write(b"nothing that is known ")
+                await asyncio.sleep(0.005)
 
-            talking = asyncio.create_task(talk())
-            attempts: list[Attempt] = []
-            error = await fails(open_link(port.path, settings(windows=SHORT)).open(attempts.append))
-            talking.cancel()
-            assert error.kind == "refused"
-            assert "no known message" in error.message
-            assert "?baud=" in error.hint
-            assert any(one.outcome.endswith("B, no frame in them") for one in attempts)
-
-    run(check())
+        talking = asyncio.create_task(talk())
+        attempts: list[Attempt] = []
+        error = await fails(open_link(port.path, settings(windows=SHORT)).open(attempts.append))
+        talking.cancel()
+        assert error.kind == "refused"
+        assert "no known message" in error.message
+        assert "?baud=" in error.hint
+        assert any(one.outcome.endswith("B, no frame in them") for one in attempts)
 
 
 def test_a_starting_device_is_found_at_a_rate_where_it_was_silent(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,21 +123,18 @@ def test_a_starting_device_is_found_at_a_rate_where_it_was_silent(monkeypatch: p
     ]
 
 
-def test_a_plug_pulled_during_the_search() -> None:
-    async def check() -> None:
-        with pty() as port:
-            before = left_behind()[1]
-            link = open_link(port.path, settings())
-            opening = asyncio.create_task(fails(link.open()))
-            await asyncio.sleep(0.1)
-            port.pull()
-            assert (await opening).kind == "gone"
-            assert left_behind()[1] == before
-
-    run(check())
+async def test_a_plug_pulled_during_the_search() -> None:
+    with pty() as port:
+        before = left_behind()[1]
+        link = open_link(port.path, settings())
+        opening = asyncio.create_task(fails(link.open()))
+        await asyncio.sleep(0.1)
+        port.pull()
+        assert (await opening).kind == "gone"
+        assert left_behind()[1] == before
 
 
-def test_a_rate_refused_by_the_adapter_does_not_stop_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_rate_refused_by_the_adapter_does_not_stop_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("imuscope.server.links.baud_scan.likely_rates", lambda: (115_200, 921_600, 57_600))
 
     class Stubborn:
@@ -171,28 +156,22 @@ def test_a_rate_refused_by_the_adapter_does_not_stop_the_scan(monkeypatch: pytes
         def reset_input_buffer(self) -> None:
             self.port.reset_input_buffer()
 
-    async def check() -> None:
-        with device(57_600) as bench:
-            port = open_port(bench.slave, SerialSettings())
-            attempts: list[Attempt] = []
-            try:
-                found = await scan(Stubborn(port), (115_200, 921_600, 57_600), attempts.append)
-                assert found[-1].baud == 57_600
-                assert "not possible on this port" in attempts[1].outcome
-            finally:
-                port.close()
-
-    run(check())
+    with device(57_600) as bench:
+        port = open_port(bench.slave, SerialSettings())
+        attempts: list[Attempt] = []
+        try:
+            found = await scan(Stubborn(port), (115_200, 921_600, 57_600), attempts.append)
+            assert found[-1].baud == 57_600
+            assert "not possible on this port" in attempts[1].outcome
+        finally:
+            port.close()
 
 
-def test_find_baud_leaves_the_port_at_the_rate() -> None:
-    async def check() -> None:
-        with device(921_600) as bench:
-            port = open_port(bench.slave, SerialSettings())
-            try:
-                assert await find_baud(port, bench.slave) == 921_600
-                assert port.baudrate == 921_600
-            finally:
-                port.close()
-
-    run(check())
+async def test_find_baud_leaves_the_port_at_the_rate() -> None:
+    with device(921_600) as bench:
+        port = open_port(bench.slave, SerialSettings())
+        try:
+            assert await find_baud(port, bench.slave) == 921_600
+            assert port.baudrate == 921_600
+        finally:
+            port.close()

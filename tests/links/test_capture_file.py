@@ -151,44 +151,38 @@ def capture(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_file_plays_to_its_end_at_the_asked_speed(capture: Path) -> None:
-    async def check() -> None:
-        attempts: list[str] = []
-        link = open_link(f"{capture}?speed=10", settings())
-        start = time.monotonic()
-        await link.open(lambda one: attempts.append(f"{one.what}: {one.outcome}"))
-        chunks = await gather(link, capture.stat().st_size)
-        took = time.monotonic() - start
-        assert joined(chunks) == capture.read_bytes()
-        assert took > 0.18  # how much longer is the machine's: `test_play_waits_until_each_piece_is_due` counts it
-        stamps = np.array([chunk.arrival_ns for chunk in chunks])
-        assert (np.diff(stamps) >= 0).all()
-        error = await dies(link)
-        assert error.kind == "ended"
-        assert "drive.bin" in error.message
-        assert "Xbus" in attempts[0]
-        assert link.notices == []
-        assert (await fails(link.write(b"x"))).kind == "refused"
-        await link.close()
-
-    run(check())
+async def test_a_file_plays_to_its_end_at_the_asked_speed(capture: Path) -> None:
+    attempts: list[str] = []
+    link = open_link(f"{capture}?speed=10", settings())
+    start = time.monotonic()
+    await link.open(lambda one: attempts.append(f"{one.what}: {one.outcome}"))
+    chunks = await gather(link, capture.stat().st_size)
+    took = time.monotonic() - start
+    assert joined(chunks) == capture.read_bytes()
+    assert took > 0.18  # how much longer is the machine's: `test_play_waits_until_each_piece_is_due` counts it
+    stamps = np.array([chunk.arrival_ns for chunk in chunks])
+    assert (np.diff(stamps) >= 0).all()
+    error = await dies(link)
+    assert error.kind == "ended"
+    assert "drive.bin" in error.message
+    assert "Xbus" in attempts[0]
+    assert link.notices == []
+    assert (await fails(link.write(b"x"))).kind == "refused"
+    await link.close()
 
 
-def test_loop_begins_again(capture: Path) -> None:
-    async def check() -> None:
-        size = capture.stat().st_size
-        async with opened(open_link(f"{capture}?speed=100&loop=1", settings())) as link:
-            chunks = await gather(link, 3 * size)
-            assert joined(chunks)[: 2 * size] == 2 * capture.read_bytes()
-            sizes = np.array([len(chunk.data) for chunk in chunks])
-            turns = (np.cumsum(sizes) - sizes)[[chunk.restart for chunk in chunks]]
-            assert turns.tolist()[:2] == [size, 2 * size], "each turn but the first says that it begins again"
-
-    run(check())
+async def test_loop_begins_again(capture: Path) -> None:
+    size = capture.stat().st_size
+    async with opened(open_link(f"{capture}?speed=100&loop=1", settings())) as link:
+        chunks = await gather(link, 3 * size)
+        assert joined(chunks)[: 2 * size] == 2 * capture.read_bytes()
+        sizes = np.array([len(chunk.data) for chunk in chunks])
+        turns = (np.cumsum(sizes) - sizes)[[chunk.restart for chunk in chunks]]
+        assert turns.tolist()[:2] == [size, 2 * size], "each turn but the first says that it begins again"
 
 
 @each_row("at_once", [True, False])
-def test_a_short_stretch_of_another_protocol_is_reported(
+async def test_a_short_stretch_of_another_protocol_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool
 ) -> None:
     """Regression: in a fast replay the other protocol passed unnoticed between two checks."""
@@ -197,50 +191,41 @@ def test_a_short_stretch_of_another_protocol_is_reported(
     path = tmp_path / "mixed.bin"
     path.write_bytes(stream(5.0) + IdtpSimulator().advance(50_000_000) + stream(5.0))
 
-    async def check() -> None:
-        link = open_link(f"{path}?speed=2", settings())
-        async with opened(link):
-            async with asyncio.timeout(PATIENCE_S):
-                while not link.notices:
-                    await asyncio.sleep(0.01)
-            (notice,) = link.notices
-            assert "mixed.bin holds messages of IDTP 2.1 too; it is read as Xsens MTi (Xbus)." in notice
-        path.write_bytes(stream(5.0))
-        async with opened(link):
-            await asyncio.sleep(0 if at_once else 0.3)
-            assert link.notices == []
-
-    run(check())
+    link = open_link(f"{path}?speed=2", settings())
+    async with opened(link):
+        async with asyncio.timeout(PATIENCE_S):
+            while not link.notices:
+                await asyncio.sleep(0.01)
+        (notice,) = link.notices
+        assert "mixed.bin holds messages of IDTP 2.1 too; it is read as Xsens MTi (Xbus)." in notice
+    path.write_bytes(stream(5.0))
+    async with opened(link):
+        await asyncio.sleep(0 if at_once else 0.3)
+        assert link.notices == []
 
 
-def test_a_slow_session_slows_the_file_down_and_uses_no_more_memory(
+async def test_a_slow_session_slows_the_file_down_and_uses_no_more_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("imuscope.server.links.capture_file.FULL_BYTES", 5000)
     path = tmp_path / "long.bin"
     path.write_bytes(stream(20.0))
 
-    async def check() -> None:
-        link = open_link(f"{path}?speed=1000", settings())
-        assert isinstance(link, FileLink)
-        async with opened(link):
-            await asyncio.sleep(0.3)
-            assert link.backlog < 5000 + BLOCK_BYTES
-            assert joined(await gather(link, path.stat().st_size)) == path.read_bytes()
-
-    run(check())
+    link = open_link(f"{path}?speed=1000", settings())
+    assert isinstance(link, FileLink)
+    async with opened(link):
+        await asyncio.sleep(0.3)
+        assert link.backlog < 5000 + BLOCK_BYTES
+        assert joined(await gather(link, path.stat().st_size)) == path.read_bytes()
 
 
-def test_a_file_of_unknown_bytes_reports_its_playback_rate(tmp_path: Path) -> None:
+async def test_a_file_of_unknown_bytes_reports_its_playback_rate(tmp_path: Path) -> None:
     path = tmp_path / "noise.bin"
     path.write_bytes(b"nothing known " * 100)
 
-    async def check() -> None:
-        async with opened(open_link(f"{path}?speed=100", settings())) as link:
-            assert f"{BLIND_RATE} B/s" in link.notices[0]
-            assert joined(await gather(link, 1400)) == path.read_bytes()
-
-    run(check())
+    async with opened(open_link(f"{path}?speed=100", settings())) as link:
+        assert f"{BLIND_RATE} B/s" in link.notices[0]
+        assert joined(await gather(link, 1400)) == path.read_bytes()
 
 
 def test_files_that_cannot_be_played(tmp_path: Path) -> None:
@@ -260,13 +245,10 @@ def test_a_file_without_permission(capture: Path, monkeypatch: pytest.MonkeyPatc
     assert "chmod" in error.hint
 
 
-def test_no_threads_or_descriptors_are_left(capture: Path) -> None:
-    async def check() -> None:
-        before = left_behind()
-        link = open_link(f"{capture}?loop=1", settings())
-        for _ in range(3):
-            async with opened(link):
-                await link.read()
-        assert left_behind() == before
-
-    run(check())
+async def test_no_threads_or_descriptors_are_left(capture: Path) -> None:
+    before = left_behind()
+    link = open_link(f"{capture}?loop=1", settings())
+    for _ in range(3):
+        async with opened(link):
+            await link.read()
+    assert left_behind() == before

@@ -48,239 +48,207 @@ async def reopen(link: SharedPortLink) -> None:
             await asyncio.sleep(0.05)
 
 
-def test_every_client_gets_every_byte_and_one_of_each_share_may_write(port: DevicePort, tmp_path: Path) -> None:
+async def test_every_client_gets_every_byte_and_one_of_each_share_may_write(port: DevicePort, tmp_path: Path) -> None:
     number = free_port()
 
-    async def check() -> None:
-        async with shared(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}") as link:
-            driver = opened(tmp_path / "imu0")
-            first = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
-            await eventually(lambda: len(clients(link)) == 2, link)
-            second = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
-            await eventually(lambda: len(clients(link)) == 3, link)
-            rights = [one["may_write"] for one in sorted(clients(link), key=lambda one: one["number"])]
-            assert sorted(rights) == [False, True, True]
-            data = bytes(range(256)) * 40
-            port.send(data)
-            assert await received(link, len(data)) == data
-            for fd in (driver, first.fileno(), second.fileno()):
-                assert read_exactly(fd, len(data)) == data
-            second.sendall(b"nobody listens to this")
-            os.write(driver, b"to the device")
-            assert port.receive(13) == b"to the device"
-            await eventually(lambda: sum(one["refused"] for one in clients(link)) == 22, link)
-            assert port.is_quiet()
-            os.close(driver)
-            first.close()
-            await eventually(lambda: len(clients(link)) == 1, link)
-            second.close()
-
-    asyncio.run(check())
+    async with shared(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}") as link:
+        driver = opened(tmp_path / "imu0")
+        first = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
+        await eventually(lambda: len(clients(link)) == 2, link)
+        second = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
+        await eventually(lambda: len(clients(link)) == 3, link)
+        rights = [one["may_write"] for one in sorted(clients(link), key=lambda one: one["number"])]
+        assert sorted(rights) == [False, True, True]
+        data = bytes(range(256)) * 40
+        port.send(data)
+        assert await received(link, len(data)) == data
+        for fd in (driver, first.fileno(), second.fileno()):
+            assert read_exactly(fd, len(data)) == data
+        second.sendall(b"nobody listens to this")
+        os.write(driver, b"to the device")
+        assert port.receive(13) == b"to the device"
+        await eventually(lambda: sum(one["refused"] for one in clients(link)) == 22, link)
+        assert port.is_quiet()
+        os.close(driver)
+        first.close()
+        await eventually(lambda: len(clients(link)) == 1, link)
+        second.close()
 
 
-def test_datagrams_go_both_ways(port: DevicePort) -> None:
-    async def check() -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
-            receiver.bind(("127.0.0.1", 0))
-            receiver.settimeout(PATIENCE_S)
-            async with shared(port, f"udp://127.0.0.1:{receiver.getsockname()[1]}") as link:
-                await eventually(lambda: clients(link), link)
-                port.send(FRAME)
-                data, sender = await asyncio.to_thread(receiver.recvfrom, 2048)
-                assert data == FRAME
-                receiver.sendto(b"answer", sender)
-                assert await asyncio.to_thread(port.receive, 6) == b"answer"
-
-    asyncio.run(check())
-
-
-def test_nothing_is_written_through_a_read_only_share(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        async with shared(port, f"{tmp_path / 'imu0'}?mode=read") as link:
-            driver = opened(tmp_path / "imu0")
+async def test_datagrams_go_both_ways(port: DevicePort) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(PATIENCE_S)
+        async with shared(port, f"udp://127.0.0.1:{receiver.getsockname()[1]}") as link:
             await eventually(lambda: clients(link), link)
-            os.write(driver, b"refused")
-            await eventually(lambda: clients(link)[0]["refused"] == 7, link)
-            assert port.is_quiet()
-            os.close(driver)
+            port.send(FRAME)
+            data, sender = await asyncio.to_thread(receiver.recvfrom, 2048)
+            assert data == FRAME
+            receiver.sendto(b"answer", sender)
+            assert await asyncio.to_thread(port.receive, 6) == b"answer"
 
-    asyncio.run(check())
 
-
-def test_the_end_of_the_server_costs_its_clients_no_byte(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        link = link_to(port, str(tmp_path / "imu0"))
-        await link.open()
+async def test_nothing_is_written_through_a_read_only_share(port: DevicePort, tmp_path: Path) -> None:
+    async with shared(port, f"{tmp_path / 'imu0'}?mode=read") as link:
         driver = opened(tmp_path / "imu0")
         await eventually(lambda: clients(link), link)
-        port.send(b"before")
-        assert read_exactly(driver, 6) == b"before"
-        await link.close()  # without a word to the holder, as by kill -9
-        port.send(b"meanwhile")
-        assert read_exactly(driver, 9) == b"meanwhile"
-        os.write(driver, b"still heard")
-        assert port.receive(11) == b"still heard"
-        async with shared(port, str(tmp_path / "imu0")) as again:
-            assert len(clients(again)) == 1, "the holder was found again"
-            port.send(b"after")
-            assert await received(again, 5) == b"after"
-            assert read_exactly(driver, 5) == b"after"
+        os.write(driver, b"refused")
+        await eventually(lambda: clients(link)[0]["refused"] == 7, link)
+        assert port.is_quiet()
         os.close(driver)
 
-    asyncio.run(check())
+
+async def test_the_end_of_the_server_costs_its_clients_no_byte(port: DevicePort, tmp_path: Path) -> None:
+    link = link_to(port, str(tmp_path / "imu0"))
+    await link.open()
+    driver = opened(tmp_path / "imu0")
+    await eventually(lambda: clients(link), link)
+    port.send(b"before")
+    assert read_exactly(driver, 6) == b"before"
+    await link.close()  # without a word to the holder, as by kill -9
+    port.send(b"meanwhile")
+    assert read_exactly(driver, 9) == b"meanwhile"
+    os.write(driver, b"still heard")
+    assert port.receive(11) == b"still heard"
+    async with shared(port, str(tmp_path / "imu0")) as again:
+        assert len(clients(again)) == 1, "the holder was found again"
+        port.send(b"after")
+        assert await received(again, 5) == b"after"
+        assert read_exactly(driver, 5) == b"after"
+    os.close(driver)
 
 
-def test_a_second_server_is_refused_and_the_first_goes_on(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        async with shared(port, str(tmp_path / "imu0")) as link:
-            second = link_to(port)
-            with pytest.raises(LinkError, match=rf"held for another imuscope \(process {os.getpid()}\)") as raised:
-                await second.open()
-            assert raised.value.kind == "busy"
-            assert is_held(second.inner)
-            port.send(FRAME)
-            assert await received(link, len(FRAME)) == FRAME
-        await eventually(lambda: not is_held(second.inner), link)
-
-    asyncio.run(check())
+async def test_a_second_server_is_refused_and_the_first_goes_on(port: DevicePort, tmp_path: Path) -> None:
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        second = link_to(port)
+        with pytest.raises(LinkError, match=rf"held for another imuscope \(process {os.getpid()}\)") as raised:
+            await second.open()
+        assert raised.value.kind == "busy"
+        assert is_held(second.inner)
+        port.send(FRAME)
+        assert await received(link, len(FRAME)) == FRAME
+    await eventually(lambda: not is_held(second.inner), link)
 
 
-def test_what_a_client_sends_is_told_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        async with shared(port, str(tmp_path / "imu0")) as link:
-            told: list[ClientData] = []
-            link.on_client_data.add(told.append)
-            driver = opened(tmp_path / "imu0")
-            await eventually(lambda: clients(link), link)
-            before = link.settings.now_ns()
-            os.write(driver, FRAME)
-            await eventually(lambda: told, link)
-            assert (told[0].data, told[0].peer) == (FRAME, str(tmp_path / "imu0"))
-            assert before <= told[0].arrival_ns <= link.settings.now_ns()
-            os.close(driver)
-
-    asyncio.run(check())
+async def test_what_a_client_sends_is_told_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        told: list[ClientData] = []
+        link.on_client_data.add(told.append)
+        driver = opened(tmp_path / "imu0")
+        await eventually(lambda: clients(link), link)
+        before = link.settings.now_ns()
+        os.write(driver, FRAME)
+        await eventually(lambda: told, link)
+        assert (told[0].data, told[0].peer) == (FRAME, str(tmp_path / "imu0"))
+        assert before <= told[0].arrival_ns <= link.settings.now_ns()
+        os.close(driver)
 
 
-def test_the_server_waits_for_a_client_that_talks_and_clients_for_the_server(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        async with shared(port, str(tmp_path / "imu0")) as link:
-            driver = opened(tmp_path / "imu0")
-            await eventually(lambda: clients(link), link)
-            os.write(driver, b"client")
-            assert port.receive(6) == b"client"
-            began = time.monotonic()
-            await link.write(b"server")
-            assert time.monotonic() - began > QUIET_S / 2
-            assert port.receive(6) == b"server"
-            link.hold_clients(True)
-            await eventually(lambda: link.state["speaker"] == 0, link)
-            os.write(driver, b"later")
-            await eventually(lambda: clients(link)[0]["paused"], link)
-            await link.write(b"transaction")
-            assert port.receive(11) == b"transaction"
-            assert port.is_quiet()
-            link.hold_clients(False)
-            assert await asyncio.to_thread(port.receive, 5) == b"later"
-            os.close(driver)
+async def test_the_server_waits_for_a_client_that_talks_and_clients_for_the_server(
+    port: DevicePort, tmp_path: Path
+) -> None:
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        driver = opened(tmp_path / "imu0")
+        await eventually(lambda: clients(link), link)
+        os.write(driver, b"client")
+        assert port.receive(6) == b"client"
+        began = time.monotonic()
+        await link.write(b"server")
+        assert time.monotonic() - began > QUIET_S / 2
+        assert port.receive(6) == b"server"
+        link.hold_clients(True)
+        await eventually(lambda: link.state["speaker"] == 0, link)
+        os.write(driver, b"later")
+        await eventually(lambda: clients(link)[0]["paused"], link)
+        await link.write(b"transaction")
+        assert port.receive(11) == b"transaction"
+        assert port.is_quiet()
+        link.hold_clients(False)
+        assert await asyncio.to_thread(port.receive, 5) == b"later"
+        os.close(driver)
 
-    asyncio.run(check())
 
-
-def test_a_write_that_waited_has_the_time_at_which_it_was_written(port: DevicePort, tmp_path: Path) -> None:
+async def test_a_write_that_waited_has_the_time_at_which_it_was_written(port: DevicePort, tmp_path: Path) -> None:
     """It had that of the request, before what another program sent meanwhile: the log named the wrong order."""
-
-    async def check() -> None:
-        async with shared(port, str(tmp_path / "imu0")) as link:
-            driver = opened(tmp_path / "imu0")
-            await eventually(lambda: clients(link), link)
-            os.write(driver, b"client")
-            assert port.receive(6) == b"client"
-            asked_ns = link.settings.now_ns()
-            written_ns = await link.write(b"server")
-            assert written_ns is not None
-            assert asked_ns + QUIET_S * 1e9 / 2 < written_ns <= link.settings.now_ns()
-            os.close(driver)
-
-    asyncio.run(check())
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        driver = opened(tmp_path / "imu0")
+        await eventually(lambda: clients(link), link)
+        os.write(driver, b"client")
+        assert port.receive(6) == b"client"
+        asked_ns = link.settings.now_ns()
+        written_ns = await link.write(b"server")
+        assert written_ns is not None
+        assert asked_ns + QUIET_S * 1e9 / 2 < written_ns <= link.settings.now_ns()
+        os.close(driver)
 
 
-def test_a_client_that_sets_another_rate_takes_the_port_with_it(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        async with shared(port, str(tmp_path / "imu0")) as link:
-            driver = opened(tmp_path / "imu0")
-            settings = termios.tcgetattr(driver)
-            settings[4] = settings[5] = termios.B57600
-            termios.tcsetattr(driver, termios.TCSANOW, settings)  # as a program does when it opens a port
-            await eventually(lambda: clients(link) and clients(link)[0]["baud"] == 57_600, link)
-            assert link.state["baud"] == 115_200, "that alone changes nothing for the others"
-            os.write(driver, b"SetBaudrate")
-            assert port.receive(11) == b"SetBaudrate"
-            settings[4] = settings[5] = termios.B460800
-            termios.tcsetattr(driver, termios.TCSANOW, settings)
-            await eventually(lambda: link.baud == 460_800, link)
-            assert link.capacity == 46_080
-            os.close(driver)
-
-    asyncio.run(check())
+async def test_a_client_that_sets_another_rate_takes_the_port_with_it(port: DevicePort, tmp_path: Path) -> None:
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        driver = opened(tmp_path / "imu0")
+        settings = termios.tcgetattr(driver)
+        settings[4] = settings[5] = termios.B57600
+        termios.tcsetattr(driver, termios.TCSANOW, settings)  # as a program does when it opens a port
+        await eventually(lambda: clients(link) and clients(link)[0]["baud"] == 57_600, link)
+        assert link.state["baud"] == 115_200, "that alone changes nothing for the others"
+        os.write(driver, b"SetBaudrate")
+        assert port.receive(11) == b"SetBaudrate"
+        settings[4] = settings[5] = termios.B460800
+        termios.tcsetattr(driver, termios.TCSANOW, settings)
+        await eventually(lambda: link.baud == 460_800, link)
+        assert link.capacity == 46_080
+        os.close(driver)
 
 
-def test_a_port_that_is_gone_hangs_up_its_clients_and_comes_back(port: DevicePort, tmp_path: Path) -> None:
+async def test_a_port_that_is_gone_hangs_up_its_clients_and_comes_back(port: DevicePort, tmp_path: Path) -> None:
     """The path of the port is a link, as udev makes it, so that another device can be plugged in."""
     plugged = tmp_path / "ttyIMU"
     plugged.symlink_to(port.path)
     port.path = str(plugged)
     number = free_port()
 
-    async def check() -> None:
-        link = link_to(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}")
-        await link.open()
-        driver = opened(tmp_path / "imu0")
-        connection = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
-        await eventually(lambda: len(clients(link)) == 2, link)
-        port.unplug()
-        with pytest.raises(LinkError) as raised:
-            await received(link, 1)
-        assert raised.value.kind in ("gone", "not-found", "refused")
-        assert connection.recv(1) == b""
-        connection.close()
-        await eventually(lambda: hung_up(driver), link)
-        assert not os.path.lexists(tmp_path / "imu0")
-        os.close(driver)
-        other = DevicePort()
-        plugged.unlink()
-        plugged.symlink_to(other.path)
-        await reopen(link)
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
-        other.send(b"back")
-        assert await received(link, 4) == b"back"
-        assert read_exactly(driver, 4) == b"back"
-        os.close(driver)
-        await link.request("end")
-        await link.close()
-        other.unplug()
-
-    asyncio.run(check())
+    link = link_to(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}")
+    await link.open()
+    driver = opened(tmp_path / "imu0")
+    connection = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
+    await eventually(lambda: len(clients(link)) == 2, link)
+    port.unplug()
+    with pytest.raises(LinkError) as raised:
+        await received(link, 1)
+    assert raised.value.kind in ("gone", "not-found", "refused")
+    assert connection.recv(1) == b""
+    connection.close()
+    await eventually(lambda: hung_up(driver), link)
+    assert not os.path.lexists(tmp_path / "imu0")
+    os.close(driver)
+    other = DevicePort()
+    plugged.unlink()
+    plugged.symlink_to(other.path)
+    await reopen(link)
+    driver = opened(tmp_path / "imu0")
+    await eventually(lambda: clients(link), link)
+    other.send(b"back")
+    assert await received(link, 4) == b"back"
+    assert read_exactly(driver, 4) == b"back"
+    os.close(driver)
+    await link.request("end")
+    await link.close()
+    other.unplug()
 
 
-def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        async with shared(port, str(tmp_path / "imu0")) as link:
-            second = link_to(port, f"{tmp_path / 'imu1'}?mode=read").shares[0]
-            await link.request("share", share=second.to_json())
-            reader = opened(tmp_path / "imu1")
-            await eventually(lambda: [one for one in clients(link) if one["share"].endswith("imu1")], link)
-            port.send(FRAME)
-            assert read_exactly(reader, len(FRAME)) == FRAME
-            await link.request("unshare", name=second.text)
-            assert not os.path.lexists(tmp_path / "imu1")
-            assert os.path.lexists(tmp_path / "imu0")
-            with pytest.raises(LinkError, match="is shared already"):
-                await link.request("share", share=link.shares[0].to_json())
-            os.close(reader)
-
-    asyncio.run(check())
+async def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePort, tmp_path: Path) -> None:
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        second = link_to(port, f"{tmp_path / 'imu1'}?mode=read").shares[0]
+        await link.request("share", share=second.to_json())
+        reader = opened(tmp_path / "imu1")
+        await eventually(lambda: [one for one in clients(link) if one["share"].endswith("imu1")], link)
+        port.send(FRAME)
+        assert read_exactly(reader, len(FRAME)) == FRAME
+        await link.request("unshare", name=second.text)
+        assert not os.path.lexists(tmp_path / "imu1")
+        assert os.path.lexists(tmp_path / "imu0")
+        with pytest.raises(LinkError, match="is shared already"):
+            await link.request("share", share=link.shares[0].to_json())
+        os.close(reader)
 
 
 @each_row(
@@ -306,67 +274,57 @@ def test_a_share_that_cannot_be_offered_says_why(port: DevicePort, tmp_path: Pat
     assert not socket_of(port.path).exists(), "no holder stays behind"
 
 
-def test_a_terminal_has_the_permissions_that_were_given(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        async with shared(port, f"{tmp_path / 'imu0'}?permissions=0640&group={os.getgid()}"):
-            about = os.stat(tmp_path / "imu0")
-            assert about.st_mode & 0o777 == 0o640
-            assert about.st_gid == os.getgid()
-
-    asyncio.run(check())
+async def test_a_terminal_has_the_permissions_that_were_given(port: DevicePort, tmp_path: Path) -> None:
+    async with shared(port, f"{tmp_path / 'imu0'}?permissions=0640&group={os.getgid()}"):
+        about = os.stat(tmp_path / "imu0")
+        assert about.st_mode & 0o777 == 0o640
+        assert about.st_gid == os.getgid()
 
 
-def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: Path) -> None:
-    async def check() -> None:
-        link = link_to(port, str(tmp_path / "imu0"))
-        await link.open()
-        os.kill(link.holder_pid, signal.SIGKILL)
-        with pytest.raises(LinkError, match="ended"):
-            await received(link, 1)
-        killed = link.holder_pid
-        await reopen(link)
-        assert link.holder_pid != killed
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
-        port.send(FRAME)
-        assert read_exactly(driver, len(FRAME)) == FRAME
-        os.close(driver)
-        await link.request("end")
-        await link.close()
-
-    asyncio.run(check())
+async def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: Path) -> None:
+    link = link_to(port, str(tmp_path / "imu0"))
+    await link.open()
+    os.kill(link.holder_pid, signal.SIGKILL)
+    with pytest.raises(LinkError, match="ended"):
+        await received(link, 1)
+    killed = link.holder_pid
+    await reopen(link)
+    assert link.holder_pid != killed
+    driver = opened(tmp_path / "imu0")
+    await eventually(lambda: clients(link), link)
+    port.send(FRAME)
+    assert read_exactly(driver, len(FRAME)) == FRAME
+    os.close(driver)
+    await link.request("end")
+    await link.close()
 
 
-def test_a_request_is_answered_though_the_end_of_its_holder_is_noticed_first(
+async def test_a_request_is_answered_though_the_end_of_its_holder_is_noticed_first(
     port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Regression: on a busy host the last share of a port could not be ended: "The link is closed."."""
+    link = link_to(port, str(tmp_path / "imu0"))
+    await link.open()
 
-    async def check() -> None:
-        link = link_to(port, str(tmp_path / "imu0"))
-        await link.open()
+    async def read_until_gone() -> None:
+        with pytest.raises(LinkError, match="ended"):
+            await received(link, 1 << 20)
+        await link.close()
 
-        async def read_until_gone() -> None:
-            with pytest.raises(LinkError, match="ended"):
-                await received(link, 1 << 20)
-            await link.close()
+    async def write_and_delay(fd: int, data: bytes) -> None:
+        """Delay the event loop just before the woken reader runs, which finds the answer and the end."""
+        port.send(FRAME)
+        block_until(lambda: link.backlog, "the bytes of the device")
+        await asyncio.sleep(0)  # they wake the reader, which is next
+        os.write(fd, data)
+        assert link._reader is not None
+        link._reader.join(PATIENCE_S)
 
-        async def write_and_delay(fd: int, data: bytes) -> None:
-            """Delay the event loop just before the woken reader runs, which finds the answer and the end."""
-            port.send(FRAME)
-            block_until(lambda: link.backlog, "the bytes of the device")
-            await asyncio.sleep(0)  # they wake the reader, which is next
-            os.write(fd, data)
-            assert link._reader is not None
-            link._reader.join(PATIENCE_S)
-
-        reading = asyncio.create_task(read_until_gone())
-        await asyncio.sleep(0)  # it waits for bytes
-        monkeypatch.setattr("imuscope.server.links.held.write_all", write_and_delay)
-        await link.request("end")
-        await reading
-
-    asyncio.run(check())
+    reading = asyncio.create_task(read_until_gone())
+    await asyncio.sleep(0)  # it waits for bytes
+    monkeypatch.setattr("imuscope.server.links.held.write_all", write_and_delay)
+    await link.request("end")
+    await reading
 
 
 def test_a_runtime_folder_with_a_path_that_is_too_long_says_what_to_do(

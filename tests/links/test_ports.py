@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from imuscope.server.links import ports
 from imuscope.server.links.base import ScanWindows
 from tests.links.link_fixtures import device, pty
-
-
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
 
 
 class Comport:
@@ -55,34 +49,31 @@ def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatc
     assert not listed[1].busy
 
 
-def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def check() -> None:
-        with device(921_600) as bench, pty() as silent, pty() as taken, pty() as refused:
-            monkeypatch.setattr(ports, "holder", lambda path: "minicom (process 7)" if path == taken.path else "")
-            monkeypatch.setattr(ports.os, "access", lambda path, mode: path != refused.path)
-            os.chown(refused.path, -1, 20)
-            os.chmod(refused.path, 0o660)
-            told: list[str] = []
-            infos = await ports.scan(
-                [bench.slave, silent.path, taken.path, refused.path, "/dev/ttyNope"],
-                progress=lambda device, one: told.append(device),
-                windows=ScanWindows(0.1, 0.05),
-            )
-            speaking, quiet, busy, denied, absent = infos
-            assert [one.what for one in speaking.attempts] == ["115 200 Bd", "921 600 Bd"]
-            assert "Xbus frame" in speaking.attempts[-1].outcome
-            assert quiet.attempts[-1].outcome == "0 B at every rate: is it powered, and set to send?"
-            assert busy.busy == "minicom (process 7)"
-            assert busy.attempts[0].outcome == "In use by minicom (process 7)."
-            assert "usermod -aG" in denied.denied
-            assert "There is no port /dev/ttyNope." in absent.attempts[0].outcome
-            assert set(told) == {info.device for info in infos}
-            assert all(info.heard == info.attempts for info in infos), "answers have the previous name too"
-            # The session's own link is left alone even when its source is another name of the same port.
-            (mine,) = await ports.scan([bench.slave], in_use=[os.path.realpath(bench.slave)])
-            assert mine.busy == "a session of this server"
-
-    run(check())
+async def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    with device(921_600) as bench, pty() as silent, pty() as taken, pty() as refused:
+        monkeypatch.setattr(ports, "holder", lambda path: "minicom (process 7)" if path == taken.path else "")
+        monkeypatch.setattr(ports.os, "access", lambda path, mode: path != refused.path)
+        os.chown(refused.path, -1, 20)
+        os.chmod(refused.path, 0o660)
+        told: list[str] = []
+        infos = await ports.scan(
+            [bench.slave, silent.path, taken.path, refused.path, "/dev/ttyNope"],
+            progress=lambda device, one: told.append(device),
+            windows=ScanWindows(0.1, 0.05),
+        )
+        speaking, quiet, busy, denied, absent = infos
+        assert [one.what for one in speaking.attempts] == ["115 200 Bd", "921 600 Bd"]
+        assert "Xbus frame" in speaking.attempts[-1].outcome
+        assert quiet.attempts[-1].outcome == "0 B at every rate: is it powered, and set to send?"
+        assert busy.busy == "minicom (process 7)"
+        assert busy.attempts[0].outcome == "In use by minicom (process 7)."
+        assert "usermod -aG" in denied.denied
+        assert "There is no port /dev/ttyNope." in absent.attempts[0].outcome
+        assert set(told) == {info.device for info in infos}
+        assert all(info.heard == info.attempts for info in infos), "answers have the previous name too"
+        # The session's own link is left alone even when its source is another name of the same port.
+        (mine,) = await ports.scan([bench.slave], in_use=[os.path.realpath(bench.slave)])
+        assert mine.busy == "a session of this server"
 
 
 def test_print_ports(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,133 +27,107 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def test_bytes_arrive_whole_in_order_and_stamped() -> None:
-    async def check() -> None:
-        with pty() as port:
-            link = open_link(f"serial://{port.path}?baud=921600", settings())
-            async with opened(link):
-                assert (link.kind, link.baud, link.capacity) == ("serial", 921_600, 92_160)
-                before = time.time_ns()
-                sent = bytes(range(256)) * 40
-                writer = threading.Thread(
-                    target=lambda: [port.write(sent[i : i + 512]) for i in range(0, len(sent), 512)]
-                )
-                writer.start()
-                chunks = await gather(link, len(sent))
-                writer.join()
-                assert joined(chunks) == sent
-                stamps = [chunk.arrival_ns for chunk in chunks]
-                assert stamps == sorted(stamps)
-                assert before - 1_000_000 <= stamps[0] <= stamps[-1] <= time.time_ns() + 1_000_000
-
-    run(check())
+async def test_bytes_arrive_whole_in_order_and_stamped() -> None:
+    with pty() as port:
+        link = open_link(f"serial://{port.path}?baud=921600", settings())
+        async with opened(link):
+            assert (link.kind, link.baud, link.capacity) == ("serial", 921_600, 92_160)
+            before = time.time_ns()
+            sent = bytes(range(256)) * 40
+            writer = threading.Thread(target=lambda: [port.write(sent[i : i + 512]) for i in range(0, len(sent), 512)])
+            writer.start()
+            chunks = await gather(link, len(sent))
+            writer.join()
+            assert joined(chunks) == sent
+            stamps = [chunk.arrival_ns for chunk in chunks]
+            assert stamps == sorted(stamps)
+            assert before - 1_000_000 <= stamps[0] <= stamps[-1] <= time.time_ns() + 1_000_000
 
 
-def test_timestamps_are_taken_in_the_reading_thread() -> None:
-    async def check() -> None:
-        with pty() as port:
-            source = settings()
-            async with opened(open_link(f"{port.path}?baud=115200", source)) as link:
-                port.write(b"a")
-                sent_ns = source.now_ns()
-                time.sleep(0.2)  # the event loop is busy with something else
-                (chunk,) = await link.read()
-                assert chunk.data == b"a"
-                assert abs(chunk.arrival_ns - sent_ns) < 50_000_000
-
-    run(check())
+async def test_timestamps_are_taken_in_the_reading_thread() -> None:
+    with pty() as port:
+        source = settings()
+        async with opened(open_link(f"{port.path}?baud=115200", source)) as link:
+            port.write(b"a")
+            sent_ns = source.now_ns()
+            time.sleep(0.2)  # the event loop is busy with something else
+            (chunk,) = await link.read()
+            assert chunk.data == b"a"
+            assert abs(chunk.arrival_ns - sent_ns) < 50_000_000
 
 
-def test_a_burst_is_one_wake_up() -> None:
-    async def check() -> None:
-        with pty() as port:
-            async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
-                found, attempts = b"", 0
-                while found != b"x" * 1000:  # a busy machine may not have read all of it yet
-                    attempts += 1
-                    assert attempts < 10, len(found)
-                    for _ in range(50):
-                        port.write(b"x" * 20)
-                    await asyncio.sleep(0.05 * attempts)
-                    found = joined(await link.read())
-                    if len(found) < 1000:
-                        await gather(link, 1000 - len(found))
-
-    run(check())
+async def test_a_burst_is_one_wake_up() -> None:
+    with pty() as port:
+        async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
+            found, attempts = b"", 0
+            while found != b"x" * 1000:  # a busy machine may not have read all of it yet
+                attempts += 1
+                assert attempts < 10, len(found)
+                for _ in range(50):
+                    port.write(b"x" * 20)
+                await asyncio.sleep(0.05 * attempts)
+                found = joined(await link.read())
+                if len(found) < 1000:
+                    await gather(link, 1000 - len(found))
 
 
-def test_write_reaches_the_device() -> None:
-    async def check() -> None:
-        with pty() as port:
-            async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
-                await link.write(b"\xfa\xff\x30\x00\xd1")
-                assert os.read(port.master, 100) == b"\xfa\xff\x30\x00\xd1"
-
-    run(check())
+async def test_write_reaches_the_device() -> None:
+    with pty() as port:
+        async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
+            await link.write(b"\xfa\xff\x30\x00\xd1")
+            assert os.read(port.master, 100) == b"\xfa\xff\x30\x00\xd1"
 
 
-def test_an_unplugged_device_is_detected_after_its_last_bytes() -> None:
-    async def check() -> None:
-        with pty() as port:
-            link = open_link(f"{port.path}?baud=115200", settings())
-            async with opened(link):
-                port.let_go()
-                port.write(b"last words")
-                assert joined(await gather(link, 10)) == b"last words"
-                port.pull()
-                error = await dies(link)
-                assert error.kind == "gone"
-                assert port.path in error.message
-                assert (await fails(link.read())).kind == "gone"
-                assert (await fails(link.write(b"x"))).kind == "gone"
-
-    run(check())
-
-
-def test_opening_again_after_closing_and_closing_twice() -> None:
-    async def check() -> None:
-        with pty() as port:
-            link = open_link(f"{port.path}?baud=115200", settings())
-            for word in (b"one", b"two"):
-                await link.open()
-                port.write(word)
-                assert joined(await gather(link, 3)) == word
-                await link.close()
-                await link.close()
+async def test_an_unplugged_device_is_detected_after_its_last_bytes() -> None:
+    with pty() as port:
+        link = open_link(f"{port.path}?baud=115200", settings())
+        async with opened(link):
+            port.let_go()
+            port.write(b"last words")
+            assert joined(await gather(link, 10)) == b"last words"
+            port.pull()
+            error = await dies(link)
+            assert error.kind == "gone"
+            assert port.path in error.message
             assert (await fails(link.read())).kind == "gone"
+            assert (await fails(link.write(b"x"))).kind == "gone"
 
-    run(check())
 
-
-def test_close_ends_a_read_that_waits() -> None:
-    async def check() -> None:
-        with pty() as port:
-            link = open_link(f"{port.path}?baud=115200", settings())
+async def test_opening_again_after_closing_and_closing_twice() -> None:
+    with pty() as port:
+        link = open_link(f"{port.path}?baud=115200", settings())
+        for word in (b"one", b"two"):
             await link.open()
-            reading = asyncio.create_task(fails(link.read()))
-            await asyncio.sleep(0.01)
+            port.write(word)
+            assert joined(await gather(link, 3)) == word
             await link.close()
-            assert (await reading).kind == "gone"
+            await link.close()
+        assert (await fails(link.read())).kind == "gone"
 
-    run(check())
+
+async def test_close_ends_a_read_that_waits() -> None:
+    with pty() as port:
+        link = open_link(f"{port.path}?baud=115200", settings())
+        await link.open()
+        reading = asyncio.create_task(fails(link.read()))
+        await asyncio.sleep(0.01)
+        await link.close()
+        assert (await reading).kind == "gone"
 
 
-def test_no_threads_or_descriptors_are_left() -> None:
-    async def check() -> None:
-        with pty() as port:
-            warm = open_link(f"{port.path}?baud=115200", settings())
-            async with opened(warm):
-                pass
-            before = left_behind()
-            for _ in range(5):
-                link = open_link(f"{port.path}?baud=115200", settings())
-                async with opened(link):
-                    port.write(b"x")
-                    await link.read()
-                assert (await fails(open_link("/dev/no-such-port?baud=9600", settings()).open())).kind == "not-found"
-            assert left_behind() == before
-
-    run(check())
+async def test_no_threads_or_descriptors_are_left() -> None:
+    with pty() as port:
+        warm = open_link(f"{port.path}?baud=115200", settings())
+        async with opened(warm):
+            pass
+        before = left_behind()
+        for _ in range(5):
+            link = open_link(f"{port.path}?baud=115200", settings())
+            async with opened(link):
+                port.write(b"x")
+                await link.read()
+            assert (await fails(open_link("/dev/no-such-port?baud=9600", settings()).open())).kind == "not-found"
+        assert left_behind() == before
 
 
 def test_a_missing_port_lists_the_available_ports() -> None:
@@ -169,15 +143,12 @@ def test_a_path_that_is_not_a_port_is_refused() -> None:
     assert "not a serial port" in error.message
 
 
-def test_a_port_in_use_names_its_owner() -> None:
-    async def check() -> None:
-        with pty() as port:
-            async with opened(open_link(f"{port.path}?baud=115200", settings())):
-                error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
-                assert error.kind == "busy"
-                assert "this server" in error.message
-
-    run(check())
+async def test_a_port_in_use_names_its_owner() -> None:
+    with pty() as port:
+        async with opened(open_link(f"{port.path}?baud=115200", settings())):
+            error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
+            assert error.kind == "busy"
+            assert "this server" in error.message
 
 
 HAVING = """
@@ -189,20 +160,17 @@ sys.stdin.read()
 """
 
 
-def test_a_port_of_another_program_says_how_both_can_use_it() -> None:
-    async def check() -> None:
-        with pty() as port:
-            words = [sys.executable, "-c", HAVING, port.path]
-            with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
-                assert program.stdout is not None
-                assert program.stdout.readline() == b"ready\n"
-                error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
-                program.communicate()
-            assert error.kind == "busy"
-            assert f"(process {program.pid})" in error.message
-            assert f"imuscope serve {port.path} --share /run/imuscope/imu0" in error.hint
-
-    run(check())
+async def test_a_port_of_another_program_says_how_both_can_use_it() -> None:
+    with pty() as port:
+        words = [sys.executable, "-c", HAVING, port.path]
+        with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline() == b"ready\n"
+            error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
+            program.communicate()
+        assert error.kind == "busy"
+        assert f"(process {program.pid})" in error.message
+        assert f"imuscope serve {port.path} --share /run/imuscope/imu0" in error.hint
 
 
 @each_row("number", [errno.EACCES, errno.EPERM])

@@ -49,22 +49,19 @@ def simulator(query: str = "", rate: float = 200.0) -> SimulatorLink:
     return SimulatorLink(options.source, settings(), options.options, lambda start_ns: PeriodicDevice(start_ns, rate))
 
 
-def test_a_simulator_streams_answers_and_cleans_up() -> None:
-    async def check() -> None:
-        before = left_behind()
-        link = simulator()
-        await link.open()
-        assert (link.kind, link.source, link.baud, link.capacity) == ("simulator", "sim:xbus?", 115_200, 11_520)
-        data = joined(await gather(link, 400))
-        assert data.startswith(frame(0, 0))
-        assert describe_bytes(data).certain
-        await link.write(b"\xfa\xff\x30\x00\xd1")
-        await gather(link, until=lambda data: b"\xff\x3f\x05\xfa\xff\x30\x00\xd1" in data)
-        await link.close()
-        await link.close()
-        assert left_behind() == before
-
-    run(check())
+async def test_a_simulator_streams_answers_and_cleans_up() -> None:
+    before = left_behind()
+    link = simulator()
+    await link.open()
+    assert (link.kind, link.source, link.baud, link.capacity) == ("simulator", "sim:xbus?", 115_200, 11_520)
+    data = joined(await gather(link, 400))
+    assert data.startswith(frame(0, 0))
+    assert describe_bytes(data).certain
+    await link.write(b"\xfa\xff\x30\x00\xd1")
+    await gather(link, until=lambda data: b"\xff\x3f\x05\xfa\xff\x30\x00\xd1" in data)
+    await link.close()
+    await link.close()
+    assert left_behind() == before
 
 
 async def bytes_of_next_plug(link: Link) -> bytes:
@@ -79,25 +76,22 @@ async def bytes_of_next_plug(link: Link) -> bytes:
         return b""
 
 
-def test_a_simulator_is_unplugged_and_returns() -> None:
-    async def check() -> None:
-        before = left_behind()
-        link = simulator("unplug_s=0.2&away_s=0.2")
-        await link.open()
-        error = await dies(link)
-        assert error.kind == "gone"
-        await link.close()
-        error = await fails(link.open())
-        assert error.kind == "not-found"
-        assert "unplugged" in error.message
-        async with asyncio.timeout(PATIENCE_S):
-            while not (first := await bytes_of_next_plug(link)):
-                await link.close()
-        assert first.startswith(frame(0, 0))
-        await link.close()
-        assert left_behind() == before
-
-    run(check())
+async def test_a_simulator_is_unplugged_and_returns() -> None:
+    before = left_behind()
+    link = simulator("unplug_s=0.2&away_s=0.2")
+    await link.open()
+    error = await dies(link)
+    assert error.kind == "gone"
+    await link.close()
+    error = await fails(link.open())
+    assert error.kind == "not-found"
+    assert "unplugged" in error.message
+    async with asyncio.timeout(PATIENCE_S):
+        while not (first := await bytes_of_next_plug(link)):
+            await link.close()
+    assert first.startswith(frame(0, 0))
+    await link.close()
+    assert left_behind() == before
 
 
 def received(port: Any, size: int) -> bytes:
@@ -128,18 +122,14 @@ def test_a_simulator_whose_reader_is_late_loses_nothing() -> None:
     assert data.startswith(b"".join(frame(n, 5 * n) for n in range(1500)))
 
 
-def test_a_simulator_reports_its_backlog() -> None:
+async def test_a_simulator_reports_its_backlog() -> None:
     """As with a serial link, a session that cannot keep up must know that more data are waiting."""
-
-    async def check() -> None:
-        link = simulator()
-        await link.open()
-        await asyncio.to_thread(block_until, lambda: link.backlog > 100, "bytes wait")
-        assert link.read_now()
-        await link.close()
-        assert (link.backlog, link.read_now()) == (0, [])
-
-    run(check())
+    link = simulator()
+    await link.open()
+    await asyncio.to_thread(block_until, lambda: link.backlog > 100, "bytes wait")
+    assert link.read_now()
+    await link.close()
+    assert (link.backlog, link.read_now()) == (0, [])
 
 
 def test_a_delayed_simulator_does_not_fill_its_line() -> None:
@@ -159,7 +149,7 @@ def test_a_delayed_simulator_does_not_fill_its_line() -> None:
     assert data.startswith(b"".join(frame(n, 5 * n) for n in range(4000)))
 
 
-def test_the_first_frame_of_a_simulator_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_first_frame_of_a_simulator_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Opening the port clears it: the wake-up was lost at times, or cut, which was counted as a bad checksum."""
 
     def slowly(place: str, line: SerialSettings) -> Any:
@@ -168,38 +158,29 @@ def test_the_first_frame_of_a_simulator_is_whole(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(serial, "open_port", slowly)
 
-    async def check() -> None:
-        link = simulator(rate=2000)
-        await link.open()
-        assert joined(await gather(link, 60)).startswith(frame(0, 0))
-        await link.close()
-
-    run(check())
+    link = simulator(rate=2000)
+    await link.open()
+    assert joined(await gather(link, 60)).startswith(frame(0, 0))
+    await link.close()
 
 
-def test_bursts_arrive_as_bursts() -> None:
-    async def check() -> None:
-        link = simulator("burst_ms=50&packet=0&baud=921600", rate=400)
-        await link.open()
-        chunks = await gather(link, 3000)
-        await link.close()
-        gaps = [b.arrival_ns - a.arrival_ns for a, b in itertools.pairwise(chunks)]
-        assert max(gaps) > 40e6
-        assert len(chunks) < 40  # 3000 B are some 170 frames
-
-    run(check())
+async def test_bursts_arrive_as_bursts() -> None:
+    link = simulator("burst_ms=50&packet=0&baud=921600", rate=400)
+    await link.open()
+    chunks = await gather(link, 3000)
+    await link.close()
+    gaps = [b.arrival_ns - a.arrival_ns for a, b in itertools.pairwise(chunks)]
+    assert max(gaps) > 40e6
+    assert len(chunks) < 40  # 3000 B are some 170 frames
 
 
-def test_a_simulator_at_another_rate_is_noise_until_the_port_follows() -> None:
-    async def check() -> None:
-        link = simulator()
-        await link.open()
-        await gather(link, 100)
-        await link.write(xbus(0x18, b"\x00"))
-        await gather(link, until=lambda data: len(data) > 400 and not describe_bytes(data[-300:]).recognised)
-        await link.close()
-
-    run(check())
+async def test_a_simulator_at_another_rate_is_noise_until_the_port_follows() -> None:
+    link = simulator()
+    await link.open()
+    await gather(link, 100)
+    await link.write(xbus(0x18, b"\x00"))
+    await gather(link, until=lambda data: len(data) > 400 and not describe_bytes(data[-300:]).recognised)
+    await link.close()
 
 
 def test_a_fault_in_a_simulator_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
@@ -237,26 +218,23 @@ def test_the_line_is_fast_enough_for_the_samples() -> None:
 
 
 @each_row("query", ["", "rate=400&product=MTi-680G", "drop=0.05&corrupt=0.05&burst_ms=16&drift_ppm=50&jump_s=1"])
-def test_the_real_simulator_streams(query: str) -> None:
-    async def check() -> None:
-        before = left_behind()
-        link = open_link(f"sim:xbus?{query}", settings())
-        await link.open()
-        chunks = await gather(link, 8000)
-        await link.close()
-        assert left_behind() == before
-        assert describe_bytes(joined(chunks)).recognised
-        if not query:
-            assert joined(chunks).startswith(xbus(0x3E))  # WakeUp
-            decoder = PROTOCOLS["xbus"].decoding.decoder()
-            for chunk in chunks:
-                decoder.feed(chunk.data, chunk.arrival_ns)
-            events = decoder.drain()
-            assert not [event for event in events if isinstance(event, RejectedFrame | SampleGap)]
-            (batch,) = list(batches(events))[-1:]
-            assert "SampleTimeFine" in batch.columns
-
-    run(check())
+async def test_the_real_simulator_streams(query: str) -> None:
+    before = left_behind()
+    link = open_link(f"sim:xbus?{query}", settings())
+    await link.open()
+    chunks = await gather(link, 8000)
+    await link.close()
+    assert left_behind() == before
+    assert describe_bytes(joined(chunks)).recognised
+    if not query:
+        assert joined(chunks).startswith(xbus(0x3E))  # WakeUp
+        decoder = PROTOCOLS["xbus"].decoding.decoder()
+        for chunk in chunks:
+            decoder.feed(chunk.data, chunk.arrival_ns)
+        events = decoder.drain()
+        assert not [event for event in events if isinstance(event, RejectedFrame | SampleGap)]
+        (batch,) = list(batches(events))[-1:]
+        assert "SampleTimeFine" in batch.columns
 
 
 @each_row(
@@ -269,38 +247,32 @@ def test_the_real_simulator_streams(query: str) -> None:
         ("sim:idtp?mode=secure", 230_400, {"Imu10", "ImuQuat"}),
     ],
 )
-def test_simulators_of_the_other_families_stream(source: str, baud: int, names: set[str]) -> None:
-    async def check() -> None:
-        before = left_behind()
-        key = b"0123456789abcdef"
-        link = open_link(source, settings(decode_options={"key": key.hex()}))
-        await link.open()
-        assert (link.baud, link.kind) == (baud, "simulator")
-        chunks = await gather(link, 12_000)
-        await link.close()
-        assert left_behind() == before
-        row = PROTOCOLS[source[4:].partition("?")[0]]
-        decoder = row.decoding.decoder(**({"key": key} if "secure" in source else {}))
-        for chunk in chunks:
-            decoder.feed(chunk.data, chunk.arrival_ns)
-        events = decoder.drain()
-        assert not [event for event in events if isinstance(event, RejectedFrame | SampleGap)]
-        assert {batch.message.name for batch in batches(events)} >= names
-
-    run(check())
+async def test_simulators_of_the_other_families_stream(source: str, baud: int, names: set[str]) -> None:
+    before = left_behind()
+    key = b"0123456789abcdef"
+    link = open_link(source, settings(decode_options={"key": key.hex()}))
+    await link.open()
+    assert (link.baud, link.kind) == (baud, "simulator")
+    chunks = await gather(link, 12_000)
+    await link.close()
+    assert left_behind() == before
+    row = PROTOCOLS[source[4:].partition("?")[0]]
+    decoder = row.decoding.decoder(**({"key": key} if "secure" in source else {}))
+    for chunk in chunks:
+        decoder.feed(chunk.data, chunk.arrival_ns)
+    events = decoder.drain()
+    assert not [event for event in events if isinstance(event, RejectedFrame | SampleGap)]
+    assert {batch.message.name for batch in batches(events)} >= names
 
 
-def test_a_simulator_with_an_unknown_key() -> None:
-    async def check() -> None:
-        link = open_link("sim:idtp?mode=secure", settings())
-        await link.open()
-        data = joined(await gather(link, 3000))
-        await link.close()
-        decoder = PROTOCOLS["idtp"].decoding.decoder(key=b"a guess")
-        decoder.feed(data, 0)
-        assert {event.reason for event in decoder.drain() if isinstance(event, RejectedFrame)} == {"bad_hmac"}
-
-    run(check())
+async def test_a_simulator_with_an_unknown_key() -> None:
+    link = open_link("sim:idtp?mode=secure", settings())
+    await link.open()
+    data = joined(await gather(link, 3000))
+    await link.close()
+    decoder = PROTOCOLS["idtp"].decoding.decoder(key=b"a guess")
+    decoder.feed(data, 0)
+    assert {event.reason for event in decoder.drain() if isinstance(event, RejectedFrame)} == {"bad_hmac"}
 
 
 def test_faults_cut_whole_frames_of_any_family() -> None:
@@ -336,27 +308,20 @@ def test_a_simulator_whose_timestamps_count_in_another_unit(clock: str, tick_ns:
         SimulatorOptions.of(SourceUrl.parse("sim:idtp?clock=min"))
 
 
-def test_an_idtp_simulator_that_resets_counts_from_zero() -> None:
+async def test_an_idtp_simulator_that_resets_counts_from_zero() -> None:
     """Sequence numbers and timestamps both, for which a Secure device is locked out and a Safety device waits 3 s."""
-
-    async def check() -> None:
-        link = open_link("sim:idtp?reset_s=0.3", settings())
-        async with opened(link):
-            heads = lambda data: [i for i in range(len(data) - 20) if data[i : i + 12] == b"IDTP" + bytes(8)]  # noqa: E731
-            await gather(link, until=lambda data: len(heads(data)) >= 2)
-
-    run(check())
+    link = open_link("sim:idtp?reset_s=0.3", settings())
+    async with opened(link):
+        heads = lambda data: [i for i in range(len(data) - 20) if data[i : i + 12] == b"IDTP" + bytes(8)]  # noqa: E731
+        await gather(link, until=lambda data: len(heads(data)) >= 2)
 
 
-def test_a_simulator_that_resets() -> None:
-    async def check() -> None:
-        link = simulator("reset_s=0.2")
-        await link.open()
-        data = joined(await gather(link, until=lambda data: data.count(frame(0, 0)) >= 2))
-        await link.close()
-        assert data.count(frame(1, 50)) >= 1
-
-    run(check())
+async def test_a_simulator_that_resets() -> None:
+    link = simulator("reset_s=0.2")
+    await link.open()
+    data = joined(await gather(link, until=lambda data: data.count(frame(0, 0)) >= 2))
+    await link.close()
+    assert data.count(frame(1, 50)) >= 1
 
 
 def test_a_serial_link_can_be_made_without_a_source() -> None:
@@ -365,22 +330,18 @@ def test_a_serial_link_can_be_made_without_a_source() -> None:
     assert (link.source, link.place) == ("sim:x", "/dev/ttyX")
 
 
-def test_a_rate_that_the_cable_cannot_carry() -> None:
+async def test_a_rate_that_the_cable_cannot_carry() -> None:
     """Device and port change to the new rate, but nothing is readable until both go back."""
-
-    async def check() -> None:
-        link = open_link("sim:xbus?product=MTi-3&dead_baud=921600", settings())
-        async with opened(link):
-            await gather(link, 2000)
-            for request, answer in ((build(0x30), build(0x31)), (build(0x18, b"\x80") + build(0x40), build(0x41))):
-                await link.write(request)
-                await gather(link, until=lambda data, answer=answer: answer in data)  # type: ignore[misc]
-            await link.reopen(921_600)
-            noise = joined(await gather(link, 3000))
-            assert b"\xfa\xff\x36" not in noise
-            assert not describe_bytes(noise).certain
-
-    run(check())
+    link = open_link("sim:xbus?product=MTi-3&dead_baud=921600", settings())
+    async with opened(link):
+        await gather(link, 2000)
+        for request, answer in ((build(0x30), build(0x31)), (build(0x18, b"\x80") + build(0x40), build(0x41))):
+            await link.write(request)
+            await gather(link, until=lambda data, answer=answer: answer in data)  # type: ignore[misc]
+        await link.reopen(921_600)
+        noise = joined(await gather(link, 3000))
+        assert b"\xfa\xff\x36" not in noise
+        assert not describe_bytes(noise).certain
 
 
 def cycle(link: SimulatorLink) -> None:
@@ -389,23 +350,20 @@ def cycle(link: SimulatorLink) -> None:
     link._simulator.cycle()
 
 
-def test_a_simulator_keeps_what_it_stored_when_its_power_fails() -> None:
-    async def check() -> None:
-        link = open_link("sim:xbus", settings())
-        assert isinstance(link, SimulatorLink)
-        async with opened(link):
-            await gather(link, 500)
-            await link.write(bytes.fromhex("FAFF3000D1FAFF8402123435"))
-            await gather(link, until=lambda data: bytes.fromhex("FAFF85007C") in data)
-            cycle(link)
-            await gather(link, until=lambda data: bytes.fromhex("FAFF3E00C3") in data)
-            await link.write(bytes.fromhex("FAFF3F00C2FAFF84007D"))
-            await gather(link, until=lambda data: bytes.fromhex("FAFF8502123434") in data)
-
-    run(check())
+async def test_a_simulator_keeps_what_it_stored_when_its_power_fails() -> None:
+    link = open_link("sim:xbus", settings())
+    assert isinstance(link, SimulatorLink)
+    async with opened(link):
+        await gather(link, 500)
+        await link.write(bytes.fromhex("FAFF3000D1FAFF8402123435"))
+        await gather(link, until=lambda data: bytes.fromhex("FAFF85007C") in data)
+        cycle(link)
+        await gather(link, until=lambda data: bytes.fromhex("FAFF3E00C3") in data)
+        await link.write(bytes.fromhex("FAFF3F00C2FAFF84007D"))
+        await gather(link, until=lambda data: bytes.fromhex("FAFF8502123434") in data)
 
 
-def test_restore_bytes_bring_a_lost_device_back() -> None:
+async def test_restore_bytes_bring_a_lost_device_back() -> None:
     """At 921 600 Bd the device is unreachable; 0xDE during power-up makes it start at 115 200 Bd."""
 
     async def knock(link: Link) -> None:
@@ -432,12 +390,9 @@ def test_restore_bytes_bring_a_lost_device_back() -> None:
         await link.write(build(0x3F) + build(0x18))  # within half a second of its WakeUp
         return await comes(link, build(0x19, b"\x02"))
 
-    async def check() -> None:
-        link = open_link("sim:xbus?baud=921600&dead_baud=921600", settings())
-        assert isinstance(link, SimulatorLink)
-        async with opened(link):
-            await link.reopen(115_200)
-            while not await starts_at_another_rate(link):
-                pass
-
-    run(check())
+    link = open_link("sim:xbus?baud=921600&dead_baud=921600", settings())
+    assert isinstance(link, SimulatorLink)
+    async with opened(link):
+        await link.reopen(115_200)
+        while not await starts_at_another_rate(link):
+            pass

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -28,63 +27,51 @@ async def told(here: ControlHarness, desk: DeviceController, command: str, value
     return await over(desk.add(command, work))
 
 
-def test_a_manual_query_leaves_the_state_of_the_device_unchanged(tmp_path: Path) -> None:
+async def test_a_manual_query_leaves_the_state_of_the_device_unchanged(tmp_path: Path) -> None:
     """Regression: each of these ended the config state that the user had just requested."""
-
-    async def check() -> None:
-        async with bench() as there, house(tmp_path) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            for command in ("ReqDID", "GoToConfig", "ReqDID", "ReqOutputConfiguration"):
-                job = await told(here, desk, command)
-                assert job.state == "done", job.message
-                rests = command != "ReqDID" or desk.at_rest
-                assert getattr(there.device, "phase") == ("config" if rests else "measurement")  # noqa: B009
-            assert desk.state == "Config"
-            assert (await here.read(desk)).state == "done"
-            assert (await here.apply(desk, {"LocationID": {"location_id": 5}})).state == "done"
-            assert desk.state == "Config"
-            assert (await told(here, desk, "GoToMeasurement")).state == "done"
-            await until(lambda: desk.state == "Measurement" and not desk.at_rest, "it measures")
-            assert (await told(here, desk, "ReqDID")).state == "done"
-            await until(lambda: desk.state == "Measurement", "it measures again")
-
-    asyncio.run(check())
+    async with bench() as there, house(tmp_path) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        for command in ("ReqDID", "GoToConfig", "ReqDID", "ReqOutputConfiguration"):
+            job = await told(here, desk, command)
+            assert job.state == "done", job.message
+            rests = command != "ReqDID" or desk.at_rest
+            assert getattr(there.device, "phase") == ("config" if rests else "measurement")  # noqa: B009
+        assert desk.state == "Config"
+        assert (await here.read(desk)).state == "done"
+        assert (await here.apply(desk, {"LocationID": {"location_id": 5}})).state == "done"
+        assert desk.state == "Config"
+        assert (await told(here, desk, "GoToMeasurement")).state == "done"
+        await until(lambda: desk.state == "Measurement" and not desk.at_rest, "it measures")
+        assert (await told(here, desk, "ReqDID")).state == "done"
+        await until(lambda: desk.state == "Measurement", "it measures again")
 
 
-def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path) -> None:
+async def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path) -> None:
     """It was called lost, with its power and cable to be checked."""
-
-    async def check() -> None:
-        async with bench() as there, house(tmp_path) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            await told(here, desk, "GoToConfig")
-            await until(lambda: desk.session.info.status != "live", "it is silent")
-            info = desk.session.info
-            assert (info.status, info.resume) == ("idle", "GoToMeasurement")
-            assert info.message == "It is in the config state, in which it sends no data."
-            assert info.hint == "Send GoToMeasurement to resume measuring."
-            await told(here, desk, "GoToMeasurement")
-            await until(lambda: desk.session.info.status == "live", "it measures")
-            assert (desk.session.info.hint, desk.session.info.resume) == ("", "")
-            there.unplug()
-            await until(lambda: desk.session.info.status == "lost", "it is unplugged")
-            assert "GoToMeasurement" not in desk.session.info.hint
-
-    asyncio.run(check())
+    async with bench() as there, house(tmp_path) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        await told(here, desk, "GoToConfig")
+        await until(lambda: desk.session.info.status != "live", "it is silent")
+        info = desk.session.info
+        assert (info.status, info.resume) == ("idle", "GoToMeasurement")
+        assert info.message == "It is in the config state, in which it sends no data."
+        assert info.hint == "Send GoToMeasurement to resume measuring."
+        await told(here, desk, "GoToMeasurement")
+        await until(lambda: desk.session.info.status == "live", "it measures")
+        assert (desk.session.info.hint, desk.session.info.resume) == ("", "")
+        there.unplug()
+        await until(lambda: desk.session.info.status == "lost", "it is unplugged")
+        assert "GoToMeasurement" not in desk.session.info.hint
 
 
-def test_streams_that_the_user_stopped_are_not_lost(tmp_path: Path) -> None:
+async def test_streams_that_the_user_stopped_are_not_lost(tmp_path: Path) -> None:
     """An IMX was called lost after "Stop all streams", with its power to be checked."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:isb?rate=50")
-            assert (await told(here, desk, "STOP_BROADCASTS_ALL_PORTS")).state == "done"
-            await until(lambda: desk.session.info.status != "live", "it is silent")
-            assert desk.session.info.status == "idle"
-            assert desk.session.info.message == "“STOP_BROADCASTS_ALL_PORTS” ended its output."
-
-    asyncio.run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:isb?rate=50")
+        assert (await told(here, desk, "STOP_BROADCASTS_ALL_PORTS")).state == "done"
+        await until(lambda: desk.session.info.status != "live", "it is silent")
+        assert desk.session.info.status == "idle"
+        assert desk.session.info.message == "“STOP_BROADCASTS_ALL_PORTS” ended its output."
 
 
 def test_a_silence_that_begins_long_after_a_stop_is_not_explained_by_it() -> None:
@@ -94,32 +81,26 @@ def test_a_silence_that_begins_long_after_a_stop_is_not_explained_by_it() -> Non
     assert not reason.explains(160.0)
 
 
-def test_a_device_at_rest_beside_others_is_explained_too(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            for desk in await both(here):
-                await told(here, desk, "GoToConfig")
-                await until(lambda info=desk.session: info.info.status == "idle", "it is silent")
-                assert "Send GoToMeasurement" in desk.session.info.hint
-                await told(here, desk, "GoToMeasurement")
-                await until(lambda info=desk.session: info.info.status == "live", "it measures")
-
-    asyncio.run(check())
-
-
-def test_a_restart_ends_the_rest(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with bench() as there, house(tmp_path) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
+async def test_a_device_at_rest_beside_others_is_explained_too(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        for desk in await both(here):
             await told(here, desk, "GoToConfig")
-            assert desk.at_rest
-            assert (await told(here, desk, "Reset")).state == "done"
-            await until(lambda: desk.state == "Measurement", "it measures")
-            assert not desk.at_rest
-            assert (await here.read(desk)).state == "done"
-            await until(lambda: desk.state == "Measurement", "it measures again")
+            await until(lambda info=desk.session: info.info.status == "idle", "it is silent")
+            assert "Send GoToMeasurement" in desk.session.info.hint
+            await told(here, desk, "GoToMeasurement")
+            await until(lambda info=desk.session: info.info.status == "live", "it measures")
 
-    asyncio.run(check())
+
+async def test_a_restart_ends_the_rest(tmp_path: Path) -> None:
+    async with bench() as there, house(tmp_path) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        await told(here, desk, "GoToConfig")
+        assert desk.at_rest
+        assert (await told(here, desk, "Reset")).state == "done"
+        await until(lambda: desk.state == "Measurement", "it measures")
+        assert not desk.at_rest
+        assert (await here.read(desk)).state == "done"
+        await until(lambda: desk.state == "Measurement", "it measures again")
 
 
 @each_row("at_rest", [False, True])

@@ -264,23 +264,20 @@ class PacketCounter(SendQueue):
 
 
 @each_row(("clients", "interval"), [(1, FLUSH_S), (FEW_CLIENTS, FLUSH_S), (5, FLUSH_MANY_S)])
-def test_flushes_keep_their_distance(clients: int, interval: float) -> None:
-    async def run() -> None:
-        telemetry = Telemetry.create(FakeClock())
-        channel = telemetry.bus.advertise(info())
-        queues = [PacketCounter() for _ in range(clients)]
-        for queue in queues:
-            telemetry.clients.attach(queue)
-        loop = asyncio.get_running_loop()
-        begin = loop.time()
-        while loop.time() < begin + 0.3 or queues[0].packets <= 5:
-            publish(telemetry, channel, 1)
-            await asyncio.sleep(0.0005)
-        # Counted, not timed one by one: on a busy machine a flush is noted late, and the next one seems too early.
-        assert queues[0].packets <= (loop.time() - begin) / interval + 1 + SLACK_S / interval
-        assert len({queue.packets for queue in queues}) == 1
-
-    asyncio.run(run())
+async def test_flushes_keep_their_distance(clients: int, interval: float) -> None:
+    telemetry = Telemetry.create(FakeClock())
+    channel = telemetry.bus.advertise(info())
+    queues = [PacketCounter() for _ in range(clients)]
+    for queue in queues:
+        telemetry.clients.attach(queue)
+    loop = asyncio.get_running_loop()
+    begin = loop.time()
+    while loop.time() < begin + 0.3 or queues[0].packets <= 5:
+        publish(telemetry, channel, 1)
+        await asyncio.sleep(0.0005)
+    # Counted, not timed one by one: on a busy machine a flush is noted late, and the next one seems too early.
+    assert queues[0].packets <= (loop.time() - begin) / interval + 1 + SLACK_S / interval
+    assert len({queue.packets for queue in queues}) == 1
 
 
 def test_the_sample_interval_is_that_of_the_most_demanding_client() -> None:
@@ -300,50 +297,44 @@ def test_the_sample_interval_is_that_of_the_most_demanding_client() -> None:
     assert clients.sample_interval == FLUSH_S
 
 
-def test_the_first_sample_after_a_pause_does_not_wait() -> None:
-    async def run() -> None:
-        telemetry = Telemetry.create(FakeClock())
-        channel = telemetry.bus.advertise(info())
-        queue = PacketCounter()
-        telemetry.clients.attach(queue)
-        publish(telemetry, channel, 1)
-        await queue.offered.wait()
-        await asyncio.sleep(0.05)
-        queue.offered.clear()
-        publish(telemetry, channel, 1)
-        for _ in range(3):  # passes of the event loop, not milliseconds: a busy machine has other ones
-            await asyncio.sleep(0)
-        assert queue.offered.is_set()
-
-    asyncio.run(run())
+async def test_the_first_sample_after_a_pause_does_not_wait() -> None:
+    telemetry = Telemetry.create(FakeClock())
+    channel = telemetry.bus.advertise(info())
+    queue = PacketCounter()
+    telemetry.clients.attach(queue)
+    publish(telemetry, channel, 1)
+    await queue.offered.wait()
+    await asyncio.sleep(0.05)
+    queue.offered.clear()
+    publish(telemetry, channel, 1)
+    for _ in range(3):  # passes of the event loop, not milliseconds: a busy machine has other ones
+        await asyncio.sleep(0)
+    assert queue.offered.is_set()
 
 
-def test_samples_without_a_viewer_are_history_and_wake_no_client() -> None:
-    async def run() -> None:
-        telemetry = Telemetry.create(FakeClock())
-        channel = telemetry.bus.advertise(info())
-        tasks = len(asyncio.all_tasks())
-        publish(telemetry, channel, 3)
-        telemetry.bus.event("1", "text", "info", "before")
-        assert len(asyncio.all_tasks()) == tasks
-        browser = Browser(telemetry)
-        browser.subscribe()
-        publish(telemetry, channel, 2)
-        telemetry.clients.flush()
-        browser.take()
-        assert browser.sequences == {channel: [0, 1, 2, 3, 4]}
-        told = [event["text"] for text in browser.texts if text["op"] == "events" for event in text["events"]]
-        assert told == ["before"]
-        telemetry.clients.detach(browser.outbox)
-        publish(telemetry, channel, 2)
-        late = Browser(telemetry)
-        late.subscribe(0.0)
-        publish(telemetry, channel, 1)
-        telemetry.clients.flush()
-        late.take()
-        assert late.sequences[channel][-1:] == [7]
-
-    asyncio.run(run())
+async def test_samples_without_a_viewer_are_history_and_wake_no_client() -> None:
+    telemetry = Telemetry.create(FakeClock())
+    channel = telemetry.bus.advertise(info())
+    tasks = len(asyncio.all_tasks())
+    publish(telemetry, channel, 3)
+    telemetry.bus.event("1", "text", "info", "before")
+    assert len(asyncio.all_tasks()) == tasks
+    browser = Browser(telemetry)
+    browser.subscribe()
+    publish(telemetry, channel, 2)
+    telemetry.clients.flush()
+    browser.take()
+    assert browser.sequences == {channel: [0, 1, 2, 3, 4]}
+    told = [event["text"] for text in browser.texts if text["op"] == "events" for event in text["events"]]
+    assert told == ["before"]
+    telemetry.clients.detach(browser.outbox)
+    publish(telemetry, channel, 2)
+    late = Browser(telemetry)
+    late.subscribe(0.0)
+    publish(telemetry, channel, 1)
+    telemetry.clients.flush()
+    late.take()
+    assert late.sequences[channel][-1:] == [7]
 
 
 def test_a_topic_keeps_its_latest_state_and_failures_stay_local() -> None:

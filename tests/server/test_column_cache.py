@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 from pathlib import Path
 from types import SimpleNamespace
@@ -44,24 +43,21 @@ def test_columns_of_a_recording_that_is_gone_or_has_changed_are_deleted(tmp_path
     assert (kept.exists(), gone.exists(), changed.exists(), foreign.exists()) == (True, False, False, True)
 
 
-def test_columns_go_with_their_recording(tmp_path: Path) -> None:
+async def test_columns_go_with_their_recording(tmp_path: Path) -> None:
     paths = {name: tmp_path / f"{name}.mcap" for name in "ab"}
     for path in paths.values():
         recording(path, frames(0, 200))
 
-    async def check() -> None:
-        columns = ColumnCache(tmp_path, paths.__getitem__)
-        try:
-            await columns.opened("a")
-            first = columns.store_of("a")
-            paths["a"].unlink()
-            await columns.opened("b")
-            assert not first.exists()
-            assert columns.store_of("b").is_dir()
-        finally:
-            await columns.close()
-
-    asyncio.run(check())
+    columns = ColumnCache(tmp_path, paths.__getitem__)
+    try:
+        await columns.opened("a")
+        first = columns.store_of("a")
+        paths["a"].unlink()
+        await columns.opened("b")
+        assert not first.exists()
+        assert columns.store_of("b").is_dir()
+    finally:
+        await columns.close()
 
 
 def test_the_cache_takes_no_more_than_its_share_of_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,95 +23,75 @@ from tests.waiting import until
 GO_TO_MEASUREMENT = "faff1000f1"
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 def sent(desk: DeviceController) -> list[TrafficEntry]:
     return [entry for entry in desk.log.tail(limit=2000) if entry.direction == "tx"]
 
 
-def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?rate=100&baud=921600")
-            job = await here.apply(desk, {"OutputConfiguration": outputs(400)})
-            assert (job.state, job.outcomes) == ("done", [])
+async def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?rate=100&baud=921600")
+        job = await here.apply(desk, {"OutputConfiguration": outputs(400)})
+        assert (job.state, job.outcomes) == ("done", [])
 
-            def rate() -> float:
-                return desk.session.health(here.telemetry.bus.now()).rate
+        def rate() -> float:
+            return desk.session.health(here.telemetry.bus.now()).rate
 
-            await until(lambda: 380 < rate() < 420, "400 samples/s")
-            assert desk.values["OutputConfiguration"] == outputs(400)
-            assert desk.session.info.status == "live"
-
-    run(check())
+        await until(lambda: 380 < rate() < 420, "400 samples/s")
+        assert desk.values["OutputConfiguration"] == outputs(400)
+        assert desk.session.info.status == "live"
 
 
-def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?rate=20")
-            job = await here.apply(desk, {"OutputConfiguration": outputs(130, 0x2010)})
-            assert job.state == "done"
-            assert [(one.path, one.requested, one.actual) for one in job.outcomes] == [
-                ("outputs.2.output_frequency", "130 Hz", "100 Hz")
-            ]
-
-    run(check())
+async def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?rate=20")
+        job = await here.apply(desk, {"OutputConfiguration": outputs(130, 0x2010)})
+        assert job.state == "done"
+        assert [(one.path, one.requested, one.actual) for one in job.outcomes] == [
+            ("outputs.2.output_frequency", "130 Hz", "100 Hz")
+        ]
 
 
-def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?rate=20")
-            await here.apply(desk, {"LocationID": {"location_id": 7}})
-            job = await here.apply(desk, {"LocationID": {"location_id": 7}})
-            assert "Nothing to change" in job.message
-            assert [entry.name for entry in sent(desk)].count("SetLocationID") == 1
-
-    run(check())
+async def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?rate=20")
+        await here.apply(desk, {"LocationID": {"location_id": 7}})
+        job = await here.apply(desk, {"LocationID": {"location_id": 7}})
+        assert "Nothing to change" in job.message
+        assert [entry.name for entry in sent(desk)].count("SetLocationID") == 1
 
 
-def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
+async def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
     """Their exchanges never mix: between GoToConfig and GoToMeasurement there is one job's."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?rate=20")
-            first = desk.add("first", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 1}}, ""))
-            second = desk.add("second", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 2}}, ""))
-            assert [job.title for job in desk.job_report.queue] == ["first", "second"]
-            await until(lambda: desk.job_report.running is not None, "the first runs")
-            running = desk.job_report.running
-            assert running is not None
-            assert running.title == "first"
-            assert here.telemetry.bus.jobs.latest[desk.device].queue[0].title == "second"  # as sent to browsers
-            jobs = [await over(first), await over(second)]
-            assert [job.state for job in jobs] == ["done", "done"]
-            ended = jobs[0].ended
-            assert ended is not None
-            assert jobs[1].started is not None
-            assert jobs[1].started >= ended
-            assert desk.values["LocationID"] == {"location_id": 2}
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?rate=20")
+        first = desk.add("first", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 1}}, ""))
+        second = desk.add("second", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 2}}, ""))
+        assert [job.title for job in desk.job_report.queue] == ["first", "second"]
+        await until(lambda: desk.job_report.running is not None, "the first runs")
+        running = desk.job_report.running
+        assert running is not None
+        assert running.title == "first"
+        assert here.telemetry.bus.jobs.latest[desk.device].queue[0].title == "second"  # as sent to browsers
+        jobs = [await over(first), await over(second)]
+        assert [job.state for job in jobs] == ["done", "done"]
+        ended = jobs[0].ended
+        assert ended is not None
+        assert jobs[1].started is not None
+        assert jobs[1].started >= ended
+        assert desk.values["LocationID"] == {"location_id": 2}
 
 
-def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?baud=9600&rate=5")
-            task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
-            await until(lambda: desk.state == "Config", "the device is in Config")
-            await desk.drop(task.job.id)
-            assert task.job.state == "stopped"
-            assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
-            await until(lambda: desk.state == "Measurement", "it measures again")
-            job = await here.read(desk)  # the queue continues
-            assert job.state == "done"
-
-    run(check())
+async def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?baud=9600&rate=5")
+        task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
+        await until(lambda: desk.state == "Config", "the device is in Config")
+        await desk.drop(task.job.id)
+        assert task.job.state == "stopped"
+        assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
+        await until(lambda: desk.state == "Measurement", "it measures again")
+        job = await here.read(desk)  # the queue continues
+        assert job.state == "done"
 
 
 def test_a_job_that_is_stopped_on_its_way_to_config_leaves_the_device_measuring() -> None:
@@ -124,91 +104,72 @@ def test_a_job_that_is_stopped_on_its_way_to_config_leaves_the_device_measuring(
     assert [act.frame.hex() for act in cancel(dialogue)] == [GO_TO_MEASUREMENT]
 
 
-def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
-    async def check() -> None:
-        desk: DeviceController
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?baud=9600&rate=5")
-            desk.add("Read", here.desks.jobs.read(desk, None, ""))
-            await until(lambda: desk.state == "Config", "the device is in Config")
-        assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
-
-    run(check())
+async def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
+    desk: DeviceController
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?baud=9600&rate=5")
+        desk.add("Read", here.desks.jobs.read(desk, None, ""))
+        await until(lambda: desk.state == "Config", "the device is in Config")
+    assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
 
 
-def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?rate=20")
-            tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
-            await desk.drop(tasks[2].job.id)
-            assert tasks[2].job.state == "stopped"
-            with pytest.raises(ControlError, match="Job 99 is not queued"):
-                await desk.drop(99)
-            await over(tasks[1])
-
-    run(check())
+async def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?rate=20")
+        tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
+        await desk.drop(tasks[2].job.id)
+        assert tasks[2].job.state == "stopped"
+        with pytest.raises(ControlError, match="Job 99 is not queued"):
+            await desk.drop(99)
+        await over(tasks[1])
 
 
-def test_a_full_queue_is_reported(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?rate=20")
-            work = here.desks.jobs.read(desk, ["LocationID"], "")
-            for _ in range(MAX_WAITING):
-                desk.add("Read", work)
-            with pytest.raises(ControlError, match="is full"):
-                desk.add("Read", work)
-
-    run(check())
+async def test_a_full_queue_is_reported(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?rate=20")
+        work = here.desks.jobs.read(desk, ["LocationID"], "")
+        for _ in range(MAX_WAITING):
+            desk.add("Read", work)
+        with pytest.raises(ControlError, match="is full"):
+            desk.add("Read", work)
 
 
-def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
+async def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
     """Regression: a device that does not measure because it is being configured was shown as lost."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?baud=9600&rate=20")
-            seen: set[str] = set()
-            task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
-            while not task.finished.is_set():
-                seen.add(desk.session.info.status)
-                await asyncio.sleep(0.02)
-            assert seen == {"live"}
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?baud=9600&rate=20")
+        seen: set[str] = set()
+        task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
+        while not task.finished.is_set():
+            seen.add(desk.session.info.status)
+            await asyncio.sleep(0.02)
+        assert seen == {"live"}
 
 
-def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?rate=20")
-            await here.apply(desk, {"LocationID": {"location_id": 3}})
-            entries = desk.log.tail(limit=500)
-            at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
-            asked, answered = entries[at], entries[at + 1]
-            assert (asked.direction, asked.hex, asked.text) == ("tx", "faff8402000378", "location_id 3")
-            assert (answered.direction, answered.name) == ("rx", "SetLocationIDAck")
-            assert answered.hex.startswith("faff85")
-            assert answered.ms is not None
-            assert 0 <= answered.ms < 500
-            assert [one.seq for one in entries] == sorted(one.seq for one in entries)
-            told = [event for event in here.telemetry.log if event.kind == "command"]
-            assert "SetLocationID" in [event.data["message"] for event in told]
-
-    run(check())
+async def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?rate=20")
+        await here.apply(desk, {"LocationID": {"location_id": 3}})
+        entries = desk.log.tail(limit=500)
+        at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
+        asked, answered = entries[at], entries[at + 1]
+        assert (asked.direction, asked.hex, asked.text) == ("tx", "faff8402000378", "location_id 3")
+        assert (answered.direction, answered.name) == ("rx", "SetLocationIDAck")
+        assert answered.hex.startswith("faff85")
+        assert answered.ms is not None
+        assert 0 <= answered.ms < 500
+        assert [one.seq for one in entries] == sorted(one.seq for one in entries)
+        told = [event for event in here.telemetry.log if event.kind == "command"]
+        assert "SetLocationID" in [event.data["message"] for event in told]
 
 
-def test_a_stubborn_device_is_not_reset_by_a_read(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?stubborn=1&rate=20")
-            job = await here.read(desk)
-            assert job.state == "failed"
-            assert "run the command Reset if that is what you want" in job.message
-            assert "Reset" not in [entry.name for entry in sent(desk)]
-
-    run(check())
+async def test_a_stubborn_device_is_not_reset_by_a_read(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?stubborn=1&rate=20")
+        job = await here.read(desk)
+        assert job.state == "failed"
+        assert "run the command Reset if that is what you want" in job.message
+        assert "Reset" not in [entry.name for entry in sent(desk)]
 
 
 # ── the runner alone ─────────────────────────────────────────────────────────────────────────────────────────────────
@@ -262,120 +223,97 @@ class Ear:
         self.notes.append(text)
 
 
-def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
-    async def check() -> None:
-        wire = ControlWire()
+async def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
+    wire = ControlWire()
 
-        def ask() -> Any:
-            yield Send(b"?")
-            wire.say("answer")
-            return (yield WaitFor(lambda event: event, 1))
+    def ask() -> Any:
+        yield Send(b"?")
+        wire.say("answer")
+        return (yield WaitFor(lambda event: event, 1))
 
-        assert await Runner(wire, Ear()).run(ask()) == "answer"
-
-    run(check())
+    assert await Runner(wire, Ear()).run(ask()) == "answer"
 
 
-def test_a_request_is_logged_when_it_is_written_and_not_if_it_is_refused() -> None:
+async def test_a_request_is_logged_when_it_is_written_and_not_if_it_is_refused() -> None:
     """It was logged before it waited for another program, also when it never reached the device."""
+    wire, ear = ControlWire(), Ear()
 
-    async def check() -> None:
-        wire, ear = ControlWire(), Ear()
+    def ask() -> Any:
+        yield Send(b"?")
 
-        def ask() -> Any:
-            yield Send(b"?")
-
-        wire.written_ns = 42
+    wire.written_ns = 42
+    await Runner(wire, ear).run(ask())
+    wire.is_busy = True
+    with pytest.raises(LinkError):
         await Runner(wire, ear).run(ask())
-        wire.is_busy = True
-        with pytest.raises(LinkError):
-            await Runner(wire, ear).run(ask())
-        assert ear.written == [(b"?", 42)]
-        assert ear.notes == ["A request was not sent: The client a driver is configuring the device."]
-
-    run(check())
+    assert ear.written == [(b"?", 42)]
+    assert ear.notes == ["A request was not sent: The client a driver is configuring the device."]
 
 
-def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
-    async def check() -> None:
-        wire = ControlWire()
+async def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
+    wire = ControlWire()
 
-        def ask() -> Any:
-            yield Send(b"1")
-            yield Sleep(0)
-            wire.say("late")
-            yield Send(b"2")
-            return (yield WaitFor(lambda event: event, 0.01))
+    def ask() -> Any:
+        yield Send(b"1")
+        yield Sleep(0)
+        wire.say("late")
+        yield Send(b"2")
+        return (yield WaitFor(lambda event: event, 0.01))
 
-        assert await Runner(wire, Ear()).run(ask()) is None
-
-    run(check())
+    assert await Runner(wire, Ear()).run(ask()) is None
 
 
-def test_an_unavailable_rate_is_reported_and_logged() -> None:
-    async def check() -> None:
-        wire, ear = ControlWire(), Ear()
-        wire.refuses = True
+async def test_an_unavailable_rate_is_reported_and_logged() -> None:
+    wire, ear = ControlWire(), Ear()
+    wire.refuses = True
 
-        def ask() -> Any:
-            return (yield ReopenLink(921_600))
+    def ask() -> Any:
+        return (yield ReopenLink(921_600))
 
-        assert await Runner(wire, ear).run(ask()) is False
-        assert ear.notes == ["The link could not be opened at 921 600 Bd: No such rate."]
-
-    run(check())
+    assert await Runner(wire, ear).run(ask()) is False
+    assert ear.notes == ["The link could not be opened at 921 600 Bd: No such rate."]
 
 
-def test_a_cancelled_runner_sends_its_final_messages() -> None:
-    async def check() -> None:
-        wire = ControlWire()
+async def test_a_cancelled_runner_sends_its_final_messages() -> None:
+    wire = ControlWire()
 
-        def ask() -> Any:
-            try:
-                yield WaitFor(lambda event: None, 60)
-            finally:
-                yield Send(b"measure")
+    def ask() -> Any:
+        try:
+            yield WaitFor(lambda event: None, 60)
+        finally:
+            yield Send(b"measure")
 
-        task = asyncio.create_task(Runner(wire, Ear()).run(ask()))
-        await asyncio.sleep(0.01)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-        assert task.cancelled()
-        assert wire.sent == [b"measure"]
-
-    run(check())
+    task = asyncio.create_task(Runner(wire, Ear()).run(ask()))
+    await asyncio.sleep(0.01)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    assert task.cancelled()
+    assert wire.sent == [b"measure"]
 
 
 # ── the other families ───────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: Path) -> None:
+async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: Path) -> None:
     """Only the bytes of this field are sent, so that no other value can be set back."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:isb?rate=20")
-            await here.read(desk)
-            before = dict(desk.values["DID_FLASH_CONFIG"])
-            job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21, "dynamicModel": 8}})
-            assert (job.state, job.outcomes) == ("done", [])
-            now = dict(desk.values["DID_FLASH_CONFIG"])
-            told = ("checksum", "key")
-            changed = {name for name in now if now[name] != before[name] and name not in told}
-            assert changed == {"gnssCn0Minimum", "dynamicModel"}
-            frames = [bytes.fromhex(entry.hex) for entry in sent(desk) if entry.name.startswith("SET_DID_FLASH_CONFIG")]
-            assert frames
-            assert all(len(frame) < 20 for frame in frames)
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:isb?rate=20")
+        await here.read(desk)
+        before = dict(desk.values["DID_FLASH_CONFIG"])
+        job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21, "dynamicModel": 8}})
+        assert (job.state, job.outcomes) == ("done", [])
+        now = dict(desk.values["DID_FLASH_CONFIG"])
+        told = ("checksum", "key")
+        changed = {name for name in now if now[name] != before[name] and name not in told}
+        assert changed == {"gnssCn0Minimum", "dynamicModel"}
+        frames = [bytes.fromhex(entry.hex) for entry in sent(desk) if entry.name.startswith("SET_DID_FLASH_CONFIG")]
+        assert frames
+        assert all(len(frame) < 20 for frame in frames)
 
 
-def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:idtp?rate=20")
-            assert desk.rows == {}
-            job = await over(desk.add("Send", here.desks.jobs.raw(desk, b"\x00\x01")))
-            assert job.state == "done"
-
-    run(check())
+async def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:idtp?rate=20")
+        assert desk.rows == {}
+        job = await over(desk.add("Send", here.desks.jobs.raw(desk, b"\x00\x01")))
+        assert job.state == "done"

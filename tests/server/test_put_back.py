@@ -59,43 +59,35 @@ def test_a_read_stores_how_to_measure_again_before_it_interrupts(
     assert stored == [(GO_TO_MEASUREMENT,), ()]
 
 
-def test_a_device_of_a_server_that_was_killed_measures_again(tmp_path: Path) -> None:
+async def test_a_device_of_a_server_that_was_killed_measures_again(tmp_path: Path) -> None:
     """Killed while it read the settings, it left the robot's sensor silent until somebody noticed."""
-
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path) as here:
-            source = f"{there.slave}?baud=115200"
-            here.desks.put_back.keep(source, "", [GO_TO_MEASUREMENT])
-            with serial.Serial(there.slave, 115_200) as port:
-                port.write(GO_TO_CONFIG)
-                await until(lambda: phase(there) == "config", "the config state, as the kill left it")
-            await here.desks.resume()
-            await until(lambda: phase(there) == "measurement", "it measures")
-            await until(lambda: reported(here, IS_BACK), "it is back")
-            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
-
-    asyncio.run(check())
+    async with bench(measuring=True) as there, house(tmp_path) as here:
+        source = f"{there.slave}?baud=115200"
+        here.desks.put_back.keep(source, "", [GO_TO_MEASUREMENT])
+        with serial.Serial(there.slave, 115_200) as port:
+            port.write(GO_TO_CONFIG)
+            await until(lambda: phase(there) == "config", "the config state, as the kill left it")
+        await here.desks.resume()
+        await until(lambda: phase(there) == "measurement", "it measures")
+        await until(lambda: reported(here, IS_BACK), "it is back")
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
 
 
-def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotten(tmp_path: Path) -> None:
+async def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotten(tmp_path: Path) -> None:
     """A file under another name than the first device's was kept, and its frames sent at every start."""
-
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            source = desk.session.info.source
-            written: list[bytes] = []
-            desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
-            await desk.session.access.send(GO_TO_CONFIG)
-            await until(lambda: desk.state == "Config", "as the kill left it")
-            here.desks.put_back.keep(source, "", [REQ_DID])
-            here.desks.put_back.keep(source, "7", [GO_TO_MEASUREMENT])
-            await here.desks.resume()
-            await until(lambda: reported(here, IS_BACK), "it is back")
-            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
-            assert set(written) == {GO_TO_CONFIG, REQ_DID, GO_TO_MEASUREMENT}
-
-    asyncio.run(check())
+    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        source = desk.session.info.source
+        written: list[bytes] = []
+        desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
+        await desk.session.access.send(GO_TO_CONFIG)
+        await until(lambda: desk.state == "Config", "as the kill left it")
+        here.desks.put_back.keep(source, "", [REQ_DID])
+        here.desks.put_back.keep(source, "7", [GO_TO_MEASUREMENT])
+        await here.desks.resume()
+        await until(lambda: reported(here, IS_BACK), "it is back")
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+        assert set(written) == {GO_TO_CONFIG, REQ_DID, GO_TO_MEASUREMENT}
 
 
 def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambda: None) -> None:
@@ -112,83 +104,67 @@ def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambd
     off = desk.session.listeners.listen(on_event)
 
 
-def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tmp_path: Path) -> None:
+async def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tmp_path: Path) -> None:
     """It stayed silent until the server was restarted: only the next start put it back."""
-
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            cut_at(desk, "GoToConfigAck")
-            assert (await here.read(desk)).state == "failed"
-            await until(lambda: phase(there) == "measurement", "it measures")
-            await until(lambda: reported(here, IS_BACK), "it is said")
-            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
-
-    asyncio.run(check())
+    async with bench(measuring=True) as there, house(tmp_path) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        cut_at(desk, "GoToConfigAck")
+        assert (await here.read(desk)).state == "failed"
+        await until(lambda: phase(there) == "measurement", "it measures")
+        await until(lambda: reported(here, IS_BACK), "it is said")
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
 
 
-def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path, sample_s=PATIENCE_S) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            written: list[bytes] = []
-            desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
-            cut_at(desk, "GoToConfigAck", there.cycle)  # its adapter feeds it
-            assert (await here.read(desk)).state == "failed"
-            await until(lambda: reported(here, IS_BACK), "it is back")
-            assert GO_TO_MEASUREMENT not in written
-
-    asyncio.run(check())
+async def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: Path) -> None:
+    async with bench(measuring=True) as there, house(tmp_path, sample_s=PATIENCE_S) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        written: list[bytes] = []
+        desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
+        cut_at(desk, "GoToConfigAck", there.cycle)  # its adapter feeds it
+        assert (await here.read(desk)).state == "failed"
+        await until(lambda: reported(here, IS_BACK), "it is back")
+        assert GO_TO_MEASUREMENT not in written
 
 
-def test_a_device_that_another_program_configures_is_left_to_it(
+async def test_a_device_that_another_program_configures_is_left_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            with serial.Serial(there.slave, 115_200) as port:
-                port.write(GO_TO_CONFIG)
-                await until(lambda: phase(there) == "config", "the program stops it")
+    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        with serial.Serial(there.slave, 115_200) as port:
+            port.write(GO_TO_CONFIG)
+            await until(lambda: phase(there) == "config", "the program stops it")
 
-            async def refuse(data: bytes) -> int:
-                raise LinkError("busy", "xda_host is configuring the device.", "Wait.")
+        async def refuse(data: bytes) -> int:
+            raise LinkError("busy", "xda_host is configuring the device.", "Wait.")
 
-            monkeypatch.setattr(desk.session.access, "send", refuse)
-            await desk.put_back.keep([GO_TO_MEASUREMENT])
-            desk.put_back.transaction_ended()
-            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
-            assert "It is left to that program." in desk.log.tail()[-1].text
-            assert phase(there) == "config"
-
-    asyncio.run(check())
+        monkeypatch.setattr(desk.session.access, "send", refuse)
+        await desk.put_back.keep([GO_TO_MEASUREMENT])
+        desk.put_back.transaction_ended()
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+        assert "It is left to that program." in desk.log.tail()[-1].text
+        assert phase(there) == "config"
 
 
-def test_a_device_that_a_person_stops_stays_stopped(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            await desk.put_back.keep([GO_TO_MEASUREMENT])
-            desk.put_back.transaction_ended()
-            work = here.desks.jobs.run(desk, "GoToConfig", {}, changes=False, restarts=False)
-            assert (await over(desk.add("Stop", work))).state == "done"
-            await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
-            assert phase(there) == "config"
-
-    asyncio.run(check())
+async def test_a_device_that_a_person_stops_stays_stopped(tmp_path: Path) -> None:
+    async with bench(measuring=True) as there, house(tmp_path) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        await desk.put_back.keep([GO_TO_MEASUREMENT])
+        desk.put_back.transaction_ended()
+        work = here.desks.jobs.run(desk, "GoToConfig", {}, changes=False, restarts=False)
+        assert (await over(desk.add("Stop", work))).state == "done"
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+        assert phase(there) == "config"
 
 
-def test_a_device_that_was_found_in_the_config_state_stays_there(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
-            await desk.session.access.send(GO_TO_CONFIG)
-            await until(lambda: phase(there) == "config", "another program stops it")
-            assert (await here.read(desk)).state == "done"
-            assert phase(there) == "config"
-            assert "GoToMeasurement" not in [entry.name for entry in desk.log.tail(limit=500)]
-
-    asyncio.run(check())
+async def test_a_device_that_was_found_in_the_config_state_stays_there(tmp_path: Path) -> None:
+    async with bench(measuring=True) as there, house(tmp_path) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        await desk.session.access.send(GO_TO_CONFIG)
+        await until(lambda: phase(there) == "config", "another program stops it")
+        assert (await here.read(desk)).state == "done"
+        assert phase(there) == "config"
+        assert "GoToMeasurement" not in [entry.name for entry in desk.log.tail(limit=500)]
 
 
 def test_streams_that_a_read_may_end_are_stored(tmp_path: Path) -> None:

@@ -144,57 +144,48 @@ def shelf_in(folder: Path) -> ColumnCache:
     return ColumnCache(folder / "data", path_of)
 
 
-def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: Path) -> None:
+async def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: Path) -> None:
     drive(tmp_path / "a.mcap", seconds=2.0)
 
-    async def run() -> None:
-        shelf = shelf_in(tmp_path)
-        assert isinstance(shelf.open("a"), DecodeJob)
-        first = await shelf.opened("a")
-        assert shelf.open("a") is first
-        assert shelf_in(tmp_path).cached("a") is not None  # it outlives the server
-        (tmp_path / "a.mcap").unlink()
-        drive(tmp_path / "a.mcap", seconds=1.0)
-        await shelf.prepare()  # the library is viewed: a process waits for the next recording
-        opening = shelf.open("a")
-        assert isinstance(opening, DecodeJob)
-        opening.partial = first
-        assert await shelf.partial_or_wait("a") is first  # available while the rest is decoded
-        again = await shelf.opened("a")
-        assert again is not first
-        assert await shelf.partial_or_wait("a") is again
-        await shelf.prepare()  # and a waiting process ends with the server
-        assert sum(again.rows(number) for number in again.shapes) < sum(first.rows(number) for number in first.shapes)
-        with pytest.raises(KeyError):
-            shelf.open("b")
-        await shelf.close()
-
-    asyncio.run(run())
+    shelf = shelf_in(tmp_path)
+    assert isinstance(shelf.open("a"), DecodeJob)
+    first = await shelf.opened("a")
+    assert shelf.open("a") is first
+    assert shelf_in(tmp_path).cached("a") is not None  # it outlives the server
+    (tmp_path / "a.mcap").unlink()
+    drive(tmp_path / "a.mcap", seconds=1.0)
+    await shelf.prepare()  # the library is viewed: a process waits for the next recording
+    opening = shelf.open("a")
+    assert isinstance(opening, DecodeJob)
+    opening.partial = first
+    assert await shelf.partial_or_wait("a") is first  # available while the rest is decoded
+    again = await shelf.opened("a")
+    assert again is not first
+    assert await shelf.partial_or_wait("a") is again
+    await shelf.prepare()  # and a waiting process ends with the server
+    assert sum(again.rows(number) for number in again.shapes) < sum(first.rows(number) for number in first.shapes)
+    with pytest.raises(KeyError):
+        shelf.open("b")
+    await shelf.close()
 
 
-def test_concurrent_openings_share_one_decoding(tmp_path: Path) -> None:
+async def test_concurrent_openings_share_one_decoding(tmp_path: Path) -> None:
     drive(tmp_path / "a.mcap", seconds=1.0)
 
-    async def run() -> None:
-        shelf = shelf_in(tmp_path)
-        one, other = await asyncio.gather(shelf.opened("a"), shelf.opened("a"))
-        assert one is other
-        assert len(list((tmp_path / "data" / "cache" / "columns").iterdir())) == 1
-        await shelf.close()
-
-    asyncio.run(run())
+    shelf = shelf_in(tmp_path)
+    one, other = await asyncio.gather(shelf.opened("a"), shelf.opened("a"))
+    assert one is other
+    assert len(list((tmp_path / "data" / "cache" / "columns").iterdir())) == 1
+    await shelf.close()
 
 
-def test_unopenable_recordings_are_reported(tmp_path: Path) -> None:
+async def test_unopenable_recordings_are_reported(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"\x55" * 3000)
 
-    async def run() -> None:
-        shelf = shelf_in(tmp_path)
-        with pytest.raises(RecordingError, match=r"a\.mcap"):
-            await shelf.opened("a")
-        await shelf.close()
-
-    asyncio.run(run())
+    shelf = shelf_in(tmp_path)
+    with pytest.raises(RecordingError, match=r"a\.mcap"):
+        await shelf.opened("a")
+    await shelf.close()
 
 
 def test_channel_descriptions_survive_the_manifest(store: ColumnStore) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from imuscope.server.configuration import recovery
 from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
@@ -16,10 +14,6 @@ from tests.waiting import until
 
 SOURCE = "sim:xbus?baud=921600&unplug_s=86400"
 BOTH: dict[str, dict[str, object]] = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(10)}
-
-
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
 
 
 def files(data: Path) -> list[Path]:
@@ -57,40 +51,32 @@ async def cut(here: ControlHarness, away_s: float) -> tuple[DeviceController, Qu
     return desk, desk.add("Write", here.desks.jobs.apply(desk, BOTH, ""))
 
 
-def test_a_device_unplugged_during_a_write_shows_no_old_values(tmp_path: Path) -> None:
+async def test_a_device_unplugged_during_a_write_shows_no_old_values(tmp_path: Path) -> None:
     """It had taken the first setting; the page showed the old one, and that the device refused."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk, task = await cut(here, 0.2)
-            job = await over(task)
-            assert job.state == "failed"
-            assert job.message.startswith(
-                "The device stopped answering while it was written. Read back: Location identifier has"
-            )
-            assert "refused" not in job.message
-            assert desk.values["LocationID"] == {"location_id": 7}
-            assert desk.values["OutputConfiguration"] != outputs(10)
-            assert {one.setting for one in job.outcomes} == {"OutputConfiguration"}
-            assert files(tmp_path) == []
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk, task = await cut(here, 0.2)
+        job = await over(task)
+        assert job.state == "failed"
+        assert job.message.startswith(
+            "The device stopped answering while it was written. Read back: Location identifier has"
+        )
+        assert "refused" not in job.message
+        assert desk.values["LocationID"] == {"location_id": 7}
+        assert desk.values["OutputConfiguration"] != outputs(10)
+        assert {one.setting for one in job.outcomes} == {"OutputConfiguration"}
+        assert files(tmp_path) == []
 
 
-def test_the_rollback_of_an_absent_device_is_remembered(tmp_path: Path) -> None:
+async def test_the_rollback_of_an_absent_device_is_remembered(tmp_path: Path) -> None:
     """It is on disk for the next server, until this one has read what the device took; old values are not shown."""
-
-    async def check() -> None:
-        async with house(tmp_path, return_s=0.2) as here:
-            desk, task = await cut(here, 1.0)
-            job = await over(task)
-            assert job.message == "The device stopped answering while it was written, and did not come back."
-            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["applying"]
-            assert not {"LocationID", "OutputConfiguration"} & set(desk.values)
-            assert desk.missing["LocationID"] == recovery.UNKNOWN
-            await until(lambda: desk.session.info.status == "live", "it is plugged in again")
-            assert (await here.read(desk)).state == "done"
-            assert desk.values["LocationID"] == {"location_id": 7}
-            assert files(tmp_path) == []
-
-    run(check())
+    async with house(tmp_path, return_s=0.2) as here:
+        desk, task = await cut(here, 1.0)
+        job = await over(task)
+        assert job.message == "The device stopped answering while it was written, and did not come back."
+        assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["applying"]
+        assert not {"LocationID", "OutputConfiguration"} & set(desk.values)
+        assert desk.missing["LocationID"] == recovery.UNKNOWN
+        await until(lambda: desk.session.info.status == "live", "it is plugged in again")
+        assert (await here.read(desk)).state == "done"
+        assert desk.values["LocationID"] == {"location_id": 7}
+        assert files(tmp_path) == []

@@ -159,24 +159,21 @@ def test_a_table_is_made_in_small_pieces() -> None:
     assert max(map(len, range_query.arrow_of(answer))) < 2_000_000
 
 
-def test_a_pipe_without_a_writer_blocks_no_one_else(tmp_path: Path) -> None:
+async def test_a_pipe_without_a_writer_blocks_no_one_else(tmp_path: Path) -> None:
     """It was opened in the event loop, which then waited for a writer."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     assert split_devices(str(pipe)) == [str(pipe)]
 
-    async def check() -> None:
-        link = open_link(str(pipe), LinkSettings(lambda: 0))
-        async with asyncio.timeout(PATIENCE_S):
-            await link.open()
-            reading = asyncio.create_task(link.read())
-            for _ in range(20):  # the loop goes on
-                await asyncio.sleep(0.001)
-            assert not reading.done()
-            reading.cancel()
-            await link.close()
-
-    asyncio.run(check())
+    link = open_link(str(pipe), LinkSettings(lambda: 0))
+    async with asyncio.timeout(PATIENCE_S):
+        await link.open()
+        reading = asyncio.create_task(link.read())
+        for _ in range(20):  # the loop goes on
+            await asyncio.sleep(0.001)
+        assert not reading.done()
+        reading.cancel()
+        await link.close()
 
 
 def test_a_pipe_is_a_source_only_where_files_are(tmp_path: Path) -> None:

@@ -82,23 +82,20 @@ def test_a_harmful_data_set_is_reported_like_its_command(command: str, values: d
     assert bool(row.consequence) or not harms
 
 
-def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> None:
+async def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> None:
     """Its form opened with zeros, and sent all of them, without a question and without a way back."""
     forms = forms_of(DRIVER, "isb", KNOWN)
     writes = {form.name: form.writes for form in forms.commands}
     assert writes["SET_DID_FLASH_CONFIG"] == "DID_FLASH_CONFIG"
 
-    async def check() -> None:
-        async with house(tmp_path, listening=BRIEFEST) as here:
-            desk = await here.add("sim:isb?rate=20")
-            await here.read(desk)
-            values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}
-            wish = plan_command(desk, "SET_DID_FLASH_CONFIG", values)
-            assert wish.setting == "DID_FLASH_CONFIG"
-            assert {"size", "key", "checksum"}.isdisjoint(wish.values["DID_FLASH_CONFIG"])
-            assert {one.caution for one in wish.risks} == {"cuts-line", "restarts"}
-
-    asyncio.run(check())
+    async with house(tmp_path, listening=BRIEFEST) as here:
+        desk = await here.add("sim:isb?rate=20")
+        await here.read(desk)
+        values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}
+        wish = plan_command(desk, "SET_DID_FLASH_CONFIG", values)
+        assert wish.setting == "DID_FLASH_CONFIG"
+        assert {"size", "key", "checksum"}.isdisjoint(wish.values["DID_FLASH_CONFIG"])
+        assert {one.caution for one in wish.risks} == {"cuts-line", "restarts"}
 
 
 @each_row(

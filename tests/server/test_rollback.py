@@ -44,84 +44,69 @@ def files(data: Path) -> list[Path]:
     return list((data / "rollbacks").glob("*.json"))
 
 
-def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=1.0) as here:
-            desk = await here.add(SOURCE)
-            task = await faster(here, desk)
-            await until(
-                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
-            )
-            assert desk.session.access.baud == 921_600
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.words == (
-                "The device answers at 921 600 Bd. Unless confirmed, it is rolled back to 115 200 Bd."
-            )
-            assert desk.pending_rollback.deadline is not None
-            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["pending"]
-            job = await over(task)
-            assert job.state == "failed"
-            assert "because the change was not confirmed in time" in job.message
-            assert desk.pending_rollback.state == "rolled-back"
-            assert desk.session.access.baud == 115_200
-            assert files(tmp_path) == []
-            await until(lambda: desk.session.info.status == "live", "it streams again")
-            assert (await here.read(desk)).state == "done"
-
-    run(check())
+async def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
+    async with house(tmp_path, rollback_s=1.0) as here:
+        desk = await here.add(SOURCE)
+        task = await faster(here, desk)
+        await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
+        assert desk.session.access.baud == 921_600
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.words == (
+            "The device answers at 921 600 Bd. Unless confirmed, it is rolled back to 115 200 Bd."
+        )
+        assert desk.pending_rollback.deadline is not None
+        assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["pending"]
+        job = await over(task)
+        assert job.state == "failed"
+        assert "because the change was not confirmed in time" in job.message
+        assert desk.pending_rollback.state == "rolled-back"
+        assert desk.session.access.baud == 115_200
+        assert files(tmp_path) == []
+        await until(lambda: desk.session.info.status == "live", "it streams again")
+        assert (await here.read(desk)).state == "done"
 
 
 @each_row("keep", [True, False])
-def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(SOURCE)
-            await here.read(desk)
-            before, new, seconds = desk.values["LocationID"], {"location_id": 7}, 30.0 if keep else 1.0
-            assert before != new
-            task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": new}, "", confirm_s=seconds))
-            await until(
-                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
-            )
-            assert desk.pending_rollback is not None
-            assert (desk.pending_rollback.seconds, desk.values["LocationID"]) == (seconds, new)
-            assert len(files(tmp_path)) == 1
-            if keep:
-                desk.decide(keep=True)
-            job = await over(task)
-            assert job.state == ("done" if keep else "failed"), job
-            await here.read(desk)
-            assert desk.values["LocationID"] == (new if keep else before)
-            assert files(tmp_path) == []
-
-    run(check())
+async def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add(SOURCE)
+        await here.read(desk)
+        before, new, seconds = desk.values["LocationID"], {"location_id": 7}, 30.0 if keep else 1.0
+        assert before != new
+        task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": new}, "", confirm_s=seconds))
+        await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
+        assert desk.pending_rollback is not None
+        assert (desk.pending_rollback.seconds, desk.values["LocationID"]) == (seconds, new)
+        assert len(files(tmp_path)) == 1
+        if keep:
+            desk.decide(keep=True)
+        job = await over(task)
+        assert job.state == ("done" if keep else "failed"), job
+        await here.read(desk)
+        assert desk.values["LocationID"] == (new if keep else before)
+        assert files(tmp_path) == []
 
 
 @each_row("keep", [True, False])
-def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=30.0) as here:
-            desk = await here.add(SOURCE)
-            task = await faster(here, desk)
-            with pytest.raises(ControlError, match="No change is waiting to be confirmed"):
-                desk.decide(keep=True)
-            await until(
-                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
-            )
-            with pytest.raises(ControlError, match="cannot be stopped now"):
-                await desk.drop(task.job.id)
-            desk.decide(keep=keep)
-            job = await over(task)
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
-            assert job.state == ("done" if keep else "failed")
-            assert desk.session.access.baud == (921_600 if keep else 115_200)
-            if keep:
-                assert job.hint == "Open it as sim:xbus?baud=921600&rate=20 when this server is started again."
-            assert files(tmp_path) == []
-            assert (await here.read(desk)).state == "done"
-
-    run(check())
+async def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
+    async with house(tmp_path, rollback_s=30.0) as here:
+        desk = await here.add(SOURCE)
+        task = await faster(here, desk)
+        with pytest.raises(ControlError, match="No change is waiting to be confirmed"):
+            desk.decide(keep=True)
+        await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
+        with pytest.raises(ControlError, match="cannot be stopped now"):
+            await desk.drop(task.job.id)
+        desk.decide(keep=keep)
+        job = await over(task)
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
+        assert job.state == ("done" if keep else "failed")
+        assert desk.session.access.baud == (921_600 if keep else 115_200)
+        if keep:
+            assert job.hint == "Open it as sim:xbus?baud=921600&rate=20 when this server is started again."
+        assert files(tmp_path) == []
+        assert (await here.read(desk)).state == "done"
 
 
 def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,101 +134,84 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
     assert record.count("sent 8c") <= 2  # ReqPortConfig, which has the number of the setting
 
 
-def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, text: str) -> None:
         if path.parent.name == "rollbacks":
             raise OSError(28, "No space left on device")
 
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(SOURCE)
-            await here.read(desk)
-            monkeypatch.setattr(atomic_write, "write_atomic", full)
-            task = await faster(here, desk)
-            job = await over(task)
-            assert job.state == "failed"
-            assert "could not be saved" in job.message
-            assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add(SOURCE)
+        await here.read(desk)
+        monkeypatch.setattr(atomic_write, "write_atomic", full)
+        task = await faster(here, desk)
+        job = await over(task)
+        assert job.state == "failed"
+        assert "could not be saved" in job.message
+        assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
 
 
-def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
+async def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
     """Neither end receives the other at either rate: this is reported, stored on disk, and repaired by restoring
     communication.
     """
-
-    async def check() -> None:
-        async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
-            desk = await here.add(f"serial://{there.slave}?baud=115200")
-            job = await over(await faster(here, desk))
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.state == "unreachable"
-            assert "unreachable until its power is cycled" in job.message
-            assert "Restore communication" in job.hint
-            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["unreachable"]
-            restore = desk.add("Restore", here.desks.jobs.restore(desk))
-            await until(lambda: is_called(desk), "it calls for a device that gets power")
-            cycle(there)
-            job = await over(restore)
-            assert job.state == "done", job.message
-            assert "has its old settings" in job.message
-            assert desk.pending_rollback.state == "rolled-back"
-            assert files(tmp_path) == []
-            assert desk.session.access.baud == 115_200
-
-    run(check())
+    async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
+        desk = await here.add(f"serial://{there.slave}?baud=115200")
+        job = await over(await faster(here, desk))
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.state == "unreachable"
+        assert "unreachable until its power is cycled" in job.message
+        assert "Restore communication" in job.hint
+        assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["unreachable"]
+        restore = desk.add("Restore", here.desks.jobs.restore(desk))
+        await until(lambda: is_called(desk), "it calls for a device that gets power")
+        cycle(there)
+        job = await over(restore)
+        assert job.state == "done", job.message
+        assert "has its old settings" in job.message
+        assert desk.pending_rollback.state == "rolled-back"
+        assert files(tmp_path) == []
+        assert desk.session.access.baud == 115_200
 
 
-def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -> None:
+async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -> None:
     """Restoring communication ended when the plug was pulled, which is how such a device is switched off."""
-
-    async def check() -> None:
-        async with house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
-            desk = await here.add(f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1")
-            await over(await faster(here, desk))
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.state == "unreachable"
-            restore = desk.add("Restore", here.desks.jobs.restore(desk))
-            await until(lambda: is_called(desk), "it calls for a device that gets power")
-            link = desk.session._link
-            assert isinstance(link, SimulatorLink)
-            assert link._simulator is not None
-            link._simulator.unplug()
-            job = await over(restore)
-            assert (job.state, job.message) == ("done", "The device answers again and has its old settings.")
-            assert files(tmp_path) == []
-
-    run(check())
+    async with house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
+        desk = await here.add(f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1")
+        await over(await faster(here, desk))
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.state == "unreachable"
+        restore = desk.add("Restore", here.desks.jobs.restore(desk))
+        await until(lambda: is_called(desk), "it calls for a device that gets power")
+        link = desk.session._link
+        assert isinstance(link, SimulatorLink)
+        assert link._simulator is not None
+        link._simulator.unplug()
+        job = await over(restore)
+        assert (job.state, job.message) == ("done", "The device answers again and has its old settings.")
+        assert files(tmp_path) == []
 
 
 @each_row(("port", "rate"), [(0, 115_200), (1, 921_600)])
-def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_either_rate(
+async def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_either_rate(
     tmp_path: Path, port: int, rate: int
 ) -> None:
     """Regression: only the first port was guarded; a host on the UART, whose rate alone changed, lost the device
     permanently.
     """
-
-    async def check() -> None:
-        async with bench(port) as there, house(tmp_path, rollback_s=1.0) as here:
-            desk = await here.add(f"serial://{there.slave}?baud=115200")
-            await here.read(desk)
-            change = {"PortConfig": {"words": [0x10002, 0x10000 | FAST, 0]}}
-            task = desk.add("Write Ports", here.desks.jobs.apply(desk, change, ""))
-            await until(
-                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
-            )
-            assert desk.session.access.baud == rate
-            await over(task)
-            assert desk.pending_rollback is not None
-            assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
-            assert desk.values["PortConfig"]["words"][1] == 0x10002
-
-    run(check())
+    async with bench(port) as there, house(tmp_path, rollback_s=1.0) as here:
+        desk = await here.add(f"serial://{there.slave}?baud=115200")
+        await here.read(desk)
+        change = {"PortConfig": {"words": [0x10002, 0x10000 | FAST, 0]}}
+        task = desk.add("Write Ports", here.desks.jobs.apply(desk, change, ""))
+        await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
+        assert desk.session.access.baud == rate
+        await over(task)
+        assert desk.pending_rollback is not None
+        assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
+        assert desk.values["PortConfig"]["words"][1] == 0x10002
 
 
-def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
+async def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Regression: each rate was tried once, for as long as a device takes that is neither slow nor at a busy host."""
@@ -256,19 +224,16 @@ def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
             return False
         return (yield from is_alive(driver, known))
 
-    async def check() -> None:
-        monkeypatch.setattr(XbusDriver, "is_alive", late)
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?product=MTi-300&baud=921600&rate=20")
-            jobs = here.desks.jobs
-            await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
-            assert desk.session.access.baud == 921_600
-            job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
-            assert (job.state, desk.session.access.baud) == ("done", 115_200), job
-            assert job.message == "The device uses 115 200 Bd after its restart; the link was changed to it."
-            assert not missed
-
-    run(check())
+    monkeypatch.setattr(XbusDriver, "is_alive", late)
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?product=MTi-300&baud=921600&rate=20")
+        jobs = here.desks.jobs
+        await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
+        assert desk.session.access.baud == 921_600
+        job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
+        assert (job.state, desk.session.access.baud) == ("done", 115_200), job
+        assert job.message == "The device uses 115 200 Bd after its restart; the link was changed to it."
+        assert not missed
 
 
 def is_called(desk: DeviceController) -> bool:
@@ -283,23 +248,19 @@ def cycle(there: SimulatorThread) -> None:
     there.cycle()
 
 
-def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
+async def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
     """Regression: its settings would have been overwritten with those of the previous device."""
-
-    async def check() -> None:
-        async with bench() as there, house(tmp_path) as here:
-            source = f"serial://{there.slave}?baud=115200"
-            old = {"PortConfig": {"words": [65538, 65538, 0]}}
-            record = RollbackRecord(source, "xbus", "MTi-630", "00FFFFFF", "", old, old, 115_200, 115_200, False)
-            here.desks.rollbacks.save(record)
-            await here.desks.resume()
-            desk = next(iter(here.desks._controllers.values()))
-            await until(lambda: desk.job_report.done, "it gave up")
-            assert "Another device is at this port: 0080800001, not 00FFFFFF" in desk.job_report.done[0].message
-            assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
-            assert files(tmp_path) == []
-
-    run(check())
+    async with bench() as there, house(tmp_path) as here:
+        source = f"serial://{there.slave}?baud=115200"
+        old = {"PortConfig": {"words": [65538, 65538, 0]}}
+        record = RollbackRecord(source, "xbus", "MTi-630", "00FFFFFF", "", old, old, 115_200, 115_200, False)
+        here.desks.rollbacks.save(record)
+        await here.desks.resume()
+        desk = next(iter(here.desks._controllers.values()))
+        await until(lambda: desk.job_report.done, "it gave up")
+        assert "Another device is at this port: 0080800001, not 00FFFFFF" in desk.job_report.done[0].message
+        assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
+        assert files(tmp_path) == []
 
 
 @each_row("text", ['{"source": "twi', "[" * 100_000, "null"])
@@ -350,72 +311,61 @@ def answers(http: Client, condition: Any) -> None:
 
 
 @each_row("state", ["applying", "rolling-back"])
-def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_settings(
+async def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_settings(
     tmp_path: Path, state: str
 ) -> None:
     """The device still has the old rate and may be in the config state: it is found there and measures again."""
-
-    async def check() -> None:
-        async with bench() as there, house(tmp_path, times=SILENT) as here:
-            there.hold_open()
-            source = f"serial://{there.slave}?baud=115200"
-            desk = await here.add(source)
-            await here.read(desk)
-            await desk.session.access.send(bytes.fromhex("faff3000d1"))
-            await until(lambda: desk.state == "Config", "the device is in Config")
-            await here.sessions.remove(desk.device)
-            old = {"PortConfig": dict(desk.values["PortConfig"])}
-            new = {"PortConfig": at_rate(old["PortConfig"], FAST)}
-            record = RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, new, 115_200, 921_600, True)
-            record.state = "applying" if state == "applying" else "rolling-back"
-            here.desks.rollbacks.save(record)
-            await here.desks.resume()
-            desk = next(iter(here.desks._controllers.values()))
-            await until(lambda: desk.job_report.done, "it is over")
-            assert desk.job_report.done[0].state == "done", desk.job_report.done[0].message
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.state == "rolled-back"
-            assert files(tmp_path) == []
-            await until(lambda: desk.session.info.status == "live", "it streams")
-
-    run(check())
+    async with bench() as there, house(tmp_path, times=SILENT) as here:
+        there.hold_open()
+        source = f"serial://{there.slave}?baud=115200"
+        desk = await here.add(source)
+        await here.read(desk)
+        await desk.session.access.send(bytes.fromhex("faff3000d1"))
+        await until(lambda: desk.state == "Config", "the device is in Config")
+        await here.sessions.remove(desk.device)
+        old = {"PortConfig": dict(desk.values["PortConfig"])}
+        new = {"PortConfig": at_rate(old["PortConfig"], FAST)}
+        record = RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, new, 115_200, 921_600, True)
+        record.state = "applying" if state == "applying" else "rolling-back"
+        here.desks.rollbacks.save(record)
+        await here.desks.resume()
+        desk = next(iter(here.desks._controllers.values()))
+        await until(lambda: desk.job_report.done, "it is over")
+        assert desk.job_report.done[0].state == "done", desk.job_report.done[0].message
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.state == "rolled-back"
+        assert files(tmp_path) == []
+        await until(lambda: desk.session.info.status == "live", "it streams")
 
 
-def test_a_rollback_of_a_port_under_another_path_adds_it_once(tmp_path: Path) -> None:
+async def test_a_rollback_of_a_port_under_another_path_adds_it_once(tmp_path: Path) -> None:
     """A server that was started with another text for the same port opened it once more, which failed as "in use"."""
-
-    async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path) as here:
-            there.hold_open()
-            desk = await here.add(str(there.slave))
-            await here.read(desk)
-            old = {"PortConfig": dict(desk.values["PortConfig"])}
-            source = f"serial://{there.slave}?baud=115200"
-            here.desks.rollbacks.save(
-                RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, old, 115_200, 115_200, False)
-            )
-            await here.desks.resume()
-            assert [one.info.id for one in here.sessions.all] == [desk.device]
-            await until(
-                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "rolled-back",
-                "it was rolled back",
-            )
-            with pytest.raises(LinkError, match="already open"):
-                here.sessions.add(source)
-
-    run(check())
+    async with bench(measuring=True) as there, house(tmp_path) as here:
+        there.hold_open()
+        desk = await here.add(str(there.slave))
+        await here.read(desk)
+        old = {"PortConfig": dict(desk.values["PortConfig"])}
+        source = f"serial://{there.slave}?baud=115200"
+        here.desks.rollbacks.save(
+            RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, old, 115_200, 115_200, False)
+        )
+        await here.desks.resume()
+        assert [one.info.id for one in here.sessions.all] == [desk.device]
+        await until(
+            lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "rolled-back",
+            "it was rolled back",
+        )
+        with pytest.raises(LinkError, match="already open"):
+            here.sessions.add(source)
 
 
-def test_a_device_that_answers_is_no_longer_reported_unreachable(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with bench() as there, house(tmp_path) as here:
-            desk = await here.add(f"serial://{there.slave}?baud=115200")
-            desk.pending_rollback = PendingRollback(desk.device, "unreachable", [], "gone")
-            task = desk.add("Restore communication", here.desks.jobs.restore(desk))
-            await until(lambda: is_called(desk), "it calls for a device that gets power")
-            cycle(there)
-            await over(task)
-            assert task.job.state == "done", task.job.message
-            assert desk.job_report.pending_rollback is None
-
-    run(check())
+async def test_a_device_that_answers_is_no_longer_reported_unreachable(tmp_path: Path) -> None:
+    async with bench() as there, house(tmp_path) as here:
+        desk = await here.add(f"serial://{there.slave}?baud=115200")
+        desk.pending_rollback = PendingRollback(desk.device, "unreachable", [], "gone")
+        task = desk.add("Restore communication", here.desks.jobs.restore(desk))
+        await until(lambda: is_called(desk), "it calls for a device that gets power")
+        cycle(there)
+        await over(task)
+        assert task.job.state == "done", task.job.message
+        assert desk.job_report.pending_rollback is None

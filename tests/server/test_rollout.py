@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,19 +25,15 @@ def mti(values: dict[str, Any]) -> DevicePresentState:
     return DevicePresentState(XbusDriver(), DeviceContext(product="MTi-630", baud=115_200), LINE, values)
 
 
-def test_the_job_also_refuses_an_excessive_load(tmp_path: Path) -> None:
+async def test_the_job_also_refuses_an_excessive_load(tmp_path: Path) -> None:
     """A profile of 400 Hz once filled a line of 115 200 Bd more than twice, because only the form looked."""
-
-    async def play() -> None:
-        async with house(tmp_path) as there:
-            desk = await there.add("sim:xbus?rate=20")
-            job = await there.apply(desk, {"OutputConfiguration": OVER, "LocationID": {"location_id": 7}})
-            assert job.state == "failed"
-            assert "% of the link (115 200 Bd)" in job.message
-            assert "Nothing was written" in job.hint
-            assert desk.values["LocationID"] == {"location_id": 0}
-
-    asyncio.run(play())
+    async with house(tmp_path) as there:
+        desk = await there.add("sim:xbus?rate=20")
+        job = await there.apply(desk, {"OutputConfiguration": OVER, "LocationID": {"location_id": 7}})
+        assert job.state == "failed"
+        assert "% of the link (115 200 Bd)" in job.message
+        assert "Nothing was written" in job.hint
+        assert desk.values["LocationID"] == {"location_id": 0}
 
 
 def test_an_excessive_load_is_reported_and_a_reduced_one_is_not() -> None:
@@ -68,23 +63,19 @@ def test_a_rate_that_no_line_allows_is_not_refused_for_the_line() -> None:
     assert overload_error(imx, pimu(1)) is None
 
 
-def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -> None:
+async def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -> None:
     """Two people had the form open; what the first one wrote was written over by the second one's whole setting."""
-
-    async def play() -> None:
-        async with house(tmp_path) as there:
-            desk = await there.add("sim:xbus?rate=20")
-            await there.read(desk)
-            seen = {"OutputConfiguration": desk.values["OutputConfiguration"]}
-            assert (await there.apply(desk, {"OutputConfiguration": outputs(50)})).state == "done"
-            late = there.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", seen)
-            task = desk.add("Write", late)
-            await task.finished.wait()
-            assert task.job.state == "failed"
-            assert "was changed by another client" in task.job.message
-            assert desk.values["OutputConfiguration"] == outputs(50)
-
-    asyncio.run(play())
+    async with house(tmp_path) as there:
+        desk = await there.add("sim:xbus?rate=20")
+        await there.read(desk)
+        seen = {"OutputConfiguration": desk.values["OutputConfiguration"]}
+        assert (await there.apply(desk, {"OutputConfiguration": outputs(50)})).state == "done"
+        late = there.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", seen)
+        task = desk.add("Write", late)
+        await task.finished.wait()
+        assert task.job.state == "failed"
+        assert "was changed by another client" in task.job.message
+        assert desk.values["OutputConfiguration"] == outputs(50)
 
 
 @each_row("model", MODELS.values(), ids=lambda model: model.name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -34,38 +33,30 @@ def test_the_host_is_on_the_port_that_the_source_names() -> None:
 
 
 @each_row(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
-def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=60.0) as here:
-            desk = await here.add(UART)
-            await here.read(desk)
-            task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
-            await until(
-                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
-            )
-            assert desk.session.access.baud == rate
-            desk.decide(keep=False)
-            await over(task)
-            assert desk.pending_rollback is not None
-            assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
-            assert desk.values["PortConfig"]["words"][:2] == [XBUS_115200] * 2
-
-    asyncio.run(check())
+async def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
+    async with house(tmp_path, rollback_s=60.0) as here:
+        desk = await here.add(UART)
+        await here.read(desk)
+        task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
+        await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
+        assert desk.session.access.baud == rate
+        desk.decide(keep=False)
+        await over(task)
+        assert desk.pending_rollback is not None
+        assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
+        assert desk.values["PortConfig"]["words"][:2] == [XBUS_115200] * 2
 
 
-def test_changes_that_may_cut_the_line_need_confirmation_on_either_port(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(UART)
-            await here.read(desk)
-            for place in (0, 1):
-                for word in (0x00002, 0x50002, FAST, XBUS_115200 | 1 << 8):  # off, NMEA, another rate, flow control
-                    words = [XBUS_115200, XBUS_115200, 0]
-                    words[place] = word
-                    wish = plan_changes(desk, {"PortConfig": {"words": words}})
-                    assert "cuts-line" in [danger.caution for danger in wish.risks], (place, hex(word))
-
-    asyncio.run(check())
+async def test_changes_that_may_cut_the_line_need_confirmation_on_either_port(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add(UART)
+        await here.read(desk)
+        for place in (0, 1):
+            for word in (0x00002, 0x50002, FAST, XBUS_115200 | 1 << 8):  # off, NMEA, another rate, flow control
+                words = [XBUS_115200, XBUS_115200, 0]
+                words[place] = word
+                wish = plan_changes(desk, {"PortConfig": {"words": words}})
+                assert "cuts-line" in [danger.caution for danger in wish.risks], (place, hex(word))
 
 
 def test_a_product_with_one_port_has_no_second() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -60,71 +59,58 @@ async def swapped(tmp_path: Path) -> AsyncIterator[tuple[ControlHarness, DeviceC
             yield here, desk
 
 
-def test_a_change_for_one_sensor_is_not_written_to_another(tmp_path: Path) -> None:
+async def test_a_change_for_one_sensor_is_not_written_to_another(tmp_path: Path) -> None:
     """The other sensor had the same settings, so the check of the base passed."""
-
-    async def check() -> None:
-        async with swapped(tmp_path) as (here, desk):
-            assert desk.session.info.serial_number == OLD  # it was measuring: nothing has told yet
-            assert desk.session.info.unconfirmed_since is not None
-            base = {"OutputConfiguration": desk.values["OutputConfiguration"]}
-            work = here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", base, sensor=OLD)
-            job = await over(desk.add("Write", work))
-            assert job.state == "failed"
-            assert job.message == f"Another sensor is at this port: {NEW}, not {OLD}. Nothing was written."
-            assert "SetOutputConfiguration" not in [entry.name for entry in desk.log.tail(limit=500)]
-            assert desk.session.info.serial_number == NEW
-            assert desk.session.info.unconfirmed_since is None
-            [event] = [one for one in here.telemetry.log if one.data.get("kind") == "replaced"]
-            assert event.text == f"Another sensor is here: MTi-630 {NEW}, in place of {OLD}."
-
-    asyncio.run(check())
+    async with swapped(tmp_path) as (here, desk):
+        assert desk.session.info.serial_number == OLD  # it was measuring: nothing has told yet
+        assert desk.session.info.unconfirmed_since is not None
+        base = {"OutputConfiguration": desk.values["OutputConfiguration"]}
+        work = here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", base, sensor=OLD)
+        job = await over(desk.add("Write", work))
+        assert job.state == "failed"
+        assert job.message == f"Another sensor is at this port: {NEW}, not {OLD}. Nothing was written."
+        assert "SetOutputConfiguration" not in [entry.name for entry in desk.log.tail(limit=500)]
+        assert desk.session.info.serial_number == NEW
+        assert desk.session.info.unconfirmed_since is None
+        [event] = [one for one in here.telemetry.log if one.data.get("kind") == "replaced"]
+        assert event.text == f"Another sensor is here: MTi-630 {NEW}, in place of {OLD}."
 
 
-def test_values_of_the_sensor_that_is_gone_are_not_shown_as_those_of_the_next(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with swapped(tmp_path) as (here, desk):
-            held = desk.values
-            job = await over(desk.add("Read", here.desks.jobs.read(desk, ["FilterProfile"], "")))
-            assert job.state == "done"
-            assert len(held) > 1
-            assert list(desk.values) == ["FilterProfile"]
-
-    asyncio.run(check())
+async def test_values_of_the_sensor_that_is_gone_are_not_shown_as_those_of_the_next(tmp_path: Path) -> None:
+    async with swapped(tmp_path) as (here, desk):
+        held = desk.values
+        job = await over(desk.add("Read", here.desks.jobs.read(desk, ["FilterProfile"], "")))
+        assert job.state == "done"
+        assert len(held) > 1
+        assert list(desk.values) == ["FilterProfile"]
 
 
-def test_a_command_asks_while_it_is_not_known_which_sensor_is_there(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with swapped(tmp_path) as (_, desk):
-            with pytest.raises(DomainError) as asked:
-                confirmed(doubts(desk, OLD), is_confirmed=False)
-            assert asked.value.kind == "confirm"
-            assert f"it is not known whether this is still {OLD}" in asked.value.message
-            assert doubts(desk, "") == []  # asked for whatever is at this port
-
-    asyncio.run(check())
+async def test_a_command_asks_while_it_is_not_known_which_sensor_is_there(tmp_path: Path) -> None:
+    async with swapped(tmp_path) as (_, desk):
+        with pytest.raises(DomainError) as asked:
+            confirmed(doubts(desk, OLD), is_confirmed=False)
+        assert asked.value.kind == "confirm"
+        assert f"it is not known whether this is still {OLD}" in asked.value.message
+        assert doubts(desk, "") == []  # asked for whatever is at this port
 
 
-def test_a_request_may_name_a_device_by_its_key(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here, plugged(FIRST, tmp_path / "a"), plugged(SECOND, tmp_path / "b"):
-            one = await here.add(f"{tmp_path / 'a'}?baud=115200")
-            two = await here.add(f"{tmp_path / 'b'}?baud=115200")
-            for desk in (one, two):
-                await here.read(desk)
-            key = f"xbus-{NEW}"
-            assert here.desks.get(key) is two
-            assert here.sessions.get(key) is two.session
-            assert wanted_sensor(key, two) == NEW
-            assert sensor_of(two, two.device) == ""
-            body = ApplyRequest({"OutputConfiguration": outputs(10)}, devices=[f"xbus-{OLD}"], confirmed=True)
-            await apply(body, here.desks.get(key), NEW, here.desks)
-            await until(lambda: one.job_report.done[0].id > 1 and two.job_report.done[0].id > 1, "both are written")
-            assert [desk.job_report.done[0].state for desk in (one, two)] == ["done", "done"]
-            with pytest.raises(KeyError):
-                here.desks.get("xbus-0080800001")
-
-    asyncio.run(check())
+async def test_a_request_may_name_a_device_by_its_key(tmp_path: Path) -> None:
+    async with house(tmp_path) as here, plugged(FIRST, tmp_path / "a"), plugged(SECOND, tmp_path / "b"):
+        one = await here.add(f"{tmp_path / 'a'}?baud=115200")
+        two = await here.add(f"{tmp_path / 'b'}?baud=115200")
+        for desk in (one, two):
+            await here.read(desk)
+        key = f"xbus-{NEW}"
+        assert here.desks.get(key) is two
+        assert here.sessions.get(key) is two.session
+        assert wanted_sensor(key, two) == NEW
+        assert sensor_of(two, two.device) == ""
+        body = ApplyRequest({"OutputConfiguration": outputs(10)}, devices=[f"xbus-{OLD}"], confirmed=True)
+        await apply(body, here.desks.get(key), NEW, here.desks)
+        await until(lambda: one.job_report.done[0].id > 1 and two.job_report.done[0].id > 1, "both are written")
+        assert [desk.job_report.done[0].state for desk in (one, two)] == ["done", "done"]
+        with pytest.raises(KeyError):
+            here.desks.get("xbus-0080800001")
 
 
 def test_sources_in_another_order_have_the_ids_of_the_run_before(tmp_path: Path) -> None:
@@ -154,24 +140,21 @@ def test_a_damaged_file_of_names_counts_as_absent(tmp_path: Path) -> None:
         assert DeviceNames(tmp_path).id_of("b", []) in ("1", "3")
 
 
-def test_a_name_of_ones_own_follows_the_sensor(tmp_path: Path) -> None:
+async def test_a_name_of_ones_own_follows_the_sensor(tmp_path: Path) -> None:
     port, other = tmp_path / "ttyIMU", tmp_path / "ttyIMU2"
 
-    async def check() -> None:
-        async with house(tmp_path) as here, plugged(FIRST, port):
-            desk = await here.add(f"{port}?baud=115200")
-            here.sessions.names.rename(desk.session.info.key, "left  wheel ")  # named before its number is known
-            assert desk.session.info.own_name == "left wheel"
-            await here.read(desk)
-            assert (desk.session.info.key, desk.session.info.own_name) == (f"xbus-{OLD}", "left wheel")
-            await here.sessions.remove(desk.device)
-            other.symlink_to(port.readlink())
-            moved = await here.add(f"{other}?baud=115200")
-            assert moved.session.info.own_name == ""
-            await here.read(moved)
-            assert moved.session.info.own_name == "left wheel"
-
-    asyncio.run(check())
+    async with house(tmp_path) as here, plugged(FIRST, port):
+        desk = await here.add(f"{port}?baud=115200")
+        here.sessions.names.rename(desk.session.info.key, "left  wheel ")  # named before its number is known
+        assert desk.session.info.own_name == "left wheel"
+        await here.read(desk)
+        assert (desk.session.info.key, desk.session.info.own_name) == (f"xbus-{OLD}", "left wheel")
+        await here.sessions.remove(desk.device)
+        other.symlink_to(port.readlink())
+        moved = await here.add(f"{other}?baud=115200")
+        assert moved.session.info.own_name == ""
+        await here.read(moved)
+        assert moved.session.info.own_name == "left wheel"
 
 
 def test_a_name_that_cannot_be_shown_is_refused(tmp_path: Path) -> None:

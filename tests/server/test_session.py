@@ -104,7 +104,7 @@ def test_a_dead_link_shows_at_once_and_comes_back() -> None:
     play(test)
 
 
-def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
     waits: list[float | None] = []
 
     async def pause(self: Session, seconds: float | None) -> None:
@@ -121,15 +121,12 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
         assert event.level == "error"
         assert len(stage.telemetry.bus.devices.latest["1"].attempts) <= device_state.MAX_ATTEMPTS
 
-    async def run() -> None:
-        stage = SessionHarness()
-        stage.link.refuses = [LinkError("denied", "No permission.", "Join the group dialout.") for _ in range(20)]
-        stage.session.start()
-        await stage.settle()
-        await test(stage)
-        await stage.session.close()
-
-    asyncio.run(run())
+    stage = SessionHarness()
+    stage.link.refuses = [LinkError("denied", "No permission.", "Join the group dialout.") for _ in range(20)]
+    stage.session.start()
+    await stage.settle()
+    await test(stage)
+    await stage.session.close()
 
 
 def test_a_frame_of_which_the_rest_is_late_is_a_good_frame() -> None:
@@ -368,37 +365,31 @@ def test_health_is_of_the_last_second() -> None:
     play(test)
 
 
-def test_a_step_of_the_wall_clock_is_an_event_and_moves_no_sample() -> None:
-    async def run() -> None:
-        clock = FakeClock()
-        telemetry = Telemetry.create(clock)
-        wall = [clock.ns]
-        settings = LinkSettings(now_ns=clock.now_ns)
-        sessions = Sessions(telemetry.bus, FakeLink, SPEECH, settings, wall_ns=lambda: wall[0])
-        sessions.tick()
-        wall[0] += 3_600_000_000_000
-        sessions.tick()
-        sessions.tick()
-        (event,) = telemetry.log
-        assert event.text.startswith("This host's clock was set ahead by 3 600 s")
-        assert telemetry.bus.now() == clock()
-        await sessions.close()
-
-    asyncio.run(run())
+async def test_a_step_of_the_wall_clock_is_an_event_and_moves_no_sample() -> None:
+    clock = FakeClock()
+    telemetry = Telemetry.create(clock)
+    wall = [clock.ns]
+    settings = LinkSettings(now_ns=clock.now_ns)
+    sessions = Sessions(telemetry.bus, FakeLink, SPEECH, settings, wall_ns=lambda: wall[0])
+    sessions.tick()
+    wall[0] += 3_600_000_000_000
+    sessions.tick()
+    sessions.tick()
+    (event,) = telemetry.log
+    assert event.text.startswith("This host's clock was set ahead by 3 600 s")
+    assert telemetry.bus.now() == clock()
+    await sessions.close()
 
 
-def test_one_source_is_opened_once() -> None:
-    async def run() -> None:
-        clock = FakeClock()
-        sessions = Sessions(Telemetry.create(clock).bus, FakeLink, SPEECH, LinkSettings(now_ns=clock.now_ns))
-        first = sessions.add("/dev/ttyFAKE", DecodeOptions("fake"))
-        with pytest.raises(LinkError, match="already open"):
-            sessions.add("/dev/ttyFAKE")
-        await sessions.remove(first.info.id)
-        assert sessions.add("/dev/ttyFAKE", DecodeOptions("fake")).info.id == "2"  # ids are never used again
-        await sessions.close()
-
-    asyncio.run(run())
+async def test_one_source_is_opened_once() -> None:
+    clock = FakeClock()
+    sessions = Sessions(Telemetry.create(clock).bus, FakeLink, SPEECH, LinkSettings(now_ns=clock.now_ns))
+    first = sessions.add("/dev/ttyFAKE", DecodeOptions("fake"))
+    with pytest.raises(LinkError, match="already open"):
+        sessions.add("/dev/ttyFAKE")
+    await sessions.remove(first.info.id)
+    assert sessions.add("/dev/ttyFAKE", DecodeOptions("fake")).info.id == "2"  # ids are never used again
+    await sessions.close()
 
 
 def test_received_and_sent_bytes_reach_listeners() -> None:

@@ -19,23 +19,19 @@ from tests.server.control_harness import house
 IMX = DeviceContext(product="IMX-5", serial_number="1", firmware="2.7.1.0")
 
 
-def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
+async def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
     """Two readings of one device without a change between them have no differences."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:isb?rate=20")
-            await here.read(desk)
-            first = ComparedValues("First", desk.values)
-            await asyncio.sleep(0.02)
-            await here.read(desk)
-            assert first.values["DID_SYS_PARAMS"] != desk.values["DID_SYS_PARAMS"]
-            found = compare(desk.driver, desk.context, ComparedValues("Now", desk.values), first)
-            assert found.rows == []
-            assert found.same > 50
-            assert "DID_SYS_PARAMS" not in {*found.missing, *found.profile, *found.changes}
-
-    asyncio.run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:isb?rate=20")
+        await here.read(desk)
+        first = ComparedValues("First", desk.values)
+        await asyncio.sleep(0.02)
+        await here.read(desk)
+        assert first.values["DID_SYS_PARAMS"] != desk.values["DID_SYS_PARAMS"]
+        found = compare(desk.driver, desk.context, ComparedValues("Now", desk.values), first)
+        assert found.rows == []
+        assert found.same > 50
+        assert "DID_SYS_PARAMS" not in {*found.missing, *found.profile, *found.changes}
 
 
 def test_a_profile_saved_during_a_calibration_does_not_start_one() -> None:
@@ -52,7 +48,7 @@ def test_a_profile_saved_during_a_calibration_does_not_start_one() -> None:
     assert "state" not in found.profile["DID_SURVEY_IN"]
 
 
-def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
+async def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
     """An empty side was shown as "No difference, 0 values agree"."""
 
     async def refusal(desk: DeviceController, here: Any) -> DomainError | None:
@@ -62,19 +58,16 @@ def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
             return error
         return None
 
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            imx, mti = await here.add("sim:isb?rate=20"), await here.add("sim:xbus?baud=921600&rate=20")
-            for desk in (imx, mti):
-                await here.read(desk)
-            error = await refusal(imx, here)
-            assert error is not None
-            assert error.kind == "no-defaults"
-            assert "IMX-5" in error.message
-            assert await refusal(mti, here) is None
-            assert [forms_of(desk.driver, "x", desk.context).factory for desk in (imx, mti)] == [False, True]
-
-    asyncio.run(check())
+    async with house(tmp_path) as here:
+        imx, mti = await here.add("sim:isb?rate=20"), await here.add("sim:xbus?baud=921600&rate=20")
+        for desk in (imx, mti):
+            await here.read(desk)
+        error = await refusal(imx, here)
+        assert error is not None
+        assert error.kind == "no-defaults"
+        assert "IMX-5" in error.message
+        assert await refusal(mti, here) is None
+        assert [forms_of(desk.driver, "x", desk.context).factory for desk in (imx, mti)] == [False, True]
 
 
 def streams(*entries: tuple[int, int, float]) -> dict[str, Any]:

@@ -41,77 +41,61 @@ from tests.waiting import until
 DRIVER = XbusDriver()
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
-def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> None:
+async def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> None:
     """Regression: everything was sent to identifier 255, and requests for the second device went to the first."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desks = await both(here)
-            sent: list[bytes] = []
-            desks[0].session.listeners.on_sent(lambda data, time: sent.append(data))
-            assert {int(desk.context.device) for desk in desks} == {1, 2}
-            for place, desk in enumerate(desks):
-                job = await here.read(desk)
-                assert job.state == "done", job.message
-                job = await here.apply(desk, {"LocationID": {"location_id": 40 + place}})
-                assert job.state == "done", job.message
-            assert {data[1] for data in sent} == {1, 2}
-            serials = {desk.session.info.serial_number for desk in desks}
-            assert len(serials) == 2
-            assert "" not in serials
-            for place, desk in enumerate(desks):
-                await here.read(desk)
-                assert desk.values["LocationID"] == {"location_id": 40 + place}
-                names = {entry.name for entry in desk.log.tail()}
-                assert {"ReqDID", "DeviceID"} <= names
-                assert all(
-                    bytes.fromhex(entry.hex[2:4])[0] == int(desk.context.device)
-                    for entry in desk.log.tail()
-                    if entry.hex
-                )
-
-    run(check())
+    async with house(tmp_path) as here:
+        desks = await both(here)
+        sent: list[bytes] = []
+        desks[0].session.listeners.on_sent(lambda data, time: sent.append(data))
+        assert {int(desk.context.device) for desk in desks} == {1, 2}
+        for place, desk in enumerate(desks):
+            job = await here.read(desk)
+            assert job.state == "done", job.message
+            job = await here.apply(desk, {"LocationID": {"location_id": 40 + place}})
+            assert job.state == "done", job.message
+        assert {data[1] for data in sent} == {1, 2}
+        serials = {desk.session.info.serial_number for desk in desks}
+        assert len(serials) == 2
+        assert "" not in serials
+        for place, desk in enumerate(desks):
+            await here.read(desk)
+            assert desk.values["LocationID"] == {"location_id": 40 + place}
+            names = {entry.name for entry in desk.log.tail()}
+            assert {"ReqDID", "DeviceID"} <= names
+            assert all(
+                bytes.fromhex(entry.hex[2:4])[0] == int(desk.context.device) for entry in desk.log.tail() if entry.hex
+            )
 
 
-def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desks = await both(here)
-            sent: list[int] = []
-            desks[0].session.listeners.on_sent(lambda data, time: sent.append(data[1]))
-            tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
-            jobs = [await over(task) for task in tasks]
-            assert [job.state for job in jobs] == ["done", "done"]
-            assert [bid for bid, _ in itertools.groupby(sent)] == [int(desk.context.device) for desk in desks]
-
-    run(check())
+async def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desks = await both(here)
+        sent: list[int] = []
+        desks[0].session.listeners.on_sent(lambda data, time: sent.append(data[1]))
+        tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
+        jobs = [await over(task) for task in tasks]
+        assert [job.state for job in jobs] == ["done", "done"]
+        assert [bid for bid, _ in itertools.groupby(sent)] == [int(desk.context.device) for desk in desks]
 
 
-def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desks = await both(here)
-            said: list[str] = []
-            here.telemetry.bus.events.subscribe(lambda event: said.append(f"{event.kind} {event.text}"))
+async def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desks = await both(here)
+        said: list[str] = []
+        here.telemetry.bus.events.subscribe(lambda event: said.append(f"{event.kind} {event.text}"))
 
-            async def wait(task: Any) -> None:
-                await asyncio.sleep(0)
-                line = desks[0].session
-                far = here.telemetry.bus.now() + 60
-                line.tick(far)  # type: ignore[union-attr]
+        async def wait(task: Any) -> None:
+            await asyncio.sleep(0)
+            line = desks[0].session
+            far = here.telemetry.bus.now() + 60
+            line.tick(far)  # type: ignore[union-attr]
 
-            for desk in desks:
-                await over(desk.add("Wait", wait))
-                others = [one for one in desks if one is not desk]
-                assert desk.session.info.status == "live"
-                assert all(one.session.info.status == "lost" for one in others)
-                await until(lambda: all(one.session.info.status == "live" for one in desks), "both are back")
-
-    run(check())
+        for desk in desks:
+            await over(desk.add("Wait", wait))
+            others = [one for one in desks if one is not desk]
+            assert desk.session.info.status == "live"
+            assert all(one.session.info.status == "lost" for one in others)
+            await until(lambda: all(one.session.info.status == "live" for one in desks), "both are back")
 
 
 def test_a_device_keeps_its_identity_after_an_outage_in_any_order(tmp_path: Path) -> None:
@@ -250,18 +234,14 @@ def test_an_invalid_bus_identifier_is_refused(device: str, capsys: pytest.Captur
     assert "is not a bus identifier; give a number from 1 to 255" in capsys.readouterr().err
 
 
-def test_another_rate_on_a_shared_line_needs_confirmation(tmp_path: Path) -> None:
+async def test_another_rate_on_a_shared_line_needs_confirmation(tmp_path: Path) -> None:
     """The link follows the changed device and no longer receives the others."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            for desk in await both(here):
-                await here.read(desk)
-                words = [word & ~0xFF | 0x80 for word in desk.values["PortConfig"]["words"][:2]]
-                wish = plan_changes(desk, {"PortConfig": {"words": [*words, 0]}})
-                assert SHARED in [danger.consequence for danger in wish.risks]
-
-    run(check())
+    async with house(tmp_path) as here:
+        for desk in await both(here):
+            await here.read(desk)
+            words = [word & ~0xFF | 0x80 for word in desk.values["PortConfig"]["words"][:2]]
+            wish = plan_changes(desk, {"PortConfig": {"words": [*words, 0]}})
+            assert SHARED in [danger.consequence for danger in wish.risks]
 
 
 def uart_at_921600(desk: DeviceController) -> dict[str, dict[str, object]]:
@@ -270,91 +250,80 @@ def uart_at_921600(desk: DeviceController) -> dict[str, dict[str, object]]:
 
 
 @each_row("keep", [False, True])
-def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool, tmp_path: Path) -> None:
+async def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool, tmp_path: Path) -> None:
     """Regression: at its new rate the others are noise without a recognised protocol; its answers were ignored, and it
     was lost at an unknown rate.
     """
-
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=60.0) as here:
-            first, desk = await both(here, f"{SOURCE}&port=uart")
-            await here.read(desk)
-            task = desk.add("Ports", here.desks.jobs.apply(desk, uart_at_921600(desk), ""))
-            await until(lambda: desk.pending_rollback is not None or task.finished.is_set(), "it begins")
-            await until(
-                lambda: (desk.pending_rollback and desk.pending_rollback.state == "pending") or task.finished.is_set(),
-                "it asks",
-            )
-            assert not task.finished.is_set(), task.job.message
-            assert {one.session.access.baud for one in (first, desk)} == {921_600}
-            (record,) = here.desks.rollbacks.all()
-            assert (record.device, record.address) == (desk.context.device, int(desk.context.device))
-            desk.decide(keep=keep)
-            job = await over(task)
-            assert job.state == ("done" if keep else "failed"), job.message
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
-            assert {one.session.access.baud for one in (first, desk)} == {921_600 if keep else 115_200}
-            await until(lambda: desk.session.info.status == "live", "it is heard again")
-            if keep:
-                await until(lambda: first.session.info.status == "lost", "the other speaks at another rate")
-                assert "others on its link continue" in first.session.info.message
-            else:
-                await until(lambda: first.session.info.status == "live", "the other is heard again")
-                assert (await here.read(first)).state == "done"
-
-    run(check())
+    async with house(tmp_path, rollback_s=60.0) as here:
+        first, desk = await both(here, f"{SOURCE}&port=uart")
+        await here.read(desk)
+        task = desk.add("Ports", here.desks.jobs.apply(desk, uart_at_921600(desk), ""))
+        await until(lambda: desk.pending_rollback is not None or task.finished.is_set(), "it begins")
+        await until(
+            lambda: (desk.pending_rollback and desk.pending_rollback.state == "pending") or task.finished.is_set(),
+            "it asks",
+        )
+        assert not task.finished.is_set(), task.job.message
+        assert {one.session.access.baud for one in (first, desk)} == {921_600}
+        (record,) = here.desks.rollbacks.all()
+        assert (record.device, record.address) == (desk.context.device, int(desk.context.device))
+        desk.decide(keep=keep)
+        job = await over(task)
+        assert job.state == ("done" if keep else "failed"), job.message
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
+        assert {one.session.access.baud for one in (first, desk)} == {921_600 if keep else 115_200}
+        await until(lambda: desk.session.info.status == "live", "it is heard again")
+        if keep:
+            await until(lambda: first.session.info.status == "lost", "the other speaks at another rate")
+            assert "others on its link continue" in first.session.info.message
+        else:
+            await until(lambda: first.session.info.status == "live", "the other is heard again")
+            assert (await here.read(first)).state == "done"
 
 
-def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) -> None:
+async def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) -> None:
     """Regression: each device was granted the full capacity of the line."""
+    async with house(tmp_path) as here:
+        desks = await both(here)
+        for desk in desks:
+            await here.read(desk)
+        first, further = desks
+        wish = outputs(100, 0x2010, 0x4020, 0x8020)
+        assert not overload(first.present, {"OutputConfiguration": wish})
+        job = await here.apply(further, {"OutputConfiguration": wish})
+        assert job.state == "done", job.message
+        words = {"OutputConfiguration": wish}
+        assert "of the link (115 200 Bd)" in overload(first.present, words)
+        with pytest.raises(DomainError, match="of the link"):
+            plan_changes(first, words)
+        load = preview_setting(first.present, "OutputConfiguration", wish).load
+        assert load is not None
+        assert load.parts[-1].title == further.session.info.name
+        assert load.total == pytest.approx(sum(part.bytes_per_s for part in load.parts))
+        fitting = fit(first.present, "OutputConfiguration", wish, None)
+        assert not overload(first.present, {"OutputConfiguration": fitting.values})
 
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desks = await both(here)
+
+async def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path) -> None:
+    async with house(tmp_path / "data") as here:
+        desks = await both(here)
+        await here.read(desks[0])
+        tape = Recorder(
+            here.telemetry.bus,
+            here.sessions,
+            here.desks,
+            RecordingOptions(tmp_path / "recordings", request_header=False),
+            None,
+        )
+        state = await tape.start()
+        await here.read(desks[1])
+        await tape.stop()
+        with McapReader(tmp_path / "recordings" / f"{state.id}.mcap") as recording:
             for desk in desks:
-                await here.read(desk)
-            first, further = desks
-            wish = outputs(100, 0x2010, 0x4020, 0x8020)
-            assert not overload(first.present, {"OutputConfiguration": wish})
-            job = await here.apply(further, {"OutputConfiguration": wish})
-            assert job.state == "done", job.message
-            words = {"OutputConfiguration": wish}
-            assert "of the link (115 200 Bd)" in overload(first.present, words)
-            with pytest.raises(DomainError, match="of the link"):
-                plan_changes(first, words)
-            load = preview_setting(first.present, "OutputConfiguration", wish).load
-            assert load is not None
-            assert load.parts[-1].title == further.session.info.name
-            assert load.total == pytest.approx(sum(part.bytes_per_s for part in load.parts))
-            fitting = fit(first.present, "OutputConfiguration", wish, None)
-            assert not overload(first.present, {"OutputConfiguration": fitting.values})
-
-    run(check())
-
-
-def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path / "data") as here:
-            desks = await both(here)
-            await here.read(desks[0])
-            tape = Recorder(
-                here.telemetry.bus,
-                here.sessions,
-                here.desks,
-                RecordingOptions(tmp_path / "recordings", request_header=False),
-                None,
-            )
-            state = await tape.start()
-            await here.read(desks[1])
-            await tape.stop()
-            with McapReader(tmp_path / "recordings" / f"{state.id}.mcap") as recording:
-                for desk in desks:
-                    _, body = list(json_messages(recording, f"snapshot/{desk.device}"))[-1]
-                    assert body["serial_number"] == desk.context.serial_number
-                    assert body["address"] == int(desk.context.device)
-
-    run(check())
+                _, body = list(json_messages(recording, f"snapshot/{desk.device}"))[-1]
+                assert body["serial_number"] == desk.context.serial_number
+                assert body["address"] == int(desk.context.device)
 
 
 def test_recorded_settings_are_of_the_device_with_their_address(tmp_path: Path) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,10 +17,6 @@ from tests.waiting import until
 IMX, MTI = "sim:isb?rate=20", "sim:xbus?baud=921600&rate=20"
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 def dids(desk: DeviceController) -> set[int]:
     return {one["did"] for one in desk.values["streams"]["streams"]}
 
@@ -35,88 +29,70 @@ async def command(
     assert job.state == "done", job.message
 
 
-def test_a_preset_of_streams_updates_the_form(tmp_path: Path) -> None:
+async def test_a_preset_of_streams_updates_the_form(tmp_path: Path) -> None:
     """Regression: six streams were on, but the form showed the replaced ones; a restart updated it."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(IMX)
-            await here.read(desk)
-            before = dids(desk)
-            await command(here, desk, "DID_RMC.INS", options=0)
-            assert dids(desk) != before
-            await command(here, desk, "DID_SYS_CMD.SOFTWARE_RESET", restarts=True)
-            assert dids(desk) == before
-            await command(here, desk, "STOP_BROADCASTS_CURRENT_PORT")
-            assert dids(desk) == set()
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add(IMX)
+        await here.read(desk)
+        before = dids(desk)
+        await command(here, desk, "DID_RMC.INS", options=0)
+        assert dids(desk) != before
+        await command(here, desk, "DID_SYS_CMD.SOFTWARE_RESET", restarts=True)
+        assert dids(desk) == before
+        await command(here, desk, "STOP_BROADCASTS_CURRENT_PORT")
+        assert dids(desk) == set()
 
 
-def test_factory_settings_update_every_form(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(MTI)
-            await here.read(desk)
-            assert (await here.apply(desk, {"LocationID": {"location_id": 7}})).state == "done"
-            await command(here, desk, "RestoreFactoryDef")
-            assert desk.values["LocationID"] == {"location_id": 0}
-
-    run(check())
+async def test_factory_settings_update_every_form(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add(MTI)
+        await here.read(desk)
+        assert (await here.apply(desk, {"LocationID": {"location_id": 7}})).state == "done"
+        await command(here, desk, "RestoreFactoryDef")
+        assert desk.values["LocationID"] == {"location_id": 0}
 
 
-def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_path: Path) -> None:
+async def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_path: Path) -> None:
     """After user-composed bytes, the setting that they write is unknown until it is read again."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(MTI)
-            await here.read(desk)
-            frame = desk.driver.frame("SetLocationID", {"location_id": 9}, desk.context)
-            job = await over(desk.add("Send 7 bytes", here.desks.jobs.raw(desk, frame)))
-            assert job.state == "done"
-            assert "LocationID" not in desk.values
-            assert desk.missing["LocationID"] == "not read since “Send 7 bytes”"
-            assert "OutputConfiguration" in desk.values
-            asked = desk.driver.frame("ReqDID", {}, desk.context)
-            await over(desk.add("Ask", here.desks.jobs.raw(desk, asked)))
-            assert "OutputConfiguration" in desk.values
-            await over(desk.add("Send 2 bytes", here.desks.jobs.raw(desk, b"\x00\x01")))
-            assert not desk.values
-            await here.read(desk)
-            assert not desk.missing
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add(MTI)
+        await here.read(desk)
+        frame = desk.driver.frame("SetLocationID", {"location_id": 9}, desk.context)
+        job = await over(desk.add("Send 7 bytes", here.desks.jobs.raw(desk, frame)))
+        assert job.state == "done"
+        assert "LocationID" not in desk.values
+        assert desk.missing["LocationID"] == "not read since “Send 7 bytes”"
+        assert "OutputConfiguration" in desk.values
+        asked = desk.driver.frame("ReqDID", {}, desk.context)
+        await over(desk.add("Ask", here.desks.jobs.raw(desk, asked)))
+        assert "OutputConfiguration" in desk.values
+        await over(desk.add("Send 2 bytes", here.desks.jobs.raw(desk, b"\x00\x01")))
+        assert not desk.values
+        await here.read(desk)
+        assert not desk.missing
 
 
-def test_a_new_navigation_period_updates_the_streams_form(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(IMX)
-            await here.read(desk)
-            change = {"DID_FLASH_CONFIG": {"startupNavDtMs": 40, "startupImuDtMs": 40}}
-            assert (await here.apply(desk, change)).state == "done"
-            assert desk.values["DID_SYS_PARAMS"]["navOutputPeriodMs"] == 40
-            row = next(one for one in desk.values["streams"]["streams"] if one["did"] == 4)
-            assert row["source_ms"] == pytest.approx(40, rel=0.05)
-
-    run(check())
+async def test_a_new_navigation_period_updates_the_streams_form(tmp_path: Path) -> None:
+    async with house(tmp_path) as here:
+        desk = await here.add(IMX)
+        await here.read(desk)
+        change = {"DID_FLASH_CONFIG": {"startupNavDtMs": 40, "startupImuDtMs": 40}}
+        assert (await here.apply(desk, change)).state == "done"
+        assert desk.values["DID_SYS_PARAMS"]["navOutputPeriodMs"] == 40
+        row = next(one for one in desk.values["streams"]["streams"] if one["did"] == 4)
+        assert row["source_ms"] == pytest.approx(40, rel=0.05)
 
 
-def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
+async def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
     """Regression: the link budget was 0 B/s beside the measured rate."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(MTI)
-            await over(desk.add("Read", here.desks.jobs.read(desk, ["LocationID"], "")))
-            assert load_of(desk.present, desk.values, 921_600) is None
-            merged = {**desk.values, "OutputConfiguration": outputs(100)}
-            load = load_of(desk.present, merged, 921_600)
-            assert load is not None
-            assert load.total > 0
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add(MTI)
+        await over(desk.add("Read", here.desks.jobs.read(desk, ["LocationID"], "")))
+        assert load_of(desk.present, desk.values, 921_600) is None
+        merged = {**desk.values, "OutputConfiguration": outputs(100)}
+        load = load_of(desk.present, merged, 921_600)
+        assert load is not None
+        assert load.total > 0
 
 
 @each_row(
@@ -157,25 +133,21 @@ def test_settings_changed_by_a_command(protocol: str, name: str, values: dict[st
         (MTI, "GoToConfig", {"OutputConfiguration": outputs(50)}, "GoToMeasurement"),
     ],
 )
-def test_a_silent_device_is_not_reported_unreachable(
+async def test_a_silent_device_is_not_reported_unreachable(
     tmp_path: Path, source: str, silence: str, change: dict[str, dict[str, object]], speech: str
 ) -> None:
     """Its link is open all the while, and it answers. Streams that are written make it speak again; a device that was
     sent to the config state stays there until it is sent back.
     """
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add(source)
-            await here.read(desk)
-            await command(here, desk, silence)
-            await until(lambda: desk.session.info.status != "live", "it is silent")
-            assert desk.session.info.is_open
-            assert (await here.read(desk)).state == "done"
-            job = await here.apply(desk, change)
-            assert (job.state, job.outcomes) == ("done", []), job.message
-            if speech:
-                await command(here, desk, speech)
-            await until(lambda: desk.session.info.status == "live", "it streams again")
-
-    run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add(source)
+        await here.read(desk)
+        await command(here, desk, silence)
+        await until(lambda: desk.session.info.status != "live", "it is silent")
+        assert desk.session.info.is_open
+        assert (await here.read(desk)).state == "done"
+        job = await here.apply(desk, change)
+        assert (job.state, job.outcomes) == ("done", []), job.message
+        if speech:
+            await command(here, desk, speech)
+        await until(lambda: desk.session.info.status == "live", "it streams again")

@@ -242,31 +242,27 @@ def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
 
 
 @each_row("speed", [0.5, 2.0, 20.0])
-def test_a_capture_played_faster_is_not_a_clock_jump(speed: float) -> None:
+async def test_a_capture_played_faster_is_not_a_clock_jump(speed: float) -> None:
     """`capture.bin?speed=2`: two seconds of the device's clock pass in one of the host's."""
-
-    async def run() -> None:
-        clock = FakeClock()
-        telemetry = Telemetry.create(clock)
-        link: Any = FakeLink("/dev/ttySIM", LinkSettings(now_ns=clock.now_ns))
-        link.speed = speed
-        session = Session("1", link, telemetry.bus, all_protocols(), DecodeOptions(protocol="idtp"))
-        session.start()
-        await asyncio.sleep(0.001)
-        device, began = IdtpSimulator(), clock.ns
-        for k in range(1, 601):
-            clock.ns = began + round(k * 1e7 / speed)
-            link.send(device.advance(k * 10_000_000))
-            await asyncio.sleep(0)
-            await asyncio.sleep(0)
-            if k % 10 == 0:
-                session.access.decode()
-                session.tick(clock())
-        said = [event.text for event in telemetry.log if event.kind == "clock" or event.data.get("reason") == "unit"]
-        channel = next(one for one in telemetry.store.all if one.info.name == "Acceleration")
-        steps = np.diff(channel.ring.read()[1][100:])
-        await session.close()
-        assert said == []
-        assert abs(steps - 0.01 / speed).max() < 0.002 / speed
-
-    asyncio.run(run())
+    clock = FakeClock()
+    telemetry = Telemetry.create(clock)
+    link: Any = FakeLink("/dev/ttySIM", LinkSettings(now_ns=clock.now_ns))
+    link.speed = speed
+    session = Session("1", link, telemetry.bus, all_protocols(), DecodeOptions(protocol="idtp"))
+    session.start()
+    await asyncio.sleep(0.001)
+    device, began = IdtpSimulator(), clock.ns
+    for k in range(1, 601):
+        clock.ns = began + round(k * 1e7 / speed)
+        link.send(device.advance(k * 10_000_000))
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        if k % 10 == 0:
+            session.access.decode()
+            session.tick(clock())
+    said = [event.text for event in telemetry.log if event.kind == "clock" or event.data.get("reason") == "unit"]
+    channel = next(one for one in telemetry.store.all if one.info.name == "Acceleration")
+    steps = np.diff(channel.ring.read()[1][100:])
+    await session.close()
+    assert said == []
+    assert abs(steps - 0.01 / speed).max() < 0.002 / speed

@@ -209,30 +209,27 @@ async def shown(port: int, trust: Path) -> str:
     return hashlib.sha256(der).digest().hex(":").upper()
 
 
-def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    async def play() -> None:
-        old = tls.ensure_self_signed(tmp_path / "old", ["localhost"])
-        new = tls.ensure_self_signed(tmp_path / "new", ["localhost"])
-        config = Config(tls_cert=str(tmp_path / "cert.pem"), tls_key=str(tmp_path / "key.pem"))
+async def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    old = tls.ensure_self_signed(tmp_path / "old", ["localhost"])
+    new = tls.ensure_self_signed(tmp_path / "new", ["localhost"])
+    config = Config(tls_cert=str(tmp_path / "cert.pem"), tls_key=str(tmp_path / "key.pem"))
 
-        def install(cert: Path, key: Path) -> None:
-            Path(config.tls_cert).write_bytes(cert.read_bytes())
-            Path(config.tls_key).write_bytes(key.read_bytes())
+    def install(cert: Path, key: Path) -> None:
+        Path(config.tls_cert).write_bytes(cert.read_bytes())
+        Path(config.tls_key).write_bytes(key.read_bytes())
 
-        install(old.cert, old.key)
-        keeper = tls.CertificateManager(config)
-        looking = asyncio.create_task(http_server.watch_certificate(keeper, 0.02))
-        async with serving_with(keeper) as port:
-            assert await shown(port, old.cert) == old.fingerprint
-            install(new.cert, old.key)  # half way
-            await until(lambda: "was not replaced" in caplog.text, "it is tried")
-            assert await shown(port, old.cert) == old.fingerprint
-            install(new.cert, new.key)
-            await until(lambda: keeper.tls.fingerprint == new.fingerprint, "it is replaced")
-            assert await shown(port, new.cert) == new.fingerprint
-        looking.cancel()
-
-    asyncio.run(play())
+    install(old.cert, old.key)
+    keeper = tls.CertificateManager(config)
+    looking = asyncio.create_task(http_server.watch_certificate(keeper, 0.02))
+    async with serving_with(keeper) as port:
+        assert await shown(port, old.cert) == old.fingerprint
+        install(new.cert, old.key)  # half way
+        await until(lambda: "was not replaced" in caplog.text, "it is tried")
+        assert await shown(port, old.cert) == old.fingerprint
+        install(new.cert, new.key)
+        await until(lambda: keeper.tls.fingerprint == new.fingerprint, "it is replaced")
+        assert await shown(port, new.cert) == new.fingerprint
+    looking.cancel()
 
 
 # ── a handshake that does not end ──
@@ -246,58 +243,47 @@ async def closed(reader: asyncio.StreamReader) -> bool:
     return True
 
 
-def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path) -> None:
+async def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path) -> None:
     """Regression: connections with no or half a handshake were kept for a minute."""
-
-    async def play() -> None:
-        keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
-        async with serving_with(keeper, ConnectionLimits(handshake_s=0.3)) as port:
-            for said in (b"", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"):
-                reader, writer = await asyncio.open_connection("127.0.0.1", port)
-                writer.write(said)
-                assert await closed(reader)
-                writer.close()
-            fingerprint = ""
-            async with asyncio.timeout(PATIENCE_S):
-                while not fingerprint:  # on a busy machine this handshake may be late, too
-                    with contextlib.suppress(OSError):
-                        fingerprint = await shown(port, keeper.tls.cert)
-            assert fingerprint == keeper.tls.fingerprint
-
-    asyncio.run(play())
+    keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
+    async with serving_with(keeper, ConnectionLimits(handshake_s=0.3)) as port:
+        for said in (b"", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"):
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(said)
+            assert await closed(reader)
+            writer.close()
+        fingerprint = ""
+        async with asyncio.timeout(PATIENCE_S):
+            while not fingerprint:  # on a busy machine this handshake may be late, too
+                with contextlib.suppress(OSError):
+                    fingerprint = await shown(port, keeper.tls.cert)
+        assert fingerprint == keeper.tls.fingerprint
 
 
-def test_handshakes_that_do_not_end_leave_room_for_one_that_does(tmp_path: Path) -> None:
+async def test_handshakes_that_do_not_end_leave_room_for_one_that_does(tmp_path: Path) -> None:
     """They were counted nowhere: about a thousand, without a token, took every descriptor of a server with TLS."""
-
-    async def play() -> None:
-        keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
-        async with serving_with(keeper, ConnectionLimits(handshake_s=PATIENCE_S, most=10)) as port:
-            silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
-            assert all([await closed(reader) for reader, _ in silent[:20]])
-            assert await shown(port, keeper.tls.cert) == keeper.tls.fingerprint
-            assert not any(reader.at_eof() for reader, _ in silent[-5:])
-            for _, writer in silent:
-                writer.close()
-
-    asyncio.run(play())
+    keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
+    async with serving_with(keeper, ConnectionLimits(handshake_s=PATIENCE_S, most=10)) as port:
+        silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
+        assert all([await closed(reader) for reader, _ in silent[:20]])
+        assert await shown(port, keeper.tls.cert) == keeper.tls.fingerprint
+        assert not any(reader.at_eof() for reader, _ in silent[-5:])
+        for _, writer in silent:
+            writer.close()
 
 
-def test_a_server_ends_without_waiting_for_handshakes(tmp_path: Path) -> None:
+async def test_a_server_ends_without_waiting_for_handshakes(tmp_path: Path) -> None:
     def shaking() -> bool:
         return any(task.get_name() == "TLS handshake" for task in asyncio.all_tasks())
 
-    async def play() -> None:
-        keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
-        async with serving_with(keeper, ConnectionLimits(handshake_s=PATIENCE_S)) as port:
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(b"\x16\x03\x01\x02\x00")
-            async with asyncio.timeout(PATIENCE_S):
-                while not shaking():
-                    await asyncio.sleep(0.01)
-        assert await closed(reader)
-        writer.close()
-        await asyncio.sleep(0)
-        assert not shaking()
-
-    asyncio.run(play())
+    keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
+    async with serving_with(keeper, ConnectionLimits(handshake_s=PATIENCE_S)) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"\x16\x03\x01\x02\x00")
+        async with asyncio.timeout(PATIENCE_S):
+            while not shaking():
+                await asyncio.sleep(0.01)
+    assert await closed(reader)
+    writer.close()
+    await asyncio.sleep(0)
+    assert not shaking()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -27,10 +26,6 @@ from tests.waiting import until
 
 MODEL = 213  # of motion; not in the table
 SOURCE = "sim:isb?baud=921600&rate=20"
-
-
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
 
 
 def device_of(desk: DeviceController) -> IsbSimulator:
@@ -65,52 +60,44 @@ async def strange(here: ControlHarness) -> tuple[DeviceController, IsbSimulator]
 CHANGES: Mapping[str, dict[str, Any]] = {"DID_FLASH_CONFIG": {"dynamicModel": 4, "ser0BaudRate": 460_800}}
 
 
-def test_a_rollback_restores_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
+async def test_a_rollback_restores_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
     """Regression: the rollback was refused by the range check; both new values stayed, and the rollback hung in
     "rolling-back".
     """
-
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
-            desk, device = await strange(here)
-            job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
-            assert "rolled back to the old settings" in job.message
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.state == "rolled-back"
-            assert (has(device, "dynamicModel", 1), has(device, "ser0BaudRate")) == (MODEL, 921_600)
-
-    run(check())
+    async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
+        desk, device = await strange(here)
+        job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+        assert "rolled back to the old settings" in job.message
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.state == "rolled-back"
+        assert (has(device, "dynamicModel", 1), has(device, "ser0BaudRate")) == (MODEL, 921_600)
 
 
-def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
+async def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
     """Only values reported by the device are exempt; values typed by users or read from files are checked."""
-
-    async def check() -> None:
-        async with house(tmp_path, listening=BRIEFEST) as here:
-            desk, device = await strange(here)
-            await here.apply(desk, {"DID_FLASH_CONFIG": {"dynamicModel": 4}})
-            assert has(device, "dynamicModel", 1) == 4
-            back = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL}}
-            with pytest.raises(DomainError, match="dynamicModel"):
-                plan_changes(desk, back)
-            first = next(iter(here.desks.snapshots.describe("isb", desk.serial_number)))
-            now = ComparedValues("now", desk.values)
-            for told in (True, False):
-                found = compare(desk.driver, desk.context, now, ComparedValues("before", first, from_device=told))
-                assert bool(found.changes) == told
-                assert bool(found.problems) != told
-            wish = plan_changes(desk, back, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
-            job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.current)))
-            assert (job.state, job.outcomes) == ("done", [])
-            assert has(device, "dynamicModel", 1) == MODEL
-            other = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL + 1}}
-            with pytest.raises(DomainError, match="dynamicModel"):
-                plan_changes(desk, other, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
-
-    run(check())
+    async with house(tmp_path, listening=BRIEFEST) as here:
+        desk, device = await strange(here)
+        await here.apply(desk, {"DID_FLASH_CONFIG": {"dynamicModel": 4}})
+        assert has(device, "dynamicModel", 1) == 4
+        back = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL}}
+        with pytest.raises(DomainError, match="dynamicModel"):
+            plan_changes(desk, back)
+        first = next(iter(here.desks.snapshots.describe("isb", desk.serial_number)))
+        now = ComparedValues("now", desk.values)
+        for told in (True, False):
+            found = compare(desk.driver, desk.context, now, ComparedValues("before", first, from_device=told))
+            assert bool(found.changes) == told
+            assert bool(found.problems) != told
+        wish = plan_changes(desk, back, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
+        job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.current)))
+        assert (job.state, job.outcomes) == ("done", [])
+        assert has(device, "dynamicModel", 1) == MODEL
+        other = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL + 1}}
+        with pytest.raises(DomainError, match="dynamicModel"):
+            plan_changes(desk, other, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
 
 
-def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Regression: it stayed in "rolling-back", where neither confirming nor rolling back is accepted."""
     write = IsbDriver.write
 
@@ -121,19 +108,16 @@ def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(IsbDriver, "write", broken)
 
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
-            desk, _ = await strange(here)
-            job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
-            assert job.state == "failed"
-            assert desk.pending_rollback is not None
-            assert (desk.pending_rollback.state, desk.pending_rollback.words) == ("unreachable", rollback.BROKEN)
-            assert [one.state for one in here.desks.rollbacks.all()] == ["unreachable"]
-
-    run(check())
+    async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
+        desk, _ = await strange(here)
+        job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+        assert job.state == "failed"
+        assert desk.pending_rollback is not None
+        assert (desk.pending_rollback.state, desk.pending_rollback.words) == ("unreachable", rollback.BROKEN)
+        assert [one.state for one in here.desks.rollbacks.all()] == ["unreachable"]
 
 
-def test_a_value_that_cannot_be_encoded_is_reported_and_the_others_are_restored(
+async def test_a_value_that_cannot_be_encoded_is_reported_and_the_others_are_restored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write = IsbDriver.write
@@ -145,18 +129,15 @@ def test_a_value_that_cannot_be_encoded_is_reported_and_the_others_are_restored(
 
     monkeypatch.setattr(IsbDriver, "write", broken)
 
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
-            desk, _ = await strange(here)
-            job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
-            assert job.message == rollback.NOT_ACCEPTED
-            notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.direction == "note"]
-            assert any("not sent: dynamicModel does not fit" in text for text in notes)
-
-    run(check())
+    async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
+        desk, _ = await strange(here)
+        job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+        assert job.message == rollback.NOT_ACCEPTED
+        notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.direction == "note"]
+        assert any("not sent: dynamicModel does not fit" in text for text in notes)
 
 
-def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
+async def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write = atomic_write.write_atomic
@@ -166,14 +147,11 @@ def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
             raise OSError(28, "No space left on device")
         write(path, text)
 
-    async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
-            desk, device = await strange(here)
-            monkeypatch.setattr(atomic_write, "write_atomic", full)
-            task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
-            await until(task.finished.is_set, "it is over")
-            assert desk.pending_rollback is not None
-            assert desk.pending_rollback.state == "rolled-back"
-            assert has(device, "dynamicModel", 1) == MODEL
-
-    run(check())
+    async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
+        desk, device = await strange(here)
+        monkeypatch.setattr(atomic_write, "write_atomic", full)
+        task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
+        await until(task.finished.is_set, "it is over")
+        assert desk.pending_rollback is not None
+        assert desk.pending_rollback.state == "rolled-back"
+        assert has(device, "dynamicModel", 1) == MODEL

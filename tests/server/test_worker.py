@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -34,53 +33,40 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], s
     return made
 
 
-def test_it_answers_requests(module: Callable[[str], str]) -> None:
-    async def check() -> None:
-        worker = await Worker.start(module(ECHO))
-        worker.request({"path": "ä.mcap"})
-        assert [told async for told in worker] == [{"asked": {"path": "ä.mcap"}, "words": []}]
-        assert await worker.wait() == 0
-        assert not worker.is_running
-
-    asyncio.run(check())
+async def test_it_answers_requests(module: Callable[[str], str]) -> None:
+    worker = await Worker.start(module(ECHO))
+    worker.request({"path": "ä.mcap"})
+    assert [told async for told in worker] == [{"asked": {"path": "ä.mcap"}, "words": []}]
+    assert await worker.wait() == 0
+    assert not worker.is_running
 
 
-def test_an_unfinished_line_is_not_reported(module: Callable[[str], str]) -> None:
-    async def check() -> None:
-        worker = await Worker.start(module(CUT_SHORT), "a word")
-        assert [told async for told in worker] == [{"progress": 0.5}]
-        assert await worker.wait() == 3
-
-    asyncio.run(check())
+async def test_an_unfinished_line_is_not_reported(module: Callable[[str], str]) -> None:
+    worker = await Worker.start(module(CUT_SHORT), "a word")
+    assert [told async for told in worker] == [{"progress": 0.5}]
+    assert await worker.wait() == 3
 
 
-def test_a_message_and_a_hint_are_its_failure(module: Callable[[str], str]) -> None:
-    async def check() -> None:
-        worker = await Worker.start(module(REFUSES))
-        worker.request({})
-        with pytest.raises(RecordingError, match=r"It is damaged\.") as failed:
-            await anext(worker)
-        assert failed.value.hint == "Copy it again."
-        await worker.end()
-
-    asyncio.run(check())
+async def test_a_message_and_a_hint_are_its_failure(module: Callable[[str], str]) -> None:
+    worker = await Worker.start(module(REFUSES))
+    worker.request({})
+    with pytest.raises(RecordingError, match=r"It is damaged\.") as failed:
+        await anext(worker)
+    assert failed.value.hint == "Copy it again."
+    await worker.end()
 
 
 @each_row(("patience_s", "status"), [(10.0, 7), (0.0, -signal.SIGKILL)])
-def test_it_ends_with_time_to_clean_up_or_at_once(module: Callable[[str], str], patience_s: float, status: int) -> None:
-    async def check() -> None:
-        worker = await Worker.start(module(WAITS))
-        assert await anext(worker) == {"is_ready": True}
-        await worker.end(patience_s)
-        assert await worker.wait() == status
+async def test_it_ends_with_time_to_clean_up_or_at_once(
+    module: Callable[[str], str], patience_s: float, status: int
+) -> None:
+    worker = await Worker.start(module(WAITS))
+    assert await anext(worker) == {"is_ready": True}
+    await worker.end(patience_s)
+    assert await worker.wait() == status
 
-    asyncio.run(check())
 
-
-def test_an_unused_one_ends_when_dismissed(module: Callable[[str], str]) -> None:
-    async def check() -> None:
-        worker = await Worker.start(module(WAITS))
-        worker.dismiss()
-        assert await worker.wait() == 0
-
-    asyncio.run(check())
+async def test_an_unused_one_ends_when_dismissed(module: Callable[[str], str]) -> None:
+    worker = await Worker.start(module(WAITS))
+    worker.dismiss()
+    assert await worker.wait() == 0

@@ -180,87 +180,69 @@ def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
     run(work)
 
 
-def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
-    async def main() -> None:
-        forks = ForkServer("imuscope.server.extensions.analysis.worker", *AnalysisLimits().words, idle_s=0.0)
-        assert (await forks.run(Says("1"))).body == b"1"
-        await until(lambda: forks.pid is None, "the end of the fork server")
-        assert (await forks.run(Says("2"))).body == b"2"
-        await forks.close()
-
-    asyncio.run(main())
+async def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
+    forks = ForkServer("imuscope.server.extensions.analysis.worker", *AnalysisLimits().words, idle_s=0.0)
+    assert (await forks.run(Says("1"))).body == b"1"
+    await until(lambda: forks.pid is None, "the end of the fork server")
+    assert (await forks.run(Says("2"))).body == b"2"
+    await forks.close()
 
 
-def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() -> None:
-    async def main() -> None:
-        forks = ForkServer("imuscope.server.extensions.analysis.worker", "no number", "60")
-        with pytest.raises(OSError, match="it ended while it started"):
-            await forks.run(Says("1"))
-        assert forks.pid is None
-        await forks.close()
-
-    asyncio.run(main())
+async def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() -> None:
+    forks = ForkServer("imuscope.server.extensions.analysis.worker", "no number", "60")
+    with pytest.raises(OSError, match="it ended while it started"):
+        await forks.run(Says("1"))
+    assert forks.pid is None
+    await forks.close()
 
 
-def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_looks(
+async def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_looks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Regression: the first analysis of a server waited 0.7 s for the libraries, however long the page was open."""
     monkeypatch.setattr("imuscope.server.extensions.analysis.service._processors", lambda: 2)
     looks, loads = [True], [9.0, 3.0, 0.5]
 
-    async def main() -> None:
-        service = AnalysisService(is_viewed=lambda: looks[0], load=lambda: loads.pop(0))
-        service.viewed(0.0)
-        await until(lambda: service.forks.pid, "the process to start")
-        assert loads == [], "it waits until the machine is idle"
-        assert service.forks.is_kept(), "it stays while somebody looks"
-        looks[0] = False
-        assert not service.forks.is_kept()
-        await service.close()
-
-    asyncio.run(main())
+    service = AnalysisService(is_viewed=lambda: looks[0], load=lambda: loads.pop(0))
+    service.viewed(0.0)
+    await until(lambda: service.forks.pid, "the process to start")
+    assert loads == [], "it waits until the machine is idle"
+    assert service.forks.is_kept(), "it stays while somebody looks"
+    looks[0] = False
+    assert not service.forks.is_kept()
+    await service.close()
 
 
 @each_row(("is_viewed", "processors", "memory"), [(False, 2, 4), (True, 1, 4), (True, 2, 1)])
-def test_nothing_is_started_where_nobody_looks_or_on_a_small_machine(
+async def test_nothing_is_started_where_nobody_looks_or_on_a_small_machine(
     is_viewed: bool, processors: int, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("imuscope.server.extensions.analysis.service._processors", lambda: processors)
     monkeypatch.setattr("imuscope.server.extensions.analysis.service.memory_of_one", lambda: memory << 30)
     loads = [0.0]
 
-    async def main() -> None:
-        service = AnalysisService(is_viewed=lambda: is_viewed, load=loads.pop)
-        service.viewed(0.0)
-        assert not service.forks.is_kept()
-        await service.close()
-        assert loads == [0.0], "nothing was even planned"
-
-    asyncio.run(main())
+    service = AnalysisService(is_viewed=lambda: is_viewed, load=loads.pop)
+    service.viewed(0.0)
+    assert not service.forks.is_kept()
+    await service.close()
+    assert loads == [0.0], "nothing was even planned"
 
 
-def test_closing_does_not_wait_for_the_start() -> None:
-    async def main() -> None:
-        with started_afresh():
-            forks = ForkServer("json.tool")  # it reads for ever, and never says that it is ready
-            starting = asyncio.create_task(forks.prepare())
-            await until(lambda: forks.pid, "the process to be there")
-            await forks.close()
-            with pytest.raises(OSError, match="it ended while it started"):
-                await starting
-
-    asyncio.run(main())
-
-
-def test_closing_ends_the_jobs_under_way(tmp_path: Path) -> None:
-    async def main() -> None:
-        forks = ForkServer("imuscope.server.extensions.analysis.worker", *AnalysisLimits().words)
-        job = asyncio.create_task(forks.run(NeverEnds(tmp_path / "process")))
-        pid = await _process_in(tmp_path / "process")
+async def test_closing_does_not_wait_for_the_start() -> None:
+    with started_afresh():
+        forks = ForkServer("json.tool")  # it reads for ever, and never says that it is ready
+        starting = asyncio.create_task(forks.prepare())
+        await until(lambda: forks.pid, "the process to be there")
         await forks.close()
-        with pytest.raises(JobLostError):
-            await job
-        await until(lambda: not is_there(pid), "the process to end")
+        with pytest.raises(OSError, match="it ended while it started"):
+            await starting
 
-    asyncio.run(main())
+
+async def test_closing_ends_the_jobs_under_way(tmp_path: Path) -> None:
+    forks = ForkServer("imuscope.server.extensions.analysis.worker", *AnalysisLimits().words)
+    job = asyncio.create_task(forks.run(NeverEnds(tmp_path / "process")))
+    pid = await _process_in(tmp_path / "process")
+    await forks.close()
+    with pytest.raises(JobLostError):
+        await job
+    await until(lambda: not is_there(pid), "the process to end")

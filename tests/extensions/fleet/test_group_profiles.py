@@ -183,25 +183,21 @@ def test_from_a_simulated_sensor_to_the_answer(tmp_path: Path) -> None:
         assert shown()["settings"] == "unknown"
 
 
-def test_a_write_is_reported_even_if_a_report_is_made_in_the_middle_of_it(tmp_path: Path) -> None:
+async def test_a_write_is_reported_even_if_a_report_is_made_in_the_middle_of_it(tmp_path: Path) -> None:
     """A write once changed values that a report had kept to compare them, so that none ever told of it."""
-
-    async def check() -> None:
-        async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?product=MTi-630")
-            await here.read(desk)
-            known, device = (
-                KnownSettings(tmp_path / "fleet", here.desks.get),
-                RobotDevice(desk.device, "MTi", "live"),
-            )
-            before = known.with_settings((device,))[0].settings
-            task = desk.add("Write", here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(20)}, ""))
-            while not task.finished.is_set():
-                known.with_settings((device,))
-                await asyncio.sleep(0)
-            assert task.job.state == "done"
-            after = known.with_settings((device,))[0].settings
-            assert after not in ("", before)
-            assert after == KnownSettings(tmp_path / "new", here.desks.get).with_settings((device,))[0].settings
-
-    asyncio.run(check())
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?product=MTi-630")
+        await here.read(desk)
+        known, device = (
+            KnownSettings(tmp_path / "fleet", here.desks.get),
+            RobotDevice(desk.device, "MTi", "live"),
+        )
+        before = known.with_settings((device,))[0].settings
+        task = desk.add("Write", here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(20)}, ""))
+        while not task.finished.is_set():
+            known.with_settings((device,))
+            await asyncio.sleep(0)
+        assert task.job.state == "done"
+        after = known.with_settings((device,))[0].settings
+        assert after not in ("", before)
+        assert after == KnownSettings(tmp_path / "new", here.desks.get).with_settings((device,))[0].settings

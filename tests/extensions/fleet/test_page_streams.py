@@ -145,237 +145,191 @@ async def body(stream: PageStream) -> bytes:
     return data
 
 
-def run(check: Callable[[], Any]) -> None:
-    asyncio.run(check())
+async def test_a_long_answer_arrives_whole_beside_short_ones() -> None:
+    async with line() as there:
+        streams = [there.ask("/api/long"), *(there.ask("/api/short") for _ in range(10))]
+        answers = await asyncio.gather(*map(body, streams))
+        assert answers[0] == LONG
+        assert set(answers[1:]) == {b"short"}
+        await until(lambda: there.robot.streams == 0, "nothing is left at the robot")
 
 
-def test_a_long_answer_arrives_whole_beside_short_ones() -> None:
-    async def check() -> None:
-        async with line() as there:
-            streams = [there.ask("/api/long"), *(there.ask("/api/short") for _ in range(10))]
-            answers = await asyncio.gather(*map(body, streams))
-            assert answers[0] == LONG
-            assert set(answers[1:]) == {b"short"}
-            await until(lambda: there.robot.streams == 0, "nothing is left at the robot")
-
-    run(check)
+async def test_cookies_and_redirections_of_a_robot_stay_there() -> None:
+    async with line() as there:
+        stream = there.ask("/api/short")
+        head = await stream.next()
+        assert isinstance(head, ResponseHead)
+        assert head.headers == (("content-type", "text/plain"),)
+        stream.close()
 
 
-def test_cookies_and_redirections_of_a_robot_stay_there() -> None:
-    async def check() -> None:
-        async with line() as there:
-            stream = there.ask("/api/short")
-            head = await stream.next()
-            assert isinstance(head, ResponseHead)
-            assert head.headers == (("content-type", "text/plain"),)
-            stream.close()
-
-    run(check)
+async def test_a_viewer_that_takes_nothing_stops_the_robot_and_costs_no_memory() -> None:
+    async with line() as there:
+        stream = there.ask("/api/endless")
+        await until(lambda: there.app.sent > SMALLEST, "it begins")
+        await body(there.ask("/api/long"))  # others go on meanwhile
+        assert there.app.sent <= LARGEST
+        stream.close()
+        await until(lambda: there.app.ended == ["/long", "/endless"], "it ends with its viewer")
 
 
-def test_a_viewer_that_takes_nothing_stops_the_robot_and_costs_no_memory() -> None:
-    async def check() -> None:
-        async with line() as there:
-            stream = there.ask("/api/endless")
-            await until(lambda: there.app.sent > SMALLEST, "it begins")
-            await body(there.ask("/api/long"))  # others go on meanwhile
-            assert there.app.sent <= LARGEST
-            stream.close()
-            await until(lambda: there.app.ended == ["/long", "/endless"], "it ends with its viewer")
-
-    run(check)
-
-
-def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
-    async def check() -> None:
-        async with line() as there:
-            stream = there.ask("/ws", socket=("imuscope.v1",))
-            head = await stream.next()
-            assert isinstance(head, ResponseHead)
-            assert head.subprotocol == "imuscope.v1"
-            for text in ("é", "b" * 30_000):
-                stream.send_text(text)
-                for expected, is_text in ((text.encode() * 3, True), (LONG, False)):
-                    message = b""
-                    while True:
-                        part = await stream.next()
-                        assert isinstance(part, ResponsePart)
-                        assert part.is_text == is_text
-                        message += part.data
-                        stream.acknowledge(len(part.data))
-                        if part.is_last:
-                            break
-                    assert message == expected
-            stream.close()
-            await until(lambda: there.robot.streams == 0, "it ends with its viewer")
-
-    run(check)
+async def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
+    async with line() as there:
+        stream = there.ask("/ws", socket=("imuscope.v1",))
+        head = await stream.next()
+        assert isinstance(head, ResponseHead)
+        assert head.subprotocol == "imuscope.v1"
+        for text in ("é", "b" * 30_000):
+            stream.send_text(text)
+            for expected, is_text in ((text.encode() * 3, True), (LONG, False)):
+                message = b""
+                while True:
+                    part = await stream.next()
+                    assert isinstance(part, ResponsePart)
+                    assert part.is_text == is_text
+                    message += part.data
+                    stream.acknowledge(len(part.data))
+                    if part.is_last:
+                        break
+                assert message == expected
+        stream.close()
+        await until(lambda: there.robot.streams == 0, "it ends with its viewer")
 
 
-def test_a_command_is_carried_out_although_its_viewer_leaves_and_its_line_is_lost() -> None:
-    async def check() -> None:
-        async with line() as there:
-            waiting, command = there.ask("/api/wait"), there.ask("/api/command", method="POST")
-            await until(lambda: set(there.app.began) == {"/wait", "/command"}, "both have begun")
-            waiting.close()
-            command.close()
-            there.robot.line_lost()
-            await until(lambda: there.app.ended == ["/wait"], "the one that only reads has ended")
-            there.app.carry_on.set()
-            await until(lambda: there.robot.streams == 0, "the other one, too")
-            assert there.told == ["Command through the fleet server of operator at 10.0.0.5: POST /api/command."]
-
-    run(check)
+async def test_a_command_is_carried_out_although_its_viewer_leaves_and_its_line_is_lost() -> None:
+    async with line() as there:
+        waiting, command = there.ask("/api/wait"), there.ask("/api/command", method="POST")
+        await until(lambda: set(there.app.began) == {"/wait", "/command"}, "both have begun")
+        waiting.close()
+        command.close()
+        there.robot.line_lost()
+        await until(lambda: there.app.ended == ["/wait"], "the one that only reads has ended")
+        there.app.carry_on.set()
+        await until(lambda: there.robot.streams == 0, "the other one, too")
+        assert there.told == ["Command through the fleet server of operator at 10.0.0.5: POST /api/command."]
 
 
-def test_streams_end_when_the_other_side_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def check() -> None:
-        async with line() as there:
-            stream = there.ask("/api/wait")
-            await until(lambda: there.robot.streams == 1, "it is open")
-            monkeypatch.setattr(http_tunnel_server, "SILENCE_S", -1.0)
-            there.fleet.tick()
-            with pytest.raises(DomainError, match="has not answered") as told:
-                await stream.next()
-            assert told.value.kind == "gone"
-            assert told.value.hint
-            monkeypatch.setattr(http_tunnel_robot, "SILENCE_S", -1.0)
-            there.robot.tick()
-            await until(lambda: there.robot.streams == 0, "the robot has ended it, too")
-
-    run(check)
+async def test_streams_end_when_the_other_side_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with line() as there:
+        stream = there.ask("/api/wait")
+        await until(lambda: there.robot.streams == 1, "it is open")
+        monkeypatch.setattr(http_tunnel_server, "SILENCE_S", -1.0)
+        there.fleet.tick()
+        with pytest.raises(DomainError, match="has not answered") as told:
+            await stream.next()
+        assert told.value.kind == "gone"
+        assert told.value.hint
+        monkeypatch.setattr(http_tunnel_robot, "SILENCE_S", -1.0)
+        there.robot.tick()
+        await until(lambda: there.robot.streams == 0, "the robot has ended it, too")
 
 
-def test_both_sides_tell_each_other_that_they_are_there() -> None:
-    async def check() -> None:
-        async with line() as there:
-            stream = there.ask("/api/wait")
-            received = there.fleet.bytes
-            there.fleet.tick()
-            await until(lambda: there.fleet.bytes > received, "the robot answers")
-            there.alive[0] = False
-            there.fleet.tick()
-            with pytest.raises(DomainError, match="is lost"):
-                await stream.next()
-            with pytest.raises(DomainError, match="is lost"):
-                there.ask("/api/short")
-
-    run(check)
+async def test_both_sides_tell_each_other_that_they_are_there() -> None:
+    async with line() as there:
+        stream = there.ask("/api/wait")
+        received = there.fleet.bytes
+        there.fleet.tick()
+        await until(lambda: there.fleet.bytes > received, "the robot answers")
+        there.alive[0] = False
+        there.fleet.tick()
+        with pytest.raises(DomainError, match="is lost"):
+            await stream.next()
+        with pytest.raises(DomainError, match="is lost"):
+            there.ask("/api/short")
 
 
-def test_a_lost_message_ends_its_stream_and_no_other() -> None:
-    async def check() -> None:
-        async with line() as there:
-            broken, other = there.ask("/api/wait"), there.ask("/api/wait")
-            there.fleet.take("a", encode(ResponsePart(broken.number, 3, b"x")))
-            there.fleet.take("b", encode(ResponsePart(other.number, 3, b"x")))  # not of that robot
-            with pytest.raises(DomainError, match="was lost"):
-                await broken.next()
-            there.app.carry_on.set()
-            assert await body(other) == b"short"
-
-    run(check)
+async def test_a_lost_message_ends_its_stream_and_no_other() -> None:
+    async with line() as there:
+        broken, other = there.ask("/api/wait"), there.ask("/api/wait")
+        there.fleet.take("a", encode(ResponsePart(broken.number, 3, b"x")))
+        there.fleet.take("b", encode(ResponsePart(other.number, 3, b"x")))  # not of that robot
+        with pytest.raises(DomainError, match="was lost"):
+            await broken.next()
+        there.app.carry_on.set()
+        assert await body(other) == b"short"
 
 
-def test_a_request_that_was_lost_on_the_way_is_noticed() -> None:
-    async def check() -> None:
-        async with line() as there:
-            other = there.ask("/api/wait")
-            session, there.fleet._session = there.fleet._session, None
-            with pytest.raises(DomainError, match="is lost"):
-                there.ask("/api/short")
-            there.fleet._session = session
-            lost = there.ask("/api/wait")
-            await until(lambda: there.robot.streams == 2, "both are open")
-            there.robot.take(there.fleet.id, encode(CancelStream(lost.number, 1)))  # as if it had never arrived
-            await until(lambda: there.robot.streams == 1, "the robot has one")
-            there.fleet.tick()
-            with pytest.raises(DomainError, match="part of the request was lost"):
-                await lost.next()
-            there.app.carry_on.set()
-            assert await body(other) == b"short"
-
-    run(check)
+async def test_a_request_that_was_lost_on_the_way_is_noticed() -> None:
+    async with line() as there:
+        other = there.ask("/api/wait")
+        session, there.fleet._session = there.fleet._session, None
+        with pytest.raises(DomainError, match="is lost"):
+            there.ask("/api/short")
+        there.fleet._session = session
+        lost = there.ask("/api/wait")
+        await until(lambda: there.robot.streams == 2, "both are open")
+        there.robot.take(there.fleet.id, encode(CancelStream(lost.number, 1)))  # as if it had never arrived
+        await until(lambda: there.robot.streams == 1, "the robot has one")
+        there.fleet.tick()
+        with pytest.raises(DomainError, match="part of the request was lost"):
+            await lost.next()
+        there.app.carry_on.set()
+        assert await body(other) == b"short"
 
 
-def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -> None:
-    async def check() -> None:
-        async with line() as there:
-            stream = there.ask("/api/wait")
-            there.fleet.take("a", encode(ResponseHead(stream.number, 0)))
-            for number in range(1, 3 * LARGEST // MAX_PART):
-                there.fleet.take("a", encode(ResponsePart(stream.number, number, bytes(MAX_PART))))
-            with pytest.raises(DomainError, match="more than was requested"):
-                await stream.next()
-
-    run(check)
+async def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -> None:
+    async with line() as there:
+        stream = there.ask("/api/wait")
+        there.fleet.take("a", encode(ResponseHead(stream.number, 0)))
+        for number in range(1, 3 * LARGEST // MAX_PART):
+            there.fleet.take("a", encode(ResponsePart(stream.number, number, bytes(MAX_PART))))
+        with pytest.raises(DomainError, match="more than was requested"):
+            await stream.next()
 
 
-def test_requests_at_once_are_limited() -> None:
-    async def check() -> None:
-        async with line() as there:
-            streams = [there.ask("/api/wait") for _ in range(http_tunnel_server.MAX_STREAMS)]
-            with pytest.raises(DomainError) as told:
-                there.ask("/api/short")
-            assert told.value.kind == "full"
-            await until(lambda: there.robot.streams == len(streams), "all are open")
-            streams.pop().close()
-            assert await body(there.ask("/api/short")) == b"short"
-
-    run(check)
+async def test_requests_at_once_are_limited() -> None:
+    async with line() as there:
+        streams = [there.ask("/api/wait") for _ in range(http_tunnel_server.MAX_STREAMS)]
+        with pytest.raises(DomainError) as told:
+            there.ask("/api/short")
+        assert told.value.kind == "full"
+        await until(lambda: there.robot.streams == len(streams), "all are open")
+        streams.pop().close()
+        assert await body(there.ask("/api/short")) == b"short"
 
 
-def test_a_request_for_another_run_of_the_robot_is_not_answered() -> None:
-    async def check() -> None:
-        async with line() as there:
-            there.robot.take("f" * 16, encode(OpenStream(1, "f" * 16, "POST", "/api/command", role="control")))
-            there.robot.take("f" * 16, encode(KeepAlive("f" * 16)))
-            assert there.robot.streams == 0
-            assert there.told == []
-
-    run(check)
+async def test_a_request_for_another_run_of_the_robot_is_not_answered() -> None:
+    async with line() as there:
+        there.robot.take("f" * 16, encode(OpenStream(1, "f" * 16, "POST", "/api/command", role="control")))
+        there.robot.take("f" * 16, encode(KeepAlive("f" * 16)))
+        assert there.robot.streams == 0
+        assert there.told == []
 
 
-def test_what_is_sent_keeps_to_the_limit_of_the_line() -> None:
+async def test_what_is_sent_keeps_to_the_limit_of_the_line() -> None:
     counted: list[int] = []
 
     def delay_of(size: int) -> float:
         counted.append(size)
         return 0.0
 
-    async def check() -> None:
-        async with line(delay_of) as there:
-            counted.clear()
-            await body(there.ask("/api/long"))
-            assert len(LONG) < sum(counted) < 1.1 * len(LONG)
-
-    run(check)
+    async with line(delay_of) as there:
+        counted.clear()
+        await body(there.ask("/api/long"))
+        assert len(LONG) < sum(counted) < 1.1 * len(LONG)
 
 
-def test_a_window_shrinks_on_a_slow_line_and_grows_on_a_fast_one() -> None:
-    async def check() -> None:
-        window = Window()
-        sent = 0
-        for step in range(10):
-            sent += window.piece
-            window.sent(window.piece, now=10.0 * step)
-            assert window.acknowledge(sent, now=10.0 * step + 5)
-        assert window.size == SMALLEST
-        for step in range(100):
-            sent += window.piece
-            window.sent(window.piece, now=1000.0 + step)
-            assert window.acknowledge(sent, now=1000.01 + step)
-        assert window.size == LARGEST
-        assert not window.acknowledge(sent + 1, 2000.0)
-        assert not window.acknowledge(sent - 1, 2000.0)
-        window.sent(LARGEST, 2000.0)
-        waiting = asyncio.create_task(window.wait(1))
-        await asyncio.sleep(0)
-        assert not waiting.done()
-        window.close()
-        await waiting
-
-    run(check)
+async def test_a_window_shrinks_on_a_slow_line_and_grows_on_a_fast_one() -> None:
+    window = Window()
+    sent = 0
+    for step in range(10):
+        sent += window.piece
+        window.sent(window.piece, now=10.0 * step)
+        assert window.acknowledge(sent, now=10.0 * step + 5)
+    assert window.size == SMALLEST
+    for step in range(100):
+        sent += window.piece
+        window.sent(window.piece, now=1000.0 + step)
+        assert window.acknowledge(sent, now=1000.01 + step)
+    assert window.size == LARGEST
+    assert not window.acknowledge(sent + 1, 2000.0)
+    assert not window.acknowledge(sent - 1, 2000.0)
+    window.sent(LARGEST, 2000.0)
+    waiting = asyncio.create_task(window.wait(1))
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    window.close()
+    await waiting
 
 
 @each_row(

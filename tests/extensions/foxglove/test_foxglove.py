@@ -40,31 +40,28 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]
         yield server
 
 
-def test_a_quantity_is_advertised_and_plots_without_set_up(bridged: ServerProcess) -> None:
-    async def play() -> None:
-        async with attached(bridged) as client:
-            await client.until("/IMX-5/IMU/Acceleration")
-            channel = client.channels["/IMX-5/IMU/Acceleration"]
-            assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
-            fields = json.loads(channel["schema"])["properties"]
-            assert {name: field["type"] for name, field in fields.items()} == {
-                "x_m_s2": "number",
-                "y_m_s2": "number",
-                "z_m_s2": "number",
-            }
-            assert all("m/s²" in field["description"] for field in fields.values())
-            await client.subscribe("/IMX-5/IMU/Acceleration")
-            found = await client.messages(50)
-            values = np.array([list(json.loads(body).values()) for _, _, body in found])
-            assert np.linalg.norm(values, axis=1) == pytest.approx(9.8, abs=1.5)
-            # Device time: 100 Hz, whatever the arrival. The clock of a device is learned in its first seconds: where
-            # its first samples were late, their times catch up (protocols/clock_model.py, SLEW_FAR).
-            async with asyncio.timeout(PATIENCE_S):
-                while np.diff([at for _, at, _ in found]) != pytest.approx(0.01, abs=0.002):
-                    found = await client.messages(50)
-            assert abs(found[-1][1] - time.time()) < 20
-
-    asyncio.run(play())
+async def test_a_quantity_is_advertised_and_plots_without_set_up(bridged: ServerProcess) -> None:
+    async with attached(bridged) as client:
+        await client.until("/IMX-5/IMU/Acceleration")
+        channel = client.channels["/IMX-5/IMU/Acceleration"]
+        assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
+        fields = json.loads(channel["schema"])["properties"]
+        assert {name: field["type"] for name, field in fields.items()} == {
+            "x_m_s2": "number",
+            "y_m_s2": "number",
+            "z_m_s2": "number",
+        }
+        assert all("m/s²" in field["description"] for field in fields.values())
+        await client.subscribe("/IMX-5/IMU/Acceleration")
+        found = await client.messages(50)
+        values = np.array([list(json.loads(body).values()) for _, _, body in found])
+        assert np.linalg.norm(values, axis=1) == pytest.approx(9.8, abs=1.5)
+        # Device time: 100 Hz, whatever the arrival. The clock of a device is learned in its first seconds: where
+        # its first samples were late, their times catch up (protocols/clock_model.py, SLEW_FAR).
+        async with asyncio.timeout(PATIENCE_S):
+            while np.diff([at for _, at, _ in found]) != pytest.approx(0.01, abs=0.002):
+                found = await client.messages(50)
+        assert abs(found[-1][1] - time.time()) < 20
 
 
 def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: ServerProcess) -> None:
@@ -113,23 +110,17 @@ def test_foxgloves_own_client_gets_what_a_plot_needs(bridged: ServerProcess) -> 
     assert np.diff(at) / 1e9 == pytest.approx(0.01, abs=0.002)
 
 
-def test_only_subscribed_channels_are_sent(bridged: ServerProcess) -> None:
-    async def play() -> None:
-        async with attached(bridged) as client:
-            await client.until("/IMX-5/IMU/Acceleration", "/IMX-5/IMU/Rate_of_turn")
-            await client.subscribe("/IMX-5/IMU/Rate_of_turn")
-            assert {topic for topic, _, _ in await client.messages(30)} == {"/IMX-5/IMU/Rate_of_turn"}
-
-    asyncio.run(play())
+async def test_only_subscribed_channels_are_sent(bridged: ServerProcess) -> None:
+    async with attached(bridged) as client:
+        await client.until("/IMX-5/IMU/Acceleration", "/IMX-5/IMU/Rate_of_turn")
+        await client.subscribe("/IMX-5/IMU/Rate_of_turn")
+        assert {topic for topic, _, _ in await client.messages(30)} == {"/IMX-5/IMU/Rate_of_turn"}
 
 
-def test_attached_clients_are_read_only(bridged: ServerProcess) -> None:
-    async def play() -> None:
-        async with attached(bridged) as client:
-            await client.until()
-            assert client.info["capabilities"] == []
-
-    asyncio.run(play())
+async def test_attached_clients_are_read_only(bridged: ServerProcess) -> None:
+    async with attached(bridged) as client:
+        await client.until()
+        assert client.info["capabilities"] == []
 
 
 def status_of(server: ServerProcess, **options: Any) -> int:
@@ -173,18 +164,15 @@ def test_without_the_option_it_is_refused_with_a_reason(server: ServerProcess) -
     assert "--foxglove" in asyncio.run(attempt())["hint"]
 
 
-def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
+async def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
     [pid] = workers_of(bridged.process.pid, MODULE)
     os.kill(pid, signal.SIGKILL)
     block_until(lambda: workers_of(bridged.process.pid, MODULE) not in ([], [pid]), "another process")
 
-    async def play() -> None:
-        async with attached(bridged) as client:
-            await client.until("/IMX-5/IMU/Acceleration")
-            await client.subscribe("/IMX-5/IMU/Acceleration")
-            assert len(await client.messages(5)) == 5
-
-    asyncio.run(play())
+    async with attached(bridged) as client:
+        await client.until("/IMX-5/IMU/Acceleration")
+        await client.subscribe("/IMX-5/IMU/Acceleration")
+        assert len(await client.messages(5)) == 5
 
 
 def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:

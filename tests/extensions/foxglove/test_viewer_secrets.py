@@ -160,7 +160,7 @@ def test_malformed_requests_to_viewers_are_refused(ports: dict[str, int]) -> Non
     assert "secret" not in repr(door)
 
 
-def test_viewers_change_nothing_in_a_shared_scene(
+async def test_viewers_change_nothing_in_a_shared_scene(
     ports: dict[str, int], guarded: ServerProcess, tokens: dict[str, str]
 ) -> None:
     async def boxes(address: Any) -> dict[str, tuple[str, bool]]:
@@ -179,24 +179,21 @@ def test_viewers_change_nothing_in_a_shared_scene(
     def update(uuid: str) -> bytes:
         return msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": False}})
 
-    async def play() -> None:
-        async with (
-            asyncio.timeout(90),
-            looking(guarded.url, f"/viser?token={tokens['view']}") as viewer,
-            looking(guarded.url, f"/viser?token={tokens['control']}") as controller,
-        ):
-            before = await boxes(viewer)
-            assert all(value for _, value in before.values())
-            await viewer.send(update(before["Follow"][0]))
-            await controller.send(update(before["Reference frame"][0]))
-            checked = {uuid for uuid, _ in before.values()}  # the scene itself changes others: its list of devices
-            told: set[str] = set()
-            while not told:  # the others are notified of a change
-                updates = [one for one in messages(await viewer.recv()) if one["type"] == "GuiUpdateMessage"]
-                told = {one["uuid"] for one in updates if one["uuid"] in checked}
-            assert told == {before["Reference frame"][0]}
-            async with looking(guarded.url, f"/viser?token={tokens['view']}") as late:
-                after = await boxes(late)
-            assert {label for label, (_, value) in after.items() if not value} == {"Reference frame"}
-
-    asyncio.run(play())
+    async with (
+        asyncio.timeout(90),
+        looking(guarded.url, f"/viser?token={tokens['view']}") as viewer,
+        looking(guarded.url, f"/viser?token={tokens['control']}") as controller,
+    ):
+        before = await boxes(viewer)
+        assert all(value for _, value in before.values())
+        await viewer.send(update(before["Follow"][0]))
+        await controller.send(update(before["Reference frame"][0]))
+        checked = {uuid for uuid, _ in before.values()}  # the scene itself changes others: its list of devices
+        told: set[str] = set()
+        while not told:  # the others are notified of a change
+            updates = [one for one in messages(await viewer.recv()) if one["type"] == "GuiUpdateMessage"]
+            told = {one["uuid"] for one in updates if one["uuid"] in checked}
+        assert told == {before["Reference frame"][0]}
+        async with looking(guarded.url, f"/viser?token={tokens['view']}") as late:
+            after = await boxes(late)
+        assert {label for label, (_, value) in after.items() if not value} == {"Reference frame"}

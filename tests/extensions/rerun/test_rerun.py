@@ -164,44 +164,38 @@ def test_a_stream_of_a_missing_device_is_refused_with_a_reason(running: ServerPr
         socket.recv(timeout=PATIENCE_S)
 
 
-def test_a_slow_viewer_loses_the_oldest_samples_and_their_number_is_reported() -> None:
-    async def look() -> None:
-        viewer = RerunViewer()
-        viewer.is_idle.append(b"still")
-        for n in range(MAX_LIVE + 5):
-            viewer.offer(float(n + 1), b"live %d" % n)
-        viewer.remember(b"newest of before")
-        viewer.remember(b"older")
-        viewer.remember(bytes(PAST_BYTES))  # more than it may cost
-        assert viewer.dropped == 5
-        taken = []
-        for n in range(MAX_LIVE + 3):
-            taken.append((await viewer.take())[1])
-            viewer.acknowledge(n + 1)
-        assert taken[:2] == [b"still", b"live 5"]
-        assert taken[-2:] == [b"newest of before", b"older"]
-
-    asyncio.run(look())
+async def test_a_slow_viewer_loses_the_oldest_samples_and_their_number_is_reported() -> None:
+    viewer = RerunViewer()
+    viewer.is_idle.append(b"still")
+    for n in range(MAX_LIVE + 5):
+        viewer.offer(float(n + 1), b"live %d" % n)
+    viewer.remember(b"newest of before")
+    viewer.remember(b"older")
+    viewer.remember(bytes(PAST_BYTES))  # more than it may cost
+    assert viewer.dropped == 5
+    taken = []
+    for n in range(MAX_LIVE + 3):
+        taken.append((await viewer.take())[1])
+        viewer.acknowledge(n + 1)
+    assert taken[:2] == [b"still", b"live 5"]
+    assert taken[-2:] == [b"newest of before", b"older"]
 
 
-def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
-    async def look() -> None:
-        viewer = RerunViewer()
-        for n in range(10):
-            viewer.offer(1.0, b"%d" % n)
-        for _ in range(AHEAD):
+async def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
+    viewer = RerunViewer()
+    for n in range(10):
+        viewer.offer(1.0, b"%d" % n)
+    for _ in range(AHEAD):
+        await viewer.take()
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(0.05):
             await viewer.take()
-        with pytest.raises(TimeoutError):
-            async with asyncio.timeout(0.05):
-                await viewer.take()
-        viewer.acknowledge(1)
-        assert (await viewer.take())[1] == b"%d" % AHEAD
-        viewer.lost = "The stream has ended."
-        viewer.wake_event.set()
-        with pytest.raises(ViewError):
-            await viewer.take()
-
-    asyncio.run(look())
+    viewer.acknowledge(1)
+    assert (await viewer.take())[1] == b"%d" % AHEAD
+    viewer.lost = "The stream has ended."
+    viewer.wake_event.set()
+    with pytest.raises(ViewError):
+        await viewer.take()
 
 
 def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False) -> dict[str, Any]:
@@ -210,25 +204,22 @@ def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False
     return {"op": "batch", "still": still, "restart": False, "past": past, "newest": newest, "data": text}
 
 
-def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() -> None:
-    async def look() -> None:
-        feed = RerunFeed(Telemetry.create(lambda: 100.0))
-        feed._on_report(batch(0.0, b"still", still=True))
-        for n in range(40):
-            feed._on_report(batch(n + 1.0, b"%02d" % n + bytes(1 << 20)))
-        assert sum(len(data) for _, data in feed._backlog) <= KEPT_BYTES
-        viewer = feed.join()
-        feed._on_report(batch(99.0, b"now"))  # live data are sent before older data
-        taken = [await viewer.take() for _ in range(AHEAD)]
-        assert [data[:5].rstrip(b"\0") for _, data in taken] == [b"still", b"now", b"39", b"38"]
-        assert feed.lag_ms(taken[1][0]) == 1000
-        rest = 0
-        while viewer.past:
-            viewer.acknowledge(viewer.sent)
-            rest += len((await viewer.take())[1])
-        assert 0 < rest <= PAST_BYTES
-
-    asyncio.run(look())
+async def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() -> None:
+    feed = RerunFeed(Telemetry.create(lambda: 100.0))
+    feed._on_report(batch(0.0, b"still", still=True))
+    for n in range(40):
+        feed._on_report(batch(n + 1.0, b"%02d" % n + bytes(1 << 20)))
+    assert sum(len(data) for _, data in feed._backlog) <= KEPT_BYTES
+    viewer = feed.join()
+    feed._on_report(batch(99.0, b"now"))  # live data are sent before older data
+    taken = [await viewer.take() for _ in range(AHEAD)]
+    assert [data[:5].rstrip(b"\0") for _, data in taken] == [b"still", b"now", b"39", b"38"]
+    assert feed.lag_ms(taken[1][0]) == 1000
+    rest = 0
+    while viewer.past:
+        viewer.acknowledge(viewer.sent)
+        rest += len((await viewer.take())[1])
+    assert 0 < rest <= PAST_BYTES
 
 
 class RerunMessage:

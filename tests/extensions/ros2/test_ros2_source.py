@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,10 +21,6 @@ from tests.links import rosbags_messages as ros
 from tests.links.message_sources import has, sending, watched
 from tests.waiting import until
 from tests.zenoh_router import announced, running_router
-
-
-def run(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
-    asyncio.run(test())
 
 
 class Driver:
@@ -54,78 +48,69 @@ def driver(port: int, domain: int = 0) -> Iterator[Driver]:
         made.close()
 
 
-def test_topics_are_found_by_their_publishers_and_losses_are_counted() -> None:
-    async def play() -> None:
-        port = free_port()
-        with running_router(port) as router, driver(port, 3) as robot:
-            imu, fix = robot.publisher("/imu/data", ros.IMU), robot.publisher("/fix", ros.FIX)
-            async with watched(f"ros2://127.0.0.1:{port}/imu/data,/fix?domain=3") as made:
-                await until(lambda: imu.has_subscribers and fix.has_subscribers, "both topics are subscribed to")
+async def test_topics_are_found_by_their_publishers_and_losses_are_counted() -> None:
+    port = free_port()
+    with running_router(port) as router, driver(port, 3) as robot:
+        imu, fix = robot.publisher("/imu/data", ros.IMU), robot.publisher("/fix", ros.FIX)
+        async with watched(f"ros2://127.0.0.1:{port}/imu/data,/fix?domain=3") as made:
+            await until(lambda: imu.has_subscribers and fix.has_subscribers, "both topics are subscribed to")
 
-                def send(n: int) -> None:
-                    if n == 30:
-                        imu._sequence += 4  # four messages that get lost
-                    imu.publish([ros.imu(n, time.time_ns() - 2_000_000)])
-                    fix.publish([ros.fix(n, time.time_ns())])
+            def send(n: int) -> None:
+                if n == 30:
+                    imu._sequence += 4  # four messages that get lost
+                imu.publish([ros.imu(n, time.time_ns() - 2_000_000)])
+                fix.publish([ros.fix(n, time.time_ns())])
 
-                with sending(send):
-                    arrival, measured, x, y, _ = await has(made, 60, "angular_velocity", "/imu/data")
-                    await has(made, 10, "position", "/fix")
-                np.testing.assert_allclose(np.diff(x), np.degrees(0.001))
-                np.testing.assert_allclose(y, np.degrees(-1.0))
-                assert ((arrival - measured >= 0.002) & (arrival - measured < 5)).all()
-                health = made.session.health(made.telemetry.bus.now())
-                assert (health.lost, health.gaps, health.rejects) == (4, 1, 0)
+            with sending(send):
+                arrival, measured, x, y, _ = await has(made, 60, "angular_velocity", "/imu/data")
+                await has(made, 10, "position", "/fix")
+            np.testing.assert_allclose(np.diff(x), np.degrees(0.001))
+            np.testing.assert_allclose(y, np.degrees(-1.0))
+            assert ((arrival - measured >= 0.002) & (arrival - measured < 5)).all()
+            health = made.session.health(made.telemetry.bus.now())
+            assert (health.lost, health.gaps, health.rejects) == (4, 1, 0)
+            assert made.notices == ""
+            tokens = announced(router, "@ros2_lv/3/**")
+            own = [token for token in tokens if "imuscope" in token]
+            assert len(own) == 3  # the node and two subscribers
+            assert sum("/MS/" in token for token in own) == 2
+        await until(lambda: not imu.has_subscribers, "it has left")
+        assert not [token for token in announced(router, "@ros2_lv/3/**") if "imuscope" in token]
+
+
+async def test_a_topic_that_is_absent_unknown_or_of_another_type_is_explained() -> None:
+    port = free_port()
+    with running_router(port), driver(port) as robot:
+        robot.publisher("/imu/data", ros.IMU)
+        where = f"ros2://127.0.0.1:{port}"
+        for source, words in (
+            (f"{where}/imu/dota", "No publisher of /imu/dota; topics seen: /imu/data (sensor_msgs/msg/Imu)."),
+            (f"{where}/", "No topic is given. Topics seen: /imu/data (sensor_msgs/msg/Imu)."),
+            (f"{where}/imu/data?type=sensor_msgs/msg/Range", "/imu/data is sensor_msgs/msg/Imu, not sensor_msgs"),
+        ):
+            async with watched(source) as made:
+                await until(lambda made=made, words=words: words in made.notices, f"it says {words}")
+
+
+async def test_a_router_that_is_absent_is_one_sentence_and_one_that_returns_is_found() -> None:
+    port = free_port()
+    made_settings = LinkSettings(now_ns=steady_clock(), connect_timeout_s=0.3)
+    link = open_link(f"ros2://127.0.0.1:{port}/imu/data", made_settings)
+    with pytest.raises(LinkError, match=f"No Zenoh router answers at 127.0.0.1:{port}"):
+        await link.open()
+    with running_router(port) as router:
+        async with watched(f"ros2://127.0.0.1:{port}/imu/data") as made:
+            await until(lambda: made.session.info.is_open, "it is open")
+            with driver(port) as robot, sending_imu(robot):
+                await has(made, 10, "angular_velocity", "/imu/data")
+                router.close()
+                await until(lambda: "known go on" in made.notices, "the end of the router is reported")
+            await until(lambda: made.status == "lost", "the end of the node is noticed")
+            with running_router(port), driver(port) as robot, sending_imu(robot):
+                before = made.count("angular_velocity", "/imu/data")
+                await has(made, before + 10, "angular_velocity", "/imu/data")
+                await until(lambda: made.status == "live", "it is live again")
                 assert made.notices == ""
-                tokens = announced(router, "@ros2_lv/3/**")
-                own = [token for token in tokens if "imuscope" in token]
-                assert len(own) == 3  # the node and two subscribers
-                assert sum("/MS/" in token for token in own) == 2
-            await until(lambda: not imu.has_subscribers, "it has left")
-            assert not [token for token in announced(router, "@ros2_lv/3/**") if "imuscope" in token]
-
-    run(play)
-
-
-def test_a_topic_that_is_absent_unknown_or_of_another_type_is_explained() -> None:
-    async def play() -> None:
-        port = free_port()
-        with running_router(port), driver(port) as robot:
-            robot.publisher("/imu/data", ros.IMU)
-            where = f"ros2://127.0.0.1:{port}"
-            for source, words in (
-                (f"{where}/imu/dota", "No publisher of /imu/dota; topics seen: /imu/data (sensor_msgs/msg/Imu)."),
-                (f"{where}/", "No topic is given. Topics seen: /imu/data (sensor_msgs/msg/Imu)."),
-                (f"{where}/imu/data?type=sensor_msgs/msg/Range", "/imu/data is sensor_msgs/msg/Imu, not sensor_msgs"),
-            ):
-                async with watched(source) as made:
-                    await until(lambda made=made, words=words: words in made.notices, f"it says {words}")
-
-    run(play)
-
-
-def test_a_router_that_is_absent_is_one_sentence_and_one_that_returns_is_found() -> None:
-    async def play() -> None:
-        port = free_port()
-        made_settings = LinkSettings(now_ns=steady_clock(), connect_timeout_s=0.3)
-        link = open_link(f"ros2://127.0.0.1:{port}/imu/data", made_settings)
-        with pytest.raises(LinkError, match=f"No Zenoh router answers at 127.0.0.1:{port}"):
-            await link.open()
-        with running_router(port) as router:
-            async with watched(f"ros2://127.0.0.1:{port}/imu/data") as made:
-                await until(lambda: made.session.info.is_open, "it is open")
-                with driver(port) as robot, sending_imu(robot):
-                    await has(made, 10, "angular_velocity", "/imu/data")
-                    router.close()
-                    await until(lambda: "known go on" in made.notices, "the end of the router is reported")
-                await until(lambda: made.status == "lost", "the end of the node is noticed")
-                with running_router(port), driver(port) as robot, sending_imu(robot):
-                    before = made.count("angular_velocity", "/imu/data")
-                    await has(made, before + 10, "angular_velocity", "/imu/data")
-                    await until(lambda: made.status == "live", "it is live again")
-                    assert made.notices == ""
-
-    run(play)
 
 
 @contextmanager
