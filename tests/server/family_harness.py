@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 from imuscope.server import wire
@@ -59,3 +61,13 @@ class FamilyHarness:
 
     def events(self, kind: str) -> list[wire.EventInfo]:
         return [event for event in self.telemetry.log if event.kind == kind]
+
+
+@asynccontextmanager
+async def family(reading: DecodeOptions, link: type[FakeLink] = FamilyWire) -> AsyncIterator[FamilyHarness]:
+    """A session that has started; closed at the end."""
+    stage = FamilyHarness(reading, link)
+    stage.session.start()
+    await asyncio.sleep(0.001)
+    yield stage
+    await stage.session.close()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 from imuscope.server.devices.decode_options import DecodeOptions
@@ -54,13 +55,12 @@ class SessionHarness:
         return next(one for one in self.telemetry.store.all if one.info.name == name)
 
 
-def play(test: Callable[[SessionHarness], Coroutine[Any, Any, None]], protocol: str = "fake") -> None:
-    async def run() -> None:
-        stage = SessionHarness(protocol)
-        stage.session.start()
-        await stage.settle()
-        await test(stage)
-        await stage.session.close()
-        assert stage.telemetry.bus.devices.latest == {}
-
-    asyncio.run(run())
+@asynccontextmanager
+async def playing(protocol: str = "fake") -> AsyncIterator[SessionHarness]:
+    """A session that has started; its device is gone when it is closed."""
+    stage = SessionHarness(protocol)
+    stage.session.start()
+    await stage.settle()
+    yield stage
+    await stage.session.close()
+    assert stage.telemetry.bus.devices.latest == {}

@@ -6,7 +6,8 @@ The protocols are the real ones; link and clock are moved by the test.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from types import MappingProxyType
 from typing import Any
 
@@ -21,40 +22,33 @@ from imuscope.server import wire, wire_codec
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.links.base import LinkError
-from imuscope.server.streaming.telemetry import Telemetry
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
-from tests.server.family_harness import FamilyHarness, FamilyWire
+from tests.server.family_harness import FamilyHarness, FamilyWire, family
 
 KEY = bytes(range(32))
 
 
-def play(
-    test: Callable[[FamilyHarness], Coroutine[Any, Any, None]],
+@asynccontextmanager
+async def playing(
     reading: DecodeOptions = DecodeOptions(),  # noqa: B008
     link: type[FakeLink] = FamilyWire,
-) -> None:
-    async def run() -> None:
-        stage = FamilyHarness(reading, link)
-        stage.session.start()
-        await asyncio.sleep(0.001)
-        await test(stage)
+) -> AsyncIterator[FamilyHarness]:
+    async with family(reading, link) as stage:
+        yield stage
         told = "".join(
             wire_codec.encode_text(wire.Events(list(stage.telemetry.log)))
             + wire_codec.encode_text(wire.Devices([stage.info]))
         )
         assert KEY.hex() not in told
-        await stage.session.close()
-
-    asyncio.run(run())
 
 
 # -- who it is ---------------------------------------------------------------------------------------------------------
 
 
-def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
+    async with playing() as stage:
         await stage.run(IsbSimulator(), 6)
         assert (stage.info.name, stage.info.product, stage.info.serial_number) == ("IMX-5", "IMX-5.0.4", "62000")
         assert (stage.info.firmware, stage.info.status, stage.info.protection) == ("2.7.1", "live", "")
@@ -70,11 +64,9 @@ def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
                 channel.info.name
             )  # never 1980, nor a spike at the fix
 
-    play(test)
 
-
-def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None:
+    async with playing() as stage:
         device = IsbSimulator()
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
@@ -91,14 +83,15 @@ def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None
         await stage.run(device, 1)
         assert len(stage.link.written) == 2
 
-    play(test)
+
+class File(FamilyWire):
+    kind = "file"
 
 
-def test_files_and_one_way_links_are_not_sent_an_identify_request() -> None:
-    class File(FamilyWire):
-        kind = "file"
-
-    async def test(stage: FamilyHarness) -> None:
+@each_row("link", [File, FakeLink])
+async def test_files_and_one_way_links_are_not_sent_an_identify_request(link: type[FakeLink]) -> None:
+    """The `write` of FakeLink raises."""
+    async with playing(link=link) as stage:
         device = IsbSimulator()
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
@@ -106,27 +99,20 @@ def test_files_and_one_way_links_are_not_sent_an_identify_request() -> None:
         assert stage.info.status == "live"
         assert getattr(stage.link, "written", []) == []
 
-    play(test, link=File)
-    play(test, link=FakeLink)  # its write raises
 
-
-def test_families_without_an_identify_request_are_sent_nothing() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_families_without_an_identify_request_are_sent_nothing() -> None:
+    async with playing() as stage:
         await stage.run(XbusSimulator(measuring=True), 1)
         assert stage.info.status == "live"
         assert stage.link.written == []
 
-    play(test)
-
 
 @each_row("device", [IsbSimulator, IdtpSimulator, XbusSimulator])
-def test_a_clock_jump_is_reported_once(device: Any) -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_a_clock_jump_is_reported_once(device: Any) -> None:
+    async with playing() as stage:
         await stage.run(device(clock_jump=(8.0, 10.0)), 10)
         kinds = [event.data["kind"] for event in stage.events("clock")]
         assert kinds == (["sync", "jump"] if device is IsbSimulator else ["jump"])
-
-    play(test)
 
 
 # -- how well it is protected ------------------------------------------------------------------------------------------
@@ -141,8 +127,8 @@ def test_a_clock_jump_is_reported_once(device: Any) -> None:
         (2, decode_options(unverified=True), "Secure, unverified: no key", False, "?"),
     ],
 )
-def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, verified: bool, suffix: str) -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, verified: bool, suffix: str) -> None:
+    async with playing(reading) as stage:
         await stage.run(IdtpSimulator(mode=mode, key=KEY), 2)
         assert (stage.info.name, stage.info.serial_number) == ("IDTP device 102", "102")
         assert stage.info.protection == words
@@ -154,11 +140,9 @@ def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, veri
         assert {info.verified for info in infos} == {verified}
         assert f"Acceleration{suffix}" in {info.name for info in infos}
 
-    play(test, reading)
 
-
-def test_without_a_key_one_event_and_the_remedy() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_without_a_key_one_event_and_the_remedy() -> None:
+    async with playing() as stage:
         await stage.run(IdtpSimulator(mode=2, key=KEY), 4)
         assert stage.info.status == "connecting"
         assert stage.info.message.startswith("Secure frames are arriving, but there is no key")
@@ -169,32 +153,26 @@ def test_without_a_key_one_event_and_the_remedy() -> None:
         assert stage.health.rejects_by == {"no_key": stage.health.rejects}
         assert stage.health.rejects > 700
 
-    play(test)
-
 
 @each_row(
     ("reading", "mode", "reason"),
     [(decode_options(key=b"other"), 2, "bad_hmac"), (decode_options(min_mode="secure"), 1, "below_min_mode")],
 )
-def test_the_wrong_key_and_a_weak_mode_are_reported(reading: DecodeOptions, mode: int, reason: str) -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_the_wrong_key_and_a_weak_mode_are_reported(reading: DecodeOptions, mode: int, reason: str) -> None:
+    async with playing(reading) as stage:
         await stage.run(IdtpSimulator(mode=mode, key=KEY), 3)
         assert stage.info.status == "connecting"
         assert {event.data.get("reason") for event in stage.events("device")} >= {reason}
         assert stage.health.rejects_by.keys() == {reason}
         assert stage.info.hint
 
-    play(test, reading)
 
-
-def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
+    async with playing(decode_options("idtp", key=KEY)) as stage:
         await stage.run(IdtpSimulator(mode=2, key=KEY, corrupt=0.1, seed=4), 3)
         assert stage.info.status == "live"
         assert stage.health.rejects_by["bad_hmac"] > 0
         assert stage.info.notices == []
-
-    play(test, decode_options("idtp", key=KEY))
 
 
 class Several:
@@ -211,8 +189,8 @@ class Several:
         return b"".join(data for number, data in said if now_ns < self.stop_s.get(number, 1e9) * 1e9)
 
 
-def test_every_sender_is_a_device_of_its_own() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_every_sender_is_a_device_of_its_own() -> None:
+    async with playing() as stage:
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=102, mode=0, rate=50)), 30)
         first, second = stage.session.infos
         assert (first.id, first.parent, first.name) == ("1", "", "IDTP device 7")
@@ -233,34 +211,28 @@ def test_every_sender_is_a_device_of_its_own() -> None:
         assert one.drift_ppm is not None
         assert other.drift_ppm is not None
 
-    play(test)
 
-
-def test_losses_of_one_of_several_devices_are_its_own() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_losses_of_one_of_several_devices_are_its_own() -> None:
+    async with playing() as stage:
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, drop=0.1, seed=3)), 3)
         first, second = stage.session.health_of_all(stage.clock())
         assert (first.gaps, first.lost) == (0, 0)
         assert second.lost > 20
         assert {event.device for event in stage.events("gap")} == {"1.9"}
 
-    play(test)
 
-
-def test_refusals_on_a_shared_link_are_shown_with_each_device() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_refusals_on_a_shared_link_are_shown_with_each_device() -> None:
+    async with playing() as stage:
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, corrupt=0.2, seed=3)), 3)
         first, second = stage.session.health_of_all(stage.clock())
         assert first.rejects > 50
         assert (first.rejects, first.rejects_by) == (second.rejects, second.rejects_by)
         assert {event.device for event in stage.events("reject")} == {"1"}, "told once"
 
-    play(test)
-
 
 @each_row("stops", [7, 9])
-def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
+    async with playing() as stage:
         pair = Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9), stop_s={stops: 2})
         await stage.run(pair, 6)
         states = {info.serial_number: info for info in stage.session.infos}
@@ -271,14 +243,9 @@ def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
         await stage.run(pair, 1)
         assert [info.status for info in stage.session.infos] == ["live", "live"]
 
-    play(test)
 
-
-def test_all_devices_of_a_link_share_its_status() -> None:
-    hubs: list[Telemetry] = []
-
-    async def test(stage: FamilyHarness) -> None:
-        hubs.append(stage.telemetry)
+async def test_all_devices_of_a_link_share_its_status() -> None:
+    async with playing() as stage:
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9)), 2)
         stage.link.die(LinkError("gone", "gone.", "?"))
         await asyncio.sleep(0.001)
@@ -287,20 +254,17 @@ def test_all_devices_of_a_link_share_its_status() -> None:
         stage.session.retry()
         await stage.run(Several(IdtpSimulator(device_id=9), IdtpSimulator(device_id=7)), 2)
         assert [(info.status, info.serial_number) for info in stage.session.infos] == [("live", "7"), ("live", "9")]
+    hub = stage.telemetry
+    assert (dict(hub.bus.devices.latest), hub.store.all) == ({}, []), "they leave together"
 
-    play(test)
-    assert (dict(hubs[0].bus.devices.latest), hubs[0].store.all) == ({}, []), "they leave together"
 
-
-def test_devices_beyond_the_most_are_counted() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_devices_beyond_the_most_are_counted() -> None:
+    async with playing() as stage:
         await stage.run(Several(*(IdtpSimulator(device_id=n, rate=10) for n in range(1, 19))), 1)
         assert len(stage.session.infos) == 16
         assert len([event for event in stage.events("device") if "most" in event.data]) == 1
         counts = {message.name: message.count for message in stage.health.messages}
         assert counts["other devices"] > 0
-
-    play(test)
 
 
 def test_datagrams_stand_alone() -> None:
@@ -312,7 +276,7 @@ def test_datagrams_stand_alone() -> None:
         assert len([*batches(decoder.drain())]) == accepted
 
 
-def test_messages_that_pass_through_are_counted_by_name() -> None:
+async def test_messages_that_pass_through_are_counted_by_name() -> None:
     class Port:
         next_ns = 0
 
@@ -327,7 +291,7 @@ def test_messages_that_pass_through_are_counted_by_name() -> None:
                 second = (second + first) & 0xFF
             return self.device.advance(now_ns) + b"$HCHDM,123.45,M*18\r\n" + ubx + bytes((first, second))
 
-    async def test(stage: FamilyHarness) -> None:
+    async with playing() as stage:
         await stage.run(Port(), 2)
         counts = {message.name: message.count for message in stage.health.messages}
         assert counts["nmea HCHDM"] == 20  # one in each chunk of 100 ms
@@ -336,13 +300,11 @@ def test_messages_that_pass_through_are_counted_by_name() -> None:
         assert stage.health.unclaimed == 0
         assert stage.info.notices == []
 
-    play(test)
-
 
 # -- two protocols in one stream ---------------------------------------------------------------------------------------
 
 
-def test_a_mixed_stream_is_reported() -> None:
+async def test_a_mixed_stream_is_reported() -> None:
     class Mixed:
         next_ns = 0
 
@@ -352,7 +314,7 @@ def test_a_mixed_stream_is_reported() -> None:
         def advance(self, now_ns: int) -> bytes:
             return b"".join(device.advance(now_ns) for device in self.devices)
 
-    async def test(stage: FamilyHarness) -> None:
+    async with playing(DecodeOptions("isb")) as stage:
         await stage.run(Mixed(), 12)
         [notice] = stage.info.notices
         assert "IDTP 2.1" in notice
@@ -361,33 +323,27 @@ def test_a_mixed_stream_is_reported() -> None:
         assert event.data["protocols"] == ["isb", "idtp"]
         assert stage.info.status == "live"
 
-    play(test, DecodeOptions("isb"))
 
-
-def test_a_stream_decoded_with_the_wrong_protocol() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_a_stream_decoded_with_the_wrong_protocol() -> None:
+    async with playing(DecodeOptions("xbus")) as stage:
         await stage.run(IdtpSimulator(), 7)
         assert stage.info.status == "connecting"
         assert stage.info.message.startswith("These bytes are IDTP 2.1, but are decoded as Xsens")
         assert stage.info.hint
 
-    play(test, DecodeOptions("xbus"))
-
 
 @each_row("device", [IsbSimulator(), IdtpSimulator(), XbusSimulator("MTi-680G", measuring=True)])
-def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
+    async with playing() as stage:
         await stage.run(device, 6)
         assert stage.info.notices == []
-
-    play(test)
 
 
 # -- read in another way -----------------------------------------------------------------------------------------------
 
 
-def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
+    async with playing(decode_options(unverified=True)) as stage:
         device = IdtpSimulator(mode=2, key=KEY)
         await stage.run(device, 2)
         unverified = {channel.info.name: channel for channel in stage.telemetry.store.all}
@@ -404,11 +360,9 @@ def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
         assert "Quaternion" in {channel.info.name for channel in stage.telemetry.store.all}
         assert stage.link.opened == 1, "the link stays open"
 
-    play(test, decode_options(unverified=True))
 
-
-def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
-    async def test(stage: FamilyHarness) -> None:
+async def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
+    async with playing() as stage:
         device = IdtpSimulator(mode=2, key=KEY)
         await stage.run(device, 3)
         assert stage.health.rejects_by.keys() == {"no_key"}
@@ -416,5 +370,3 @@ def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
         await stage.run(device, 2)
         assert (stage.info.status, stage.info.notices, stage.info.hint) == ("live", [], "")
         assert stage.health.rejects_by == {}
-
-    play(test)

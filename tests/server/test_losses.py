@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Coroutine
-from typing import Any
-
 from imuscope.protocols.idtp.frames import build as idtp_frame
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.devices.decode_options import DecodeOptions
 from tests.each_row import each_row
-from tests.server.family_harness import FamilyHarness
-
-
-def play(test: Callable[[FamilyHarness], Coroutine[Any, Any, None]]) -> None:
-    async def run() -> None:
-        stage = FamilyHarness(DecodeOptions())
-        stage.session.start()
-        await asyncio.sleep(0.001)
-        await test(stage)
-        await stage.session.close()
-
-    asyncio.run(run())
+from tests.server.family_harness import family
 
 
 @each_row(
@@ -33,7 +18,7 @@ def play(test: Callable[[FamilyHarness], Coroutine[Any, Any, None]]) -> None:
         (build(0x2C, bytes([8, 6, 1]) + bytes(9)), "2D", "on request only"),
     ],
 )
-def test_samples_that_a_device_left_out_on_request_are_not_blamed_on_the_cable(
+async def test_samples_that_a_device_left_out_on_request_are_not_blamed_on_the_cable(
     request: bytes, answered: str, words: str
 ) -> None:
     """String output for 20 s was reported as 104 samples lost in the device, the adapter or the cable."""
@@ -63,17 +48,15 @@ def test_samples_that_a_device_left_out_on_request_are_not_blamed_on_the_cable(
     def sample(number: int) -> bytes:
         return build(0x36, bytes.fromhex("102002") + number.to_bytes(2, "big") + bytes.fromhex("081004") + bytes(4))
 
-    async def test(stage: FamilyHarness) -> None:
+    async with family(DecodeOptions()) as stage:
         await stage.run(Counting(), 2)
         first, second = stage.events("gap")
         assert (first.samples, first.level, first.data["by"]) == (47, "info", "request")
         assert words in first.text
         assert second.data["by"] == ("request" if "request" in words else "unknown")
 
-    play(test)
 
-
-def test_samples_lost_by_a_false_number_only_are_taken_back() -> None:
+async def test_samples_lost_by_a_false_number_only_are_taken_back() -> None:
     """One damaged sequence number counted 60 000 samples as lost, for good."""
 
     class Damaged:
@@ -86,7 +69,7 @@ def test_samples_lost_by_a_false_number_only_are_taken_back() -> None:
         def advance(self, now_ns: int) -> bytes:
             return next(self.frames, b"")
 
-    async def test(stage: FamilyHarness) -> None:
+    async with family(DecodeOptions()) as stage:
         device = Damaged()
         await stage.run(device, 0.6)
         assert (stage.health.lost, stage.health.gaps) == (59_995, 1)
@@ -95,10 +78,8 @@ def test_samples_lost_by_a_false_number_only_are_taken_back() -> None:
         [told] = [event for event in stage.events("device") if "withdrawn" in event.data]
         assert told.text.startswith("59995 samples reported as lost earlier were not lost")
 
-    play(test)
 
-
-def test_bytes_that_no_decoder_claims_are_counted() -> None:
+async def test_bytes_that_no_decoder_claims_are_counted() -> None:
     """What looks like no frame vanished without a trace."""
 
     class Port:
@@ -110,8 +91,6 @@ def test_bytes_that_no_decoder_claims_are_counted() -> None:
         def advance(self, now_ns: int) -> bytes:
             return self.device.advance(now_ns) + b"\x05" * 7
 
-    async def test(stage: FamilyHarness) -> None:
+    async with family(DecodeOptions()) as stage:
         await stage.run(Port(), 2)
         assert stage.health.unclaimed == 20 * 7
-
-    play(test)

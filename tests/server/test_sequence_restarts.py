@@ -6,7 +6,8 @@ import asyncio
 import json
 import socket
 import stat
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -83,17 +84,15 @@ class RestartHarness:
         return dict(self.session._stats.rejects_by)
 
 
-def play(
-    test: Callable[[RestartHarness], Coroutine[Any, Any, None]], stage: Callable[[], RestartHarness] = RestartHarness
-) -> None:
-    async def run() -> None:
-        made = stage()
-        made.session.start()
-        await made.settle()
-        await test(made)
-        await made.session.close()
-
-    asyncio.run(run())
+@asynccontextmanager
+async def playing(
+    reading: DecodeOptions = SECURELY, store: SequenceStore | None = None, kind: str = "serial"
+) -> AsyncIterator[RestartHarness]:
+    made = RestartHarness(reading, store, kind)
+    made.session.start()
+    await made.settle()
+    yield made
+    await made.session.close()
 
 
 def frame(sequence: int, mode: int = SECURE, *, device: int = 102, stamp: int | None = None) -> bytes:
@@ -105,8 +104,8 @@ def captured(first: int = 0, count: int = 50) -> list[bytes]:
     return [frame(first + k) for k in range(count)]
 
 
-def test_captured_frames_are_rejected_after_a_reconnect() -> None:
-    async def test(stage: RestartHarness) -> None:
+async def test_captured_frames_are_rejected_after_a_reconnect() -> None:
+    async with playing() as stage:
         await stage.send(*captured())
         assert stage.samples == 50
         for _ in range(2):
@@ -117,21 +116,15 @@ def test_captured_frames_are_rejected_after_a_reconnect() -> None:
         await stage.send(*captured(50, 10))
         assert stage.samples == 60
 
-    play(test)
 
-
-def test_captured_frames_are_rejected_after_a_server_restart(tmp_path: Path) -> None:
-    async def first(stage: RestartHarness) -> None:
+async def test_captured_frames_are_rejected_after_a_server_restart(tmp_path: Path) -> None:
+    store = SequenceStore(tmp_path)
+    async with playing(store=store) as stage:
         await stage.send(*captured(7))
-
-    async def second(stage: RestartHarness) -> None:
+    store.save()
+    async with playing(store=SequenceStore(tmp_path)) as stage:
         await stage.send(*captured(7), *captured(57, 5))
         assert (stage.samples, stage.refused) == (5, {"stale": 50})
-
-    store = SequenceStore(tmp_path)
-    play(first, lambda: RestartHarness(store=store))
-    store.save()
-    play(second, lambda: RestartHarness(store=SequenceStore(tmp_path)))
     path = tmp_path / "secure-sequences.json"
     assert KEY.hex() not in path.read_text()
     assert stat.S_IMODE(path.stat().st_mode) & 0o022 == 0
@@ -145,25 +138,21 @@ def test_another_key_is_another_device(tmp_path: Path) -> None:
     assert SequenceStore(tmp_path).restore(bytes(32)) == {}
 
 
-def test_a_replay_is_not_a_replay_attack(tmp_path: Path) -> None:
+async def test_a_replay_is_not_a_replay_attack(tmp_path: Path) -> None:
     """A recording of Secure frames is accepted each time it is played, and stores no state."""
-
-    async def test(stage: RestartHarness) -> None:
+    store = SequenceStore(tmp_path)
+    async with playing(store=store, kind="file") as stage:
         await stage.send(*captured())
         await stage.reconnect()
         await stage.send(*captured())
         assert stage.samples == 100
-
-    store = SequenceStore(tmp_path)
-    play(test, lambda: RestartHarness(store=store, kind="file"))
     store.save()
     assert not (tmp_path / "secure-sequences.json").exists()
 
 
-def test_a_restarted_secure_device_is_reported() -> None:
+async def test_a_restarted_secure_device_is_reported() -> None:
     """The message names the restart instead of a wrong rate, and an operator can re-arm the device."""
-
-    async def test(stage: RestartHarness) -> None:
+    async with playing() as stage:
         await stage.send(*captured(1000))
         assert stage.info.status == "live"
         await stage.send(*captured(0, 250))
@@ -182,21 +171,17 @@ def test_a_restarted_secure_device_is_reported() -> None:
         assert (stage.info.status, stage.info.rearm, stage.info.required_action) == ("live", [], "")
         assert not any("restarted" in notice for notice in stage.info.notices)
 
-    play(test)
 
-
-def test_a_replay_beside_the_device_itself_is_no_restart() -> None:
-    async def test(stage: RestartHarness) -> None:
+async def test_a_replay_beside_the_device_itself_is_no_restart() -> None:
+    async with playing() as stage:
         for k in range(60):
             await stage.send(frame(1000 + k), frame(k))
         assert stage.info.rearm == []
         assert stage.info.status == "live"
 
-    play(test)
 
-
-def test_a_restarted_safety_device_is_not_reported_as_a_wrong_rate() -> None:
-    async def test(stage: RestartHarness) -> None:
+async def test_a_restarted_safety_device_is_not_reported_as_a_wrong_rate() -> None:
+    async with playing(DecodeOptions("idtp")) as stage:
         await stage.send(*(frame(1000 + k, SAFETY) for k in range(20)))
         await stage.send(*(frame(k, SAFETY) for k in range(250)))
         assert "old sequence numbers" in stage.info.message
@@ -204,13 +189,10 @@ def test_a_restarted_safety_device_is_not_reported_as_a_wrong_rate() -> None:
         await stage.send(*(frame(250 + k, SAFETY) for k in range(100)))
         assert stage.info.status == "live"
 
-    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
-
-def test_refused_frames_are_not_reported_as_damaged() -> None:
+async def test_refused_frames_are_not_reported_as_damaged() -> None:
     """With a device that mixes modes, frames refused by a setting count neither as lost nor as damaged."""
-
-    async def test(stage: RestartHarness) -> None:
+    async with playing(DecodeOptions("idtp")) as stage:
         for k in range(0, 60, 3):
             await stage.send(frame(k, LITE), frame(k + 1, SECURE), frame(k + 2, LITE))
         assert stage.refused == {"no_key": 20}
@@ -221,28 +203,22 @@ def test_refused_frames_are_not_reported_as_damaged() -> None:
         assert gap.samples == 2
         assert "damaged frame" not in gap.text
 
-    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
-
-def test_a_forged_jump_is_not_counted_as_lost_samples() -> None:
-    async def test(stage: RestartHarness) -> None:
+async def test_a_forged_jump_is_not_counted_as_lost_samples() -> None:
+    async with playing(DecodeOptions("idtp")) as stage:
         await stage.send(*(frame(k, SAFETY) for k in range(10)))
         await stage.send(frame(1 << 30, SAFETY), frame((1 << 30) + 1, SAFETY))
         assert stage.session._stats.lost == 0
         assert any("jumped ahead by 10737418" in event.text for event in stage.telemetry.log)
 
-    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
-
-def test_a_missing_key_is_requested() -> None:
-    async def test(stage: RestartHarness) -> None:
+async def test_a_missing_key_is_requested() -> None:
+    async with playing(DecodeOptions("idtp")) as stage:
         await stage.send(*captured())
         assert (stage.info.status, stage.info.required_action) == ("connecting", "key")
         await stage.session.read_as(SECURELY)
         await stage.send(*captured(50))
         assert (stage.info.status, stage.info.required_action) == ("live", "")
-
-    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
 @pytest.fixture
@@ -299,10 +275,9 @@ def test_a_device_is_rearmed_where_no_server_runs(tmp_path: Path, capsys: pytest
 
 
 @each_row(("unit", "ticks", "every"), [("ms", 10, 0.01), ("ns", 10_000_000, 0.01), ("s", 0.2, 0.2)])
-def test_timestamp_units_are_detected(unit: str, ticks: float, every: float) -> None:
+async def test_timestamp_units_are_detected(unit: str, ticks: float, every: float) -> None:
     """A sender in another unit: it is noticed within some seconds, with the reason, and read rightly from then on."""
-
-    async def test(stage: RestartHarness) -> None:
+    async with playing(DecodeOptions("idtp")) as stage:
         await stage.send(*(frame(k, SAFETY, stamp=round(1000 + k * ticks)) for k in range(250)), every=every)
         assert stage.info.decode_options == {"time_unit": unit}
         (notice,) = stage.info.notices
@@ -311,30 +286,23 @@ def test_timestamp_units_are_detected(unit: str, ticks: float, every: float) -> 
         time = channel.ring.read()[1]
         assert time[-1] - time[-101] == pytest.approx(100 * every, abs=0.02 if unit != "s" else 1.1)
 
-    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
-
-def test_a_configured_unit_is_kept_and_the_contradiction_reported() -> None:
-    async def test(stage: RestartHarness) -> None:
+async def test_a_configured_unit_is_kept_and_the_contradiction_reported() -> None:
+    async with playing(decode_options("idtp", time_unit="us")) as stage:
         await stage.send(*(frame(k, SAFETY, stamp=1000 + k * 10) for k in range(150)))
         assert stage.info.decode_options == {"time_unit": "us"}
         (notice,) = stage.info.notices
         assert "contradict their arrival" in notice
         assert "time_unit=ms" in notice
 
-    play(test, lambda: RestartHarness(decode_options("idtp", time_unit="us")))
 
-
-def test_a_backlog_does_not_determine_the_timestamp_unit() -> None:
+async def test_a_backlog_does_not_determine_the_timestamp_unit() -> None:
     """A minute of data delayed by a link arrives at once, and then the device continues as usual."""
-
-    async def test(stage: RestartHarness) -> None:
+    async with playing(DecodeOptions("idtp")) as stage:
         await stage.send(*(frame(k, SAFETY) for k in range(6000)), every=0.0)
         await stage.send(*(frame(6000 + k, SAFETY) for k in range(200)))
         assert stage.info.decode_options == {}
         assert stage.info.notices == []
-
-    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
 # -- the store ---------------------------------------------------------------------------------------------------------

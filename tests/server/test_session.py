@@ -19,11 +19,11 @@ from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.protocols.protocol_cases import SPEAKERS
 from tests.server.fakes import SPEECH, FakeClock, FakeDecoder, FakeLink, sample
-from tests.server.session_harness import SessionHarness, play
+from tests.server.session_harness import SessionHarness, playing
 
 
-def test_samples_arrive_with_both_times() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_samples_arrive_with_both_times() -> None:
+    async with playing() as stage:
         assert stage.status == "connecting"
         await stage.send(*(sample(k, 100 + k) for k in range(20)))
         assert stage.status == "live"
@@ -32,11 +32,9 @@ def test_samples_arrive_with_both_times() -> None:
         assert arrival[1] - arrival[0] == pytest.approx(0.01, abs=1e-6)
         assert abs(time - arrival).max() < 0.005
 
-    play(test)
 
-
-def test_a_gap_names_where_it_was_lost() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_gap_names_where_it_was_lost() -> None:
+    async with playing() as stage:
         await stage.send(*(sample(k) for k in range(10)))
         await stage.send(sample(13), every=0.04)
         (gap,) = stage.events("gap")
@@ -49,11 +47,9 @@ def test_a_gap_names_where_it_was_lost() -> None:
         health = stage.session.health(stage.clock())
         assert (health.gaps, health.lost, health.rejects) == (2, 4, 4)
 
-    play(test)
 
-
-def test_many_gaps_are_summed_up_and_lose_no_count() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_many_gaps_are_summed_up_and_lose_no_count() -> None:
+    async with playing() as stage:
         await stage.send(*(sample(k) for k in range(0, 250, 2)), every=0.001)
         await stage.settle(1.2)
         gaps = stage.events("gap")
@@ -61,11 +57,9 @@ def test_many_gaps_are_summed_up_and_lose_no_count() -> None:
         assert sum(gap.samples for gap in gaps) == 124
         assert stage.session.health(stage.clock()).lost == 124
 
-    play(test)
 
-
-def test_noise_cannot_flood_the_log() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_noise_cannot_flood_the_log() -> None:
+    async with playing() as stage:
         for k in range(30):
             await stage.send(b"?" * 1000 + sample(k))
             await stage.settle(0.1)
@@ -77,11 +71,9 @@ def test_noise_cannot_flood_the_log() -> None:
         assert rejects[0].text.endswith("bad checksum.")
         assert rejects[0].t0 <= rejects[0].t1
 
-    play(test)
 
-
-def test_a_dead_link_shows_at_once_and_comes_back() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_dead_link_shows_at_once_and_comes_back() -> None:
+    async with playing() as stage:
         await stage.send(*(sample(k) for k in range(5)))
         stage.link.refuses = [LinkError("gone", "/dev/ttyFAKE is gone.", "Plug it in.")]
         stage.link.die(LinkError("gone", "/dev/ttyFAKE is gone.", "Plug it in."))
@@ -100,8 +92,6 @@ def test_a_dead_link_shows_at_once_and_comes_back() -> None:
         (gap,) = stage.events("gap")  # so that the page hatches the missed range
         assert gap.data["by"] == "link"
         assert 0.0 < gap.t1 - gap.t0 < 1.0
-
-    play(test)
 
 
 async def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,10 +119,9 @@ async def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) ->
     await stage.session.close()
 
 
-def test_a_frame_of_which_the_rest_is_late_is_a_good_frame() -> None:
+async def test_a_frame_of_which_the_rest_is_late_is_a_good_frame() -> None:
     """It was dropped after a quarter of a second, and the wire was blamed for it."""
-
-    async def test(stage: SessionHarness) -> None:
+    async with playing() as stage:
         for count in range(5):
             await stage.send(sample(2 * count), sample(2 * count + 1)[:2])
             await stage.settle(0.6)
@@ -140,8 +129,6 @@ def test_a_frame_of_which_the_rest_is_late_is_a_good_frame() -> None:
         health = stage.session.health(stage.clock())
         assert (health.rejects, health.lost, stage.events("gap")) == (0, 0, [])
         assert stage.channel("Count").ring.total == 10
-
-    play(test)
 
 
 @each_row("family", ["xbus", "isb", "idtp"])
@@ -168,33 +155,29 @@ def test_halves_of_a_frame_of_any_family_may_come_half_a_second_apart(family: st
     assert asyncio.run(delivered(0.5, 0.0)) == whole
 
 
-def test_an_incomplete_frame_is_given_up_when_no_link_could_still_bring_its_rest() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_an_incomplete_frame_is_given_up_when_no_link_could_still_bring_its_rest() -> None:
+    async with playing() as stage:
         await stage.send(sample(0), b"F")
         await stage.settle(GIVE_UP_S - 1)
         assert stage.session.health(stage.clock()).rejects == 0
         await stage.settle(2)
         assert stage.session.health(stage.clock()).rejects == 1
 
-    play(test)
 
-
-def test_messages_behind_a_beginning_that_is_none_are_not_kept_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_messages_behind_a_beginning_that_is_none_are_not_kept_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """They prove that it is none: here a beginning that claims eight bytes."""
     monkeypatch.setattr(FakeDecoder, "claims", {b"L": 8})
 
-    async def test(stage: SessionHarness) -> None:
+    async with playing() as stage:
         await stage.send(sample(0), b"L" + sample(1))
         assert stage.channel("Count").ring.total == 1
         await stage.settle(0.6)
         assert stage.channel("Count").ring.total == 2
         assert stage.session.health(stage.clock()).rejects == 1
 
-    play(test)
 
-
-def test_an_ended_file_waits_for_a_retry() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_an_ended_file_waits_for_a_retry() -> None:
+    async with playing() as stage:
         await stage.send(sample(0), b"F")
         stage.link.die(LinkError("ended", "The file has finished.", "Retry plays it again."))
         await stage.settle()
@@ -206,11 +189,9 @@ def test_an_ended_file_waits_for_a_retry() -> None:
         assert stage.status == "live"
         assert stage.link.opened == 2
 
-    play(test)
 
-
-def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
+    async with playing(protocol="") as stage:
         await stage.send(*(sample(k) for k in range(10)))
         assert stage.status == "connecting"
         stage.clock.move(protocol_detection.GUESS_S)
@@ -219,13 +200,10 @@ def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
         assert (device.status, device.protocol, device.name) == ("live", "fake", "Fake sensor")
         assert stage.channel("Count").ring.total == 11
 
-    play(test, protocol="")
 
-
-def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """While no bytes arrive, nothing is detected, decoded or reported repeatedly; when they do, there is no delay."""
-
-    async def test(stage: SessionHarness) -> None:
+    async with playing(protocol="") as stage:
         guessed: list[int] = []
         told: list[object] = []
         guess = SPEECH.guess
@@ -244,11 +222,9 @@ def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypa
         assert stage.status == "live"
         assert stage.channel("Count").ring.total == protocol_detection.GUESS_BYTES // 4
 
-    play(test, protocol="")
 
-
-def test_unknown_bytes_are_described() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_unknown_bytes_are_described() -> None:
+    async with playing(protocol="") as stage:
         for _ in range(40):
             await stage.send(b"hello world " * 100)
         device = stage.telemetry.bus.devices.latest["1"]
@@ -257,36 +233,29 @@ def test_unknown_bytes_are_described() -> None:
         assert device.hint
         assert stage.session._pipeline.detector.size <= protocol_detection.UNKNOWN_BYTES + 1200
 
-    play(test, protocol="")
 
-
-def test_a_reply_identifies_the_device() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_reply_identifies_the_device() -> None:
+    async with playing() as stage:
         await stage.send(b"W", sample(0))
         device = stage.telemetry.bus.devices.latest["1"]
         assert (device.product, device.serial_number, device.name) == ("MTi-630", "03800001", "MTi-630")
         (reply,) = stage.events("reply")
         assert reply.data["values"]["product_code"] == "MTi-630"
 
-    play(test)
 
-
-def test_a_clock_step_is_an_event() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_clock_step_is_an_event() -> None:
+    async with playing() as stage:
         await stage.send(sample(100), sample(101), sample(0), sample(1))
         (step,) = stage.events("clock")
         assert step.text == "The device's clock started again from zero."
         _, time, _ = stage.channel("Force").ring.read()
         assert step.time == time[2], "a page breaks its lines at the first sample after the step, not somewhere near"
 
-    play(test)
-
 
 @each_row("protocol", ["fake", ""])
-def test_a_restart_of_a_looped_file_is_reported_once_and_is_no_jump_or_loss(protocol: str) -> None:
+async def test_a_restart_of_a_looped_file_is_reported_once_and_is_no_jump_or_loss(protocol: str) -> None:
     """Regression: each restart of the file was reported as a clock jump of -880 ms and as lost samples."""
-
-    async def test(stage: SessionHarness) -> None:
+    async with playing(protocol=protocol) as stage:
         for turn in range(3):
             for k in range(100, 140):
                 stage.clock.move(0.01)
@@ -305,25 +274,19 @@ def test_a_restart_of_a_looped_file_is_reported_once_and_is_no_jump_or_loss(prot
         health = stage.session.health(stage.clock())
         assert (health.gaps, health.lost, stage.events("gap")) == (0, 0, [])
 
-    play(test, protocol=protocol)
 
-
-def test_a_device_that_sends_only_sentences_is_live() -> None:
+async def test_a_device_that_sends_only_sentences_is_live() -> None:
     """It stood as "connecting, no byte yet", beside a plot of its heading."""
-
-    async def test(stage: SessionHarness) -> None:
+    async with playing() as stage:
         await stage.send(b"$", b"$")
         assert stage.status == "live"
         (heading,) = [column for column in stage.channel("HCHDM").info.columns if column.name == "value"]
         assert (heading.unit, heading.period) == ("°", 360)
 
-    play(test)
 
-
-def test_a_device_that_sends_only_sentences_is_named_after_them() -> None:
+async def test_a_device_that_sends_only_sentences_is_named_after_them() -> None:
     """Any port with NMEA on it was called an Xsens MTi."""
-
-    async def test(stage: SessionHarness) -> None:
+    async with playing() as stage:
         await stage.send(b"$", b"$")
         assert stage.telemetry.bus.devices.latest["1"].name == "NMEA 0183 device"
         (link,) = stage.events("link")
@@ -335,23 +298,19 @@ def test_a_device_that_sends_only_sentences_is_named_after_them() -> None:
         await stage.send(b"$")
         assert stage.telemetry.bus.devices.latest["1"].name == "MTi-630"
 
-    play(test)
 
-
-def test_a_broken_decoder_is_reported_and_replaced(caplog: pytest.LogCaptureFixture) -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_broken_decoder_is_reported_and_replaced(caplog: pytest.LogCaptureFixture) -> None:
+    async with playing() as stage:
         await stage.send(sample(0), b"!", sample(1))
         (fault,) = stage.events("device")
         assert fault.level == "error"
         await stage.send(sample(2))
         assert stage.channel("Count").ring.read()[2].tolist()[-1] == 2
-
-    play(test)
     assert "a decoder that breaks" in caplog.text
 
 
-def test_health_is_of_the_last_second() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_health_is_of_the_last_second() -> None:
+    async with playing() as stage:
         await stage.send(*(sample(k) for k in range(250)), every=0.005)
         health = stage.session.health(stage.clock())
         assert health.rate == pytest.approx(200, abs=5)
@@ -361,8 +320,6 @@ def test_health_is_of_the_last_second() -> None:
         stage.clock.move(2.0)
         health = stage.session.health(stage.clock())
         assert (health.rate, health.bytes_per_s) == (0, 0)
-
-    play(test)
 
 
 async def test_a_step_of_the_wall_clock_is_an_event_and_moves_no_sample() -> None:
@@ -392,10 +349,9 @@ async def test_one_source_is_opened_once() -> None:
     await sessions.close()
 
 
-def test_received_and_sent_bytes_reach_listeners() -> None:
+async def test_received_and_sent_bytes_reach_listeners() -> None:
     """On these three hooks stand device commands and recordings: each chunk once, each event once, both directions."""
-
-    async def test(stage: SessionHarness) -> None:
+    async with playing() as stage:
         chunks: list[tuple[bytes, int, str]] = []
         events: list[Event] = []
         sent: list[tuple[bytes, int]] = []
@@ -432,11 +388,9 @@ def test_received_and_sent_bytes_reach_listeners() -> None:
         await stage.send(sample(3))
         assert (len(chunks), len(events)) == (5, 5)
 
-    play(test)
 
-
-def test_a_failing_listener_does_not_affect_others(caplog: pytest.LogCaptureFixture) -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_failing_listener_does_not_affect_others(caplog: pytest.LogCaptureFixture) -> None:
+    async with playing() as stage:
         heard: list[object] = []
 
         def broken(*news: object) -> None:
@@ -449,13 +403,12 @@ def test_a_failing_listener_does_not_affect_others(caplog: pytest.LogCaptureFixt
         assert len(heard) == 2
         assert stage.status == "live"
         assert stage.events("device") == []
-
-    play(test)
     assert caplog.text.count("RuntimeError: a listener that breaks") == 2
 
 
-def test_concurrent_senders_do_not_mix_their_bytes() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_concurrent_senders_do_not_mix_their_bytes() -> None:
+    async with playing() as stage:
+
         async def slow(data: bytes) -> None:
             for byte in data:
                 await asyncio.sleep(0)
@@ -464,5 +417,3 @@ def test_concurrent_senders_do_not_mix_their_bytes() -> None:
         stage.link.write = slow  # type: ignore[method-assign]
         await asyncio.gather(stage.session.access.send(b"aaaa"), stage.session.access.send(b"bbbb"))
         assert b"".join(stage.link.sent) == b"aaaabbbb"
-
-    play(test)

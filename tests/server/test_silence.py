@@ -5,13 +5,12 @@ from __future__ import annotations
 import pytest
 
 from tests.server.fakes import sample
-from tests.server.session_harness import SessionHarness, play
+from tests.server.session_harness import playing
 
 
-def test_a_link_whose_bytes_wait_is_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_link_whose_bytes_wait_is_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
     """A busy host reads late, which is not a fault of the device."""
-
-    async def test(stage: SessionHarness) -> None:
+    async with playing() as stage:
         await stage.send(*(sample(k) for k in range(10)))
         await stage.settle(0.5)
         monkeypatch.setattr(type(stage.link), "backlog", 100)
@@ -21,11 +20,9 @@ def test_a_link_whose_bytes_wait_is_not_silent(monkeypatch: pytest.MonkeyPatch) 
         await stage.settle(0.5)
         assert stage.status == "lost"
 
-    play(test)
 
-
-def test_a_silent_link_is_lost_within_a_second_and_back_with_the_next_sample() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_silent_link_is_lost_within_a_second_and_back_with_the_next_sample() -> None:
+    async with playing() as stage:
         await stage.send(*(sample(k) for k in range(10)))
         await stage.settle(0.5)
         assert stage.status == "live"
@@ -35,16 +32,12 @@ def test_a_silent_link_is_lost_within_a_second_and_back_with_the_next_sample() -
         await stage.send(sample(11))
         assert stage.status == "live"
 
-    play(test)
 
-
-def test_a_slow_device_is_not_called_silent() -> None:
-    async def test(stage: SessionHarness) -> None:
+async def test_a_slow_device_is_not_called_silent() -> None:
+    async with playing() as stage:
         for k in range(5):
             await stage.send(sample(k))
             await stage.settle(2.0)
             assert stage.status == "live"
         await stage.settle(7.0)
         assert stage.status == "lost"
-
-    play(test)

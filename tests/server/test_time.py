@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 import numpy as np
@@ -93,15 +94,13 @@ class TimeHarness:
         return np.asarray(times - self.began / 1e9 - k * PERIOD_NS / 1e9)
 
 
-def play(faults: LineFaults, test: Callable[[TimeHarness], Any]) -> None:
-    async def run() -> None:
-        stage = TimeHarness(faults)
-        stage.session.start()
-        await asyncio.sleep(0.001)
-        await test(stage)
-        await stage.session.close()
-
-    asyncio.run(run())
+@asynccontextmanager
+async def playing(faults: LineFaults) -> AsyncIterator[TimeHarness]:
+    stage = TimeHarness(faults)
+    stage.session.start()
+    await asyncio.sleep(0.001)
+    yield stage
+    await stage.session.close()
 
 
 def check(stage: TimeHarness, since_s: float) -> wire.DeviceHealth:
@@ -118,8 +117,8 @@ def check(stage: TimeHarness, since_s: float) -> wire.DeviceHealth:
     return health
 
 
-def test_a_line_without_jitter_is_drawn_evenly_without_a_report() -> None:
-    async def test(stage: TimeHarness) -> None:
+async def test_a_line_without_jitter_is_drawn_evenly_without_a_report() -> None:
+    async with playing(LineFaults(baud=115200)) as stage:
         await stage.run(15)
         health = check(stage, 10)
         assert health.jitter_cause is None
@@ -127,11 +126,9 @@ def test_a_line_without_jitter_is_drawn_evenly_without_a_report() -> None:
         assert health.uncertainty_ms < 0.5
         assert health.drift_ppm == pytest.approx(PPM, abs=10)
 
-    play(LineFaults(baud=115_200), test)
 
-
-def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -> None:
-    async def test(stage: TimeHarness) -> None:
+async def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -> None:
+    async with playing(LineFaults(baud=115200, burst_ms=16, drop=0.02)) as stage:
         await stage.run(15)
         cause = check(stage, 10).jitter_cause
         assert cause is not None
@@ -140,11 +137,9 @@ def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -
         assert "latency_timer" in cause.remedy
         assert "udev" in cause.remedy
 
-    play(LineFaults(baud=115_200, burst_ms=16, drop=0.02), test)
 
-
-def test_a_device_restart_is_a_reported_break() -> None:
-    async def test(stage: TimeHarness) -> None:
+async def test_a_device_restart_is_a_reported_break() -> None:
+    async with playing(LineFaults(baud=115200)) as stage:
         await stage.run(4)
         stage.reset()
         await stage.run(15)
@@ -157,13 +152,11 @@ def test_a_device_restart_is_a_reported_break() -> None:
         assert step.time == pytest.approx(stage.began / 1e9 + 4, abs=0.02)
         assert (np.diff(stage.times(0)) > 0).all()
 
-    play(LineFaults(baud=115_200), test)
 
-
-def test_a_host_that_did_not_read_moves_no_sample_and_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_host_that_did_not_read_moves_no_sample_and_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jitter_causes, "LATELY_S", 10.0)
 
-    async def test(stage: TimeHarness) -> None:
+    async with playing(LineFaults(baud=115200)) as stage:
         await stage.run(12)
         stage.asleep_until = 12_300_000_000
         await stage.run(4)
@@ -175,8 +168,6 @@ def test_a_host_that_did_not_read_moves_no_sample_and_is_named(monkeypatch: pyte
         assert cause.text == "Nothing was read for 0.3 s, then all at once: this host was likely too busy."
         await stage.run(11)
         assert stage.health.jitter_cause is None, "after a while it is history"
-
-    play(LineFaults(baud=115_200), test)
 
 
 def test_every_cause_is_a_sentence_with_a_remedy() -> None:
