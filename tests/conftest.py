@@ -57,8 +57,8 @@ os.environ.setdefault(priority.SAME, "1")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
-    """Run a test that is a coroutine; one that a plugin runs is marked `anyio`."""
-    if not inspect.iscoroutinefunction(pyfuncitem.obj) or pyfuncitem.get_closest_marker("anyio"):
+    """Run a test that is a coroutine."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
         return None
     names = inspect.signature(pyfuncitem.obj).parameters
     each_row.run_test(pyfuncitem.obj, {name: pyfuncitem.funcargs[name] for name in names})

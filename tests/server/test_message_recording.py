@@ -20,7 +20,7 @@ from imuscope.server.library.decode import decode
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros
 from tests.links.message_sources import has, sdk_server, sending, watched
-from tests.server.recorder_harness import in_a_loop, recorded, recorder
+from tests.server.recorder_harness import recorded, recorder
 from tests.waiting import until
 
 TOPICS = ros.TOPICS
@@ -43,7 +43,6 @@ def live(made: Any, title: str, message: str) -> list[np.ndarray]:
     return one.ring.read()
 
 
-@in_a_loop
 async def test_a_recording_holds_the_messages_as_they_came_and_gives_the_same_numbers(tmp_path: Path) -> None:
     sent: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
 
@@ -114,7 +113,6 @@ async def test_a_recording_holds_the_messages_as_they_came_and_gives_the_same_nu
         assert again.session.info.protocol == "messages"
 
 
-@in_a_loop
 async def test_a_replayed_file_of_another_program_can_be_recorded_again(tmp_path: Path) -> None:
     theirs = ros.bag(tmp_path / "theirs")
     async with recorder(tmp_path) as (made, one):

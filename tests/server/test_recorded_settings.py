@@ -12,7 +12,7 @@ from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recorder import RecordingOptions
 from tests.each_row import each_row
 from tests.server.control_harness import SILENT, outputs
-from tests.server.recorder_harness import chunks, in_a_loop, recorder
+from tests.server.recorder_harness import chunks, recorder
 from tests.waiting import until
 
 OUTPUTS = [
@@ -81,7 +81,6 @@ def test_a_foreign_snapshot_shows_nothing(body: dict[str, Any]) -> None:
     assert settings_of(body).settings == []
 
 
-@in_a_loop
 async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
     async with recorder(tmp_path, times=SILENT, patience=1.0) as (made, one):
         desk = await made.add("sim:xbus?rate=20")
@@ -98,7 +97,6 @@ async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: 
         assert len(chunks(tmp_path / "recordings" / f"{state.id}.mcap", "rx/1")) > 1000
 
 
-@in_a_loop
 async def test_settings_that_are_known_are_in_the_recording_and_those_read_later_too(tmp_path: Path) -> None:
     async with recorder(tmp_path, RecordingOptions(tmp_path / "recordings", request_header=False)) as (made, one):
         desk = await made.add("sim:xbus?rate=20")

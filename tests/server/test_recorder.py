@@ -35,7 +35,6 @@ from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import (
     chunks,
     flowing,
-    in_a_loop,
     recorded,
     recorder,
     send,
@@ -293,7 +292,6 @@ def test_a_name_from_outside_never_becomes_a_path(tmp_path: Path) -> None:
 # ── with real simulators ──────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@in_a_loop
 async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(tmp_path: Path) -> None:
     async with recorder(tmp_path) as (made, one):
         desk = await made.add("sim:xbus")
@@ -318,7 +316,6 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
         assert asked == ["ReqDID", "GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
 
 
-@in_a_loop
 async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path: Path) -> None:
     plan = RecordingOptions(tmp_path / "recordings", Limits(split_bytes=30_000))
     async with recorder(tmp_path, plan) as (made, one):
@@ -338,7 +335,6 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
             assert McapSource(second).devices["1"].identity["configuration"]  # every part can be exported
 
 
-@in_a_loop
 async def test_the_time_until_a_recording_is_on_disk_is_a_setting(tmp_path: Path) -> None:
     for sync_s in (0.0, 7.0):
         plan = plan_of(load(data=tmp_path / f"{sync_s:g}", sync_s=sync_s))
@@ -349,7 +345,6 @@ async def test_the_time_until_a_recording_is_on_disk_is_a_setting(tmp_path: Path
     assert plan_of(load()).sync_s == 1.0
 
 
-@in_a_loop
 async def test_a_finished_recording_is_compacted_in_a_subprocess(tmp_path: Path) -> None:
     packed: list[Path] = []
     async with recorder(tmp_path, compactor=CompactionWorker(packed.append)) as (made, one):
@@ -365,7 +360,6 @@ async def test_a_finished_recording_is_compacted_in_a_subprocess(tmp_path: Path)
             assert not recording.damage
 
 
-@in_a_loop
 async def test_a_title_marks_and_refusals_without_http(tmp_path: Path) -> None:
     async with recorder(tmp_path) as (_, one):
         with pytest.raises(DomainError):

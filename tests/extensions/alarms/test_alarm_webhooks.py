@@ -33,7 +33,7 @@ from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import in_a_loop, send
+from tests.server.recorder_harness import send
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until, until
 
@@ -105,7 +105,6 @@ def receiver() -> Iterator[Receiver]:
         yield receiver
 
 
-@in_a_loop
 async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver: Receiver) -> None:
     hooks, told = Webhooks(QUICK, HERE), Told()
     receiver.answers = [500, 429, 204, 404, 503, 503, 503]
@@ -121,7 +120,6 @@ async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver
     await hooks.close()
 
 
-@in_a_loop
 async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
     hooks, told = Webhooks(QUICK, HERE), Told()
     url = f"http://ada:secret@127.0.0.1:{free_port()}/hook"
@@ -135,7 +133,6 @@ async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
     await hooks.close()
 
 
-@in_a_loop
 async def test_a_slow_receiver_delays_no_other_alarm_and_its_queue_is_bounded(receiver: Receiver) -> None:
     hooks, told = Webhooks(QUICK, HERE), Told()
     other = Receiver()
@@ -157,7 +154,6 @@ async def test_a_slow_receiver_delays_no_other_alarm_and_its_queue_is_bounded(re
     await asyncio.to_thread(other.end)
 
 
-@in_a_loop
 async def test_an_attempt_ends_when_no_answer_comes(receiver: Receiver) -> None:
     hooks, told = Webhooks(WebhookTiming(attempt_s=0.2, first_pause_s=0.001, attempts=2), HERE), Told()
     receiver.is_open.clear()

@@ -26,7 +26,7 @@ from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.library.signal_definitions import SignalDefinition, SignalDefinitions
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
-from tests.server.recorder_harness import in_a_loop, recorder
+from tests.server.recorder_harness import recorder
 from tests.waiting import until
 
 TOTAL = {"Total": "norm(Acceleration)"}
@@ -121,7 +121,6 @@ def signals_in(path: Path) -> list[Any]:
         return [body["signals"] for _, body in json_messages(recording, "signals/1")]
 
 
-@in_a_loop
 async def test_definitions_are_recorded_and_those_that_change_too(tmp_path: Path) -> None:
     definitions = SignalDefinitions(tmp_path)
     async with recorder(tmp_path) as (made, plain):

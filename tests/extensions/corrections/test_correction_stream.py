@@ -33,7 +33,6 @@ from tests.each_row import each_row
 from tests.server.correction_messages import NUMBERS, STREAM, message
 from tests.waiting import PATIENCE_S, until
 
-pytestmark = pytest.mark.anyio
 S = 10**9
 
 
