@@ -3,7 +3,7 @@
     .mcap              a recording of imuscope; of other programs if their messages hold numbers
                        (recordings/message_source.py)
     .mtb .raw .dat …   logs of the vendors' programs (recordings/vendor_logs.py); a split log is one recording
-    .csv               a table with a time column (recordings/tabular.py)
+    .csv .tsv          a table with a time column (recordings/tabular.py); of any other name if it has rows of numbers
     everything else    bytes as received from a port, of any protocol
 
 A capture has no arrival times. They are derived from the device's own clock, assuming a fast line (CaptureTiming):
@@ -31,15 +31,18 @@ from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.regular_file import open_regular, read_regular, readable_name
 from imuscope.recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
+from imuscope.recordings.table_format import has_rows
+from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5
 DATE_BYTES = 1 << 22  # of a log whose name has its start: within these a device with a receiver has sent the date
 SUFFIXES = (
-    *(".mcap", *vendor_logs.log_suffixes(), ".bin", ".log", ".txt", ".csv", ".hex", ".ubx", ".nmea"),
+    *(".mcap", *vendor_logs.log_suffixes(), ".bin", ".log", ".txt", ".csv", ".tsv", ".hex", ".ubx", ".nmea"),
     *(f".{name}" for name in PROTOCOLS),
 )
+TABLES = (".csv", ".tsv")
 DEVICE = "1"
 
 
@@ -196,11 +199,12 @@ def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
     return CaptureTiming(file, permissive_decoder(protocol), utc=row.stream.utc, dated=row.stream.dated)
 
 
-def open_file(path: Path, protocol: str = "") -> Source:
+def open_file(path: Path, protocol: str = "", table: TableOptions | None = None) -> Source:
     """A file of any format that can be read.
 
     Args:
         protocol: of a capture; "" to recognise it.
+        table: what a person says about the columns of a table.
 
     Raises:
         RecordingError: it is missing, unreadable, empty, or of an unknown format.
@@ -222,10 +226,12 @@ def open_file(path: Path, protocol: str = "") -> Source:
     log_format = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
     if log_format is not None:
         return _log(path, *log_format, protocol)
-    if suffix == ".csv":
-        return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path)
+    if suffix in TABLES:
+        return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path, table)
     source = CaptureSource([path], "bin", protocol)
     if not source.protocol and suffix not in vendor_logs.log_suffixes():
+        if has_rows(path):
+            return CsvSource(path, table)
         kinds = ", ".join((".mcap", *vendor_logs.log_suffixes(), ".csv"))
         hint = f"Supported: {kinds}, and captures, whose protocol --protocol can name."
         raise RecordingError(f"{path.name} is not a format imuscope knows.", hint)

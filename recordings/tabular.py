@@ -1,27 +1,24 @@
-"""Numbers decoded by other programs: CSV with a time column.
+"""Numbers decoded by other programs: text tables with a time column.
 
     CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
             1760000000.00,0.1,0.2,24.5
 
-The time column is the first whose name is time, timestamp, t, date, datetime or utc, with or without a unit: s, ms, µs,
-ns, in brackets of either kind or after an underscore (`time_ms`). Without a unit, the size of the first number decides;
-text is read as ISO 8601, UTC if it names no zone. Times that are not since 1970 are counted from when the file was last
-written. A column `arrival` beside it is taken as the arrival time. Lines before the heading that begin with # are
-skipped; fields are separated by comma, semicolon or tab. A cell that is not a number is empty, and reported.
+    table_format.py      where the table begins, separator, decimal sign
+    table_headings.py    names, units, vectors
+    clock_search.py      the column of times and its unit; the others stay columns
+    clock_steps.py       a first pass over the times: steps, repeats, wraps
 
-Columns are grouped into channels by name: `Acceleration.x`, `acc_x` and `accX` go with their y and z.
+Times that are not since 1970 are counted from the date in the file's name, else from when it was last written. A column
+`arrival` beside them is taken as the arrival time. A cell that is not a number is empty, and reported.
 """
 
 from __future__ import annotations
 
 import codecs
-import csv
 import io
-import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -29,10 +26,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.plural import counted, plural
+from imuscope.recordings.clock_search import ClockSearch, axis_of_table
+from imuscope.recordings.clock_steps import ClockWatch, periods_of
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock, SourceDevice
+from imuscope.recordings.table_axis import TimeAxis, origin_of, step_limits
+from imuscope.recordings.table_cells import numbers, times_of
+from imuscope.recordings.table_clock import TableClock
+from imuscope.recordings.table_format import TableFormat, format_of
+from imuscope.recordings.table_headings import Heading, unique
+from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.time_units import SPELLINGS, UNITS
 
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
     import pyarrow as pa
@@ -40,18 +46,14 @@ if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts 
 Floats = NDArray[np.float64]
 
 DEVICE = "1"
-TIMES = ("time", "timestamp", "t", "date", "datetime", "utc")
-UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
-SINCE_1970 = 1e8  # s; smaller times are counted from another epoch
 BLOCK_BYTES = 4 << 20
-LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
-MAX_COLUMNS = 500
+NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
+MOST_CELLS_NAMED = 4
 _TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
-_FRAME = re.compile(r"(ENU|NED|NWU|ECEF|body)\b")  # of quantities, as exports name them
-_HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
-_AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter>[XYZ]))$")
+_RATE = re.compile(r"^\s*([0-9.]+)\s*(?:Hz)?\s*$", re.IGNORECASE)
+_RATE_NAMES = ("update rate", "outputrate", "output rate", "sample rate", "sampling rate", "rate")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +75,14 @@ class TableRows:
 
 
 class TableSource:
-    """A file of numbers, without bytes of a device. As recordings/sources.Source, with `rows` in place of parts."""
+    """A file of numbers, without bytes of a device. As recordings/sources.Source, with `rows` in place of parts.
+
+    Attributes:
+        axis: the clock behind the times; None if the format says it.
+    """
 
     timed = True
+    axis: TimeAxis | None = None
 
     def __init__(self, path: Path, format: str) -> None:
         self.path, self.format = path, format
@@ -99,228 +106,280 @@ class TableSource:
         """Time of the last row, as far as known before all are read, unix s; 0 if unknown."""
         return 0.0
 
+    def unreadable(self) -> str:
+        """A sentence on the cells that are no numbers, by column and row; "" if there are none."""
+        return ""
+
 
 class CsvSource(TableSource):
-    """One CSV file.
+    """One text table.
+
+    Args:
+        options: what a person says about it.
 
     Raises:
-        RecordingError: it has no time column, or no numeric one.
+        RecordingError: it has no column of times. A unit that is open is an error when the rows are read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, options: TableOptions | None = None) -> None:
         super().__init__(path, "csv")
-        self._skip, self._delimiter, heads, first = _beginning(path)
-        matches = [_HEAD.match(head) for head in heads]
-        self._heads = [(match["name"], _unit(match["unit"] or "")) if match else ("", "") for match in matches]
-        self._time = next((i for i, (name, _) in enumerate(self._heads) if _unit_in(name) is not None), None)
-        if self._time is None:
-            hint = f"Name one time, with its unit: time (s). There are: {', '.join(heads)[:300]}."
-            raise RecordingError(f"{path.name} has no column of times.", hint)
-        name, unit = self._heads[self._time]
-        self._arrival = next((i for i, (name, _) in enumerate(self._heads) if name.lower() == "arrival"), None)
-        value = first[self._time].strip() if self._time < len(first) else ""
-        self._factor = UNITS.get(unit.strip()) or UNITS.get(_unit_in(name) or "") or _guessed(value)
-        self._origin = 0.0
-        number = _seconds(value, self._factor)
-        if number is not None and abs(number) < SINCE_1970:
-            self._origin = path.stat().st_mtime - number
-            self.timed = False
+        self._form = format_of(path)
+        self._options = options = options or TableOptions()
+        texts, self._left_out = _renamed(self._form, options)
+        self._headings = [Heading.of(text) for text in texts]
+        self._names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self._headings)])
+        self._refusal: RecordingError | None = None
+        self._bad: dict[str, tuple[int, int, str]] = {}  # column → cells, first row, its text
+        self._arrival = next((i for i, one in enumerate(self._headings) if one.name.lower() == "arrival"), None)
+        newest = path.stat().st_mtime + NOW_S
+        rate = options.rate or _head_rate(self._form)
+        search = ClockSearch(path.name, self._form, self._headings, options, newest, rate)
+        try:
+            clock, others = axis_of_table(search)
+        except RecordingError as error:
+            if "no column of times" in error.message:
+                raise
+            self._refusal = error
+            return
+        sample = self._sample_times(clock)
+        usual, ahead = step_limits(sample)
+        if clock.kind == "rows":
+            usual = 1 / options.rate
+        first = float(sample[0]) if len(sample) else 0.0
+        origin, dated_by = origin_of(clock, first, self._form, path)
+        self.axis = TimeAxis(clock, others, origin, dated_by, usual)
+        self._ahead = ahead
+        self.timed = not dated_by
+
+    def _sample_times(self, clock: TableClock) -> Floats:
+        """Times of the first rows."""
+        if clock.kind == "rows":
+            return np.arange(len(self._form.sample)) / self._options.rate
+        import pyarrow as pa
+
+        columns = [pa.array([row[column] for row in self._form.sample], pa.string()) for column in clock.columns]
+        values = times_of(clock, columns, self._form.decimal).values
+        return values[np.isfinite(values)]
+
+    # -- reading -------------------------------------------------------------------------------------------------------
 
     def rows(self) -> Iterator[TableRows]:
+        axis = self._checked_axis()
+        odd: list[Any] = []
+        self._bad.clear()
+        size, done = max(self.path.stat().st_size, 1), 0
+        parsed = known = 0
+        try:
+            for batch in self._batches(self._names, odd):
+                done += batch.nbytes
+                rows, count = self._converted(batch, axis, parsed, known, min(done / size, 1.0))
+                parsed, known = parsed + count, known + len(rows.time)
+                yield rows
+        finally:
+            self._report(odd)
+
+    def last(self) -> float:
+        axis = self._checked_axis()
+        watch = axis.watch
+        return axis.at(watch.rows - 1, watch.final) if watch is not None and watch.rows else 0.0
+
+    def _checked_axis(self) -> TimeAxis:
+        """The axis, after the first pass over its times.
+
+        Raises:
+            RecordingError: the unit is open, all times are equal, or none can be read.
+        """
+        if self._refusal is not None:
+            raise self._refusal
+        assert self.axis is not None
+        if self.axis.watch is None:
+            self.axis.watch = self._watched(self.axis)
+        return self.axis
+
+    def _watched(self, axis: TimeAxis) -> ClockWatch:
+        clock = axis.clock
+        factor = clock.factors[-1] if clock.factors else 1.0
+        watch = ClockWatch(axis.usual_s, self._ahead, periods_of(factor, clock.kind, clock.epoch))
+        if clock.kind == "rows":
+            return watch
+        names = [self._names[column] for column in clock.columns]
+        first_odd = ""
+        for batch in self._batches(names, [], list[FileDamage]()):
+            columns = [batch.column(i) for i in range(len(names))]
+            cells = times_of(clock, columns, self._form.decimal)
+            if len(cells.odd) and not first_odd:
+                row = int(cells.odd[0])
+                first_odd = " ".join(str(column[row].as_py()) for column in columns)
+            watch.feed(cells.values[np.isfinite(cells.values)])
+        watch.end()
+        if not watch.rows and first_odd:
+            hint = "Name its times: --time-column, or --rate for a table without any."
+            raise RecordingError(f"{self.path.name}: {axis.name} cannot be read, first {first_odd!r:.80}.", hint)
+        if watch.is_constant:
+            words = f"{self.path.name}: all {counted(watch.rows, 'row')} have the same time in {axis.name}."
+            raise RecordingError(words, "Name another column with --time-column, or the sampling rate with --rate.")
+        return watch
+
+    def _batches(
+        self, wanted: Sequence[str], odd: list[Any], damage: list[FileDamage] | None = None
+    ) -> Iterator[pa.RecordBatch]:
+        """Columns of the table as text."""
         import pyarrow as pa
         import pyarrow.csv
 
-        names = _unique([name or f"column {i + 1}" for i, (name, _) in enumerate(self._heads)])
-        options = pa.csv.ReadOptions(
-            block_size=BLOCK_BYTES, skip_rows=self._skip + 1, column_names=names, use_threads=False
-        )
-        odd: list[Any] = []
+        noted = self.damage if damage is None else damage
 
         def skip(row: Any) -> str:
             odd.append(row)
             return "skip"
 
-        parsing = pa.csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip)
-        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
-        size, done = max(self.path.stat().st_size, 1), 0
-        wrong = 0
+        reading = pa.csv.ReadOptions(
+            block_size=BLOCK_BYTES, skip_rows=self._form.skip, column_names=self._names, use_threads=False
+        )
+        parsing = pa.csv.ParseOptions(delimiter=self._form.separator, invalid_row_handler=skip)
+        types = pa.csv.ConvertOptions(
+            column_types=dict.fromkeys(self._names, pa.string()), include_columns=list(wanted)
+        )
         try:
             with (
                 open_regular(self.path) as file,
-                pa.csv.open_csv(_Utf8(file, self.damage), options, parsing, types) as reader,
+                pa.csv.open_csv(
+                    Utf8(file, noted, squeeze=self._form.separator == " "), reading, parsing, types
+                ) as reader,
             ):
-                for batch in reader:
-                    done += batch.nbytes
-                    rows, bad = self._converted(batch, names, min(done / size, 1.0))
-                    wrong += bad
-                    yield rows
+                yield from reader
         except pa.ArrowInvalid as error:
-            self.damage.append(FileDamage(-1, f"Not a table from some line on: {str(error).splitlines()[0][:200]}"))
-        if odd:
-            lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(names), 'field')}"
-            self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))
-        if wrong:
-            cells = counted(wrong, "cell was not a number and was", "cells were not numbers and were")
-            self.damage.append(FileDamage(-1, f"{cells} left empty."))
+            if self._form.sample:
+                words = f"Not a table from some line on: {str(error).splitlines()[0][:200]}"
+                noted.append(FileDamage(-1, words))
 
-    def last(self) -> float:
-        assert self._time is not None
-        with open_regular(self.path) as file:
-            file.seek(max(0, self.path.stat().st_size - _TAIL_BYTES))
-            lines = file.read().decode(errors="replace").splitlines()
-        cells = next(csv.reader(lines[-1:], delimiter=self._delimiter), [])
-        number = _seconds(cells[self._time], self._factor) if len(cells) > self._time else None
-        return number + self._origin if number is not None and math.isfinite(number) else 0.0
-
-    def _converted(self, batch: pa.RecordBatch, names: list[str], done: float) -> tuple[TableRows, int]:
-        assert self._time is not None
-        wrong = 0
+    def _converted(
+        self, batch: pa.RecordBatch, axis: TimeAxis, parsed: int, known_before: int, done: float
+    ) -> tuple[TableRows, int]:
+        """Rows of a batch, and how many it had."""
+        clock, decimal = axis.clock, self._form.decimal
+        if clock.kind == "rows":
+            raw = np.arange(parsed, parsed + len(batch)) * clock.factors[0]
+        else:
+            cells = times_of(clock, [batch.column(column) for column in clock.columns], decimal)
+            raw = cells.values
+            for column in clock.columns[:1]:
+                self._note(column, batch.column(column), cells.odd, parsed)
+        known = np.isfinite(raw)
         columns: dict[str, tuple[Floats, str]] = {}
-        for i, (name, (_, unit)) in enumerate(zip(names, self._heads, strict=True)):
-            if i not in (self._time, self._arrival):
-                values, bad = _numbers(batch.column(i))
-                wrong += bad
-                columns[name] = (values, unit)
-        time = self._times(batch.column(self._time))
+        for i, (name, heading) in enumerate(zip(self._names, self._headings, strict=True)):
+            if i in clock.columns or i == self._arrival or i in self._left_out:
+                continue
+            of_clock = next(
+                (one for one in axis.others if one.kind in ("text", "date+time") and i in one.columns), None
+            )
+            if of_clock is not None:
+                if i == of_clock.columns[0]:
+                    others = [batch.column(column) for column in of_clock.columns]
+                    columns[of_clock.name] = (times_of(of_clock, others, decimal).values[known], "s")
+                continue
+            found = numbers(batch.column(i), decimal)
+            self._note(i, batch.column(i), found.odd, parsed)
+            columns[name] = (found.values[known], heading.unit)
+        if axis.keeps_clock:
+            columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")
+        time = axis.times(raw[known], known_before)
         arrival = time
         if self._arrival is not None:
-            arrival = _numbers(batch.column(self._arrival))[0] * self._factor + self._origin
+            arrival = self._arrivals(batch.column(self._arrival), axis)[known]
             arrival = np.where(np.isnan(arrival), time, arrival)
-        known = ~np.isnan(arrival)
-        known_rows = {name: (values[known], unit) for name, (values, unit) in columns.items()}
-        return TableRows(self.path.stem, time[known], arrival[known], known_rows, done), wrong + int((~known).sum())
+        return TableRows(self.path.stem, time, arrival, columns, done), len(batch)
 
-    def _times(self, column: pa.Array) -> Floats:
-        values, bad = _numbers(column)
-        if bad == 0:
-            scaled: Floats = values * self._factor + self._origin
-            return scaled
-        times = [_seconds(text, self._factor) for text in column.to_pylist()]
-        return np.array([np.nan if time is None else time for time in times]) + self._origin
+    def _arrivals(self, column: pa.Array, axis: TimeAxis) -> Floats:
+        assert self._arrival is not None
+        unit = SPELLINGS.get(self._headings[self._arrival].unit.lower(), "")
+        factor = UNITS[unit] if unit else axis.clock.factors[-1] if axis.clock.kind == "number" else 1.0
+        return numbers(column, self._form.decimal).values * factor + axis.origin
+
+    # -- what cannot be read -------------------------------------------------------------------------------------------
+
+    def _note(self, column: int, cells: pa.Array, odd: NDArray[np.int64], before: int) -> None:
+        if not len(odd):
+            return
+        name = self._headings[column].text or self._names[column]
+        count, row, text = self._bad.get(name, (0, before + int(odd[0]) + 1, str(cells[int(odd[0])].as_py())))
+        self._bad[name] = count + len(odd), row, text
+
+    def _report(self, odd: Sequence[Any]) -> None:
+        if odd:
+            lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(self._names), 'field')}"
+            self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))
+        if words := self.unreadable():
+            self.damage.append(FileDamage(-1, words))
+
+    def unreadable(self) -> str:
+        """A sentence on the cells that are no numbers, by column and row; "" if there are none."""
+        if not self._bad:
+            return ""
+        wrong = sum(count for count, _, _ in self._bad.values())
+        cells = counted(wrong, "cell was not a number and was", "cells were not numbers and were")
+        named = [
+            f"{name} in row {row} ({text!r:.40})" + (f" and {count - 1} more" if count > 1 else "")
+            for name, (count, row, text) in list(self._bad.items())[:MOST_CELLS_NAMED]
+        ]
+        return f"{cells} left empty: {', '.join(named)}."
 
 
-class _Utf8(io.RawIOBase):
-    """A file as UTF-8, whatever its bytes: invalid ones are replaced, and reported once."""
+def _renamed(form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
+    """Headings of the columns, with those that a person gave in place of the file's; and columns to leave out."""
+    texts = list(form.headings) or [""] * form.columns
+    left_out: set[int] = set()
+    for i, text in enumerate(list(texts)):
+        plain = Heading.of(text)
+        key = next((key for key in (str(i + 1), plain.text, plain.name) if key and key in options.columns), None)
+        if key is not None and options.columns[key]:
+            texts[i] = options.columns[key]
+        elif key is not None:
+            left_out.add(i)
+    return texts, left_out
 
-    def __init__(self, file: BinaryIO, damage: list[FileDamage]) -> None:
+
+def _head_rate(form: TableFormat) -> float:
+    """Sampling rate in the head of a file, Hz; 0 without one."""
+    for name in _RATE_NAMES:
+        match = _RATE.match(form.metadata.get(name, ""))
+        if match is not None and (rate := float(match[1])) > 0:
+            return rate
+    return 0.0
+
+
+class Utf8(io.RawIOBase):
+    """A file as UTF-8, whatever its bytes: invalid ones are replaced, and reported once.
+
+    Args:
+        squeeze: make one blank of several, and none at the beginning of a line.
+    """
+
+    def __init__(self, file: BinaryIO, damage: list[FileDamage], *, squeeze: bool = False) -> None:
         self._file = file
         self._damage = damage
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._squeeze = squeeze
+        self._held = ""
 
     def readable(self) -> bool:
         return True
 
     def read(self, size: int = -1) -> bytes:
         while data := self._file.read(size):
-            if text := self._decoder.decode(data):
+            if text := self._squeezed(self._decoder.decode(data)):
                 return self._report(text)
-        return self._report(self._decoder.decode(b"", True))
+        return self._report(self._squeezed(self._decoder.decode(b"", True), end=True))
+
+    def _squeezed(self, text: str, *, end: bool = False) -> str:
+        if not self._squeeze:
+            return text
+        text = self._held + text
+        cut = len(text) if end else text.rfind("\n") + 1
+        self._held = text[cut:]
+        return re.sub(r"[ \t]+$|^[ \t]+", "", re.sub(r"[ \t]+", " ", text[:cut]), flags=re.MULTILINE)
 
     def _report(self, text: str) -> bytes:
         if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):
             self._damage.append(FileDamage(-1, NO_UTF8))
         return text.encode()
-
-
-def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
-    """Lines before the heading, delimiter, headings, first row."""
-    skip = 0
-    with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace", newline="") as file:
-        line = file.readline(LONGEST_LINE)
-        while line and (line.startswith("#") or not line.strip()):
-            skip += 1
-            line = file.readline(LONGEST_LINE)
-        second = file.readline(1 << 16)
-    delimiter = max(",;\t", key=line.count)
-    if line.count(delimiter) == 0:
-        raise RecordingError(
-            f"{path.name} is not a table.", "The first line must name the columns, separated by commas."
-        )
-    heads = next(csv.reader([line], delimiter=delimiter))
-    first = next(csv.reader([second], delimiter=delimiter), [])
-    if len(heads) > MAX_COLUMNS:
-        raise RecordingError(f"{path.name} has {len(heads)} columns; {MAX_COLUMNS} are read.", "Leave some out.")
-    return skip, delimiter, heads, first
-
-
-def _unit(text: str) -> str:
-    """The unit in the brackets after a name; a frame may stand with it or instead of it ("m/s; NED")."""
-    return ";".join(part.strip() for part in text.split(";") if not _FRAME.match(part.strip()))
-
-
-def _unit_in(name: str) -> str | None:
-    """Unit of a time heading, "" if it has none; None for any other heading."""
-    text = name.strip().lower()
-    if text in TIMES:
-        return ""
-    stem, _, unit = text.rpartition("_")
-    return unit if stem in TIMES and unit in UNITS else None
-
-
-def _guessed(value: str) -> float:
-    """The unit of a number without one, by its size; text has none."""
-    try:
-        size = abs(float(value))
-    except ValueError:
-        return 1.0
-    return 1e-9 if size > 1e17 else 1e-6 if size > 1e14 else 1e-3 if size > 1e11 else 1.0
-
-
-def _seconds(text: str | None, factor: float) -> float | None:
-    """A cell of the time column, s."""
-    try:
-        return float(text or "") * factor
-    except ValueError:
-        pass
-    try:
-        moment = datetime.fromisoformat((text or "").strip())
-    except ValueError:
-        return None
-    return (moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def _numbers(column: pa.Array) -> tuple[Floats, int]:
-    """Cells as numbers, and the number of cells with anything else."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    trimmed = pc.utf8_trim_whitespace(column)
-    filled = pc.if_else(pc.equal(trimmed, ""), None, trimmed)
-    try:
-        values: Floats = pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
-        return values.astype(np.float64), 0
-    except pa.ArrowInvalid:
-        numbers, bad = np.full(len(filled), np.nan), 0
-        for row, text in enumerate(filled.to_pylist()):
-            try:
-                numbers[row] = np.nan if text is None else float(text)
-            except ValueError:
-                bad += 1
-        return numbers, bad
-
-
-def _unique(names: list[str]) -> list[str]:
-    counts: dict[str, int] = {}
-    out = []
-    for name in names:
-        counts[name] = counts.get(name, 0) + 1
-        out.append(name if counts[name] == 1 else f"{name} #{counts[name]}")
-    return out
-
-
-def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Columns grouped by quantity: (name of the quantity, [(heading, name in it)])."""
-    groups: dict[str, list[tuple[str, str]]] = {}
-    for name in names:
-        match = _AXIS.match(name)
-        if match is None:
-            groups.setdefault(name, []).append((name, "value"))
-        else:
-            groups.setdefault(match["group"], []).append((name, match["axis"] or match["letter"].lower()))
-    out: list[tuple[str, list[tuple[str, str]]]] = []
-    for group, members in groups.items():
-        if len(members) == 1:
-            out.append((members[0][0], [(members[0][0], "value")]))
-        else:
-            out.append((group, members))
-    return out

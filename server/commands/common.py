@@ -10,6 +10,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
+from imuscope.recordings.table_options import TableOptions, read_columns
 from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
 from imuscope.server.devices.decode_options import (
@@ -78,7 +79,22 @@ def decode_options_of(options: argparse.Namespace, protocol: str = "") -> Decode
     """
     declared = declared_options()
     texts = {name: option_text(declared[name], value) for name, value in given_options(options).items()}
-    return checked_options(getattr(options, "protocol", None) or protocol, texts)
+    made = checked_options(getattr(options, "protocol", None) or protocol, texts)
+    return replace(made, table=_table_options(options)) if hasattr(options, "time_column") else made
+
+
+def _table_options(options: argparse.Namespace) -> TableOptions:
+    """What is said about the columns of a table.
+
+    Raises:
+        UsageError: the file with their names cannot be read.
+    """
+    try:
+        columns = read_columns(options.columns) if options.columns is not None else {}
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    unit = getattr(options, "time_unit", None) or ""
+    return TableOptions(options.time_column, unit, options.date_order, options.rate, columns)
 
 
 def checked_protocol(options: DecodeOptions) -> DecodeOptions:

@@ -30,6 +30,7 @@ from imuscope.server.printable import printable
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
 _CELLS = 30
 _EVERY_S = 0.1
+MOST_SENTENCES = 12  # on the clock of a file
 
 
 class DecodeError(Exception):
@@ -97,14 +98,15 @@ def decode_file(
         raise DecodeError(f"folder not found: {out.parent}")
     if out.exists() and out.samefile(path):
         raise DecodeError("OUT is the input file; give another name")
-    bar, rejected = Bar(notes), list[str]()
+    bar, rejected, clocks = Bar(notes), list[str](), list[str]()
     try:
         with tempfile.TemporaryDirectory(prefix=".decode-", dir=out.parent) as folder:
-            source = open_file(path, reading.protocol)
+            source = open_file(path, reading.protocol, reading.table)
             store = Path(folder) / "columns"
             columns = decode(
                 source, store, all_protocols(), reading, lambda share: bar.show(share / 2), compute=compute_signals
             )
+            clocks = time_sentences(columns)
             rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
             request = _export_request(columns, path, part)
             step = lambda share: bar.show(0.5 + share / 2)  # noqa: E731
@@ -121,9 +123,18 @@ def decode_file(
         raise DecodeError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
     finally:
         bar.clear()
-    for words in [*rejected, *(damage.words for damage in source.damage[:5])]:
+    for words in [*clocks, *rejected, *(damage.words for damage in source.damage[:5])]:
         print(f"imuscope: {printable(words)}", file=notes)
     return written
+
+
+def time_sentences(columns: ColumnStore) -> list[str]:
+    """The clock that is the time axis of a file that imuscope did not record, why, and its steps."""
+    if not columns.manifest.get("time"):
+        return []
+    events = [one["text"] for one in columns.manifest["events"] if one["kind"] == "clock"]
+    more = [f"… and {len(events) - MOST_SENTENCES} more events of its clock."] if len(events) > MOST_SENTENCES else []
+    return [*events[:MOST_SENTENCES], *more]
 
 
 def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutput | None]:

@@ -12,12 +12,13 @@ from typing import TextIO
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.commands.decode import Bar
+from imuscope.server.commands.decode import Bar, time_sentences
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
+from imuscope.server.printable import printable
 
 
 class DecodedFileError(Exception):
@@ -30,7 +31,7 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO) -> Iterator[Colum
 
     Args:
         reading: decode options; without a protocol it is detected.
-        notes: stream for the progress bar.
+        notes: stream for the progress bar, and for the clock that is the time axis.
 
     Raises:
         DecodedFileError: the file cannot be decoded, or the work on its columns raises a DomainError.
@@ -38,8 +39,14 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO) -> Iterator[Colum
     bar = Bar(notes)
     try:
         with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
-            source = open_file(path, reading.protocol)
-            yield decode(source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=compute_signals)
+            source = open_file(path, reading.protocol, reading.table)
+            store = decode(
+                source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=compute_signals
+            )
+            bar.clear()
+            for words in time_sentences(store):
+                print(f"imuscope: {printable(words)}", file=notes)
+            yield store
     except (RecordingError, DomainError) as error:
         raise DecodedFileError(f"{error.message} {error.hint}".strip()) from None
     except OSError as error:

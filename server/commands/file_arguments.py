@@ -25,6 +25,40 @@ def add_range(command: argparse.ArgumentParser) -> None:
     command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
 
 
+def add_table(command: argparse.ArgumentParser) -> None:
+    """Add what a person can say about the columns of a table; --time-unit is a decode option."""
+    group = command.add_argument_group("tables, where the file itself does not say it")
+    group.add_argument(
+        "--time-column",
+        default="",
+        metavar="NAME",
+        help="heading or number of the column of times; none: count the rows",
+    )
+    group.add_argument(
+        "--date-order", choices=("dmy", "mdy"), help="whether dates like 01/02/2026 begin with the day or the month"
+    )
+    group.add_argument(
+        "--rate", type=_rate, default=0.0, metavar="HZ", help="samples per second, if no column has times or no unit"
+    )
+    group.add_argument(
+        "--columns",
+        type=Path,
+        metavar="FILE",
+        help="names and units of columns: lines of HEADING or NUMBER = NAME (UNIT); nothing after = leaves one out",
+    )
+
+
+def _rate(text: str) -> float:
+    """A sampling rate, Hz."""
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = 0.0
+    if not 1e-6 <= rate <= 1e7:
+        raise argparse.ArgumentTypeError(f"{text!r:.40} is not a sampling rate in Hz")
+    return rate
+
+
 def add_decode(add_parser: AddParser, outputs: str) -> argparse.ArgumentParser:
     """Add `imuscope decode`, with help on the suffixes that can be written."""
     command = add_parser("decode", help="convert a recording, log or capture to other formats")
@@ -42,4 +76,5 @@ def add_decode(add_parser: AddParser, outputs: str) -> argparse.ArgumentParser:
         action="store_true",
         help="evidence (.html) leaves out everything that reveals where it was recorded",
     )
+    add_table(command)
     return command

@@ -18,6 +18,7 @@ from typing import Any
 from urllib.parse import unquote_plus
 
 from imuscope.protocols.decode_options import DecodeOption
+from imuscope.recordings.table_options import TableOptions
 
 PROTOCOL = "protocol"
 
@@ -33,10 +34,12 @@ class DecodeOptions:
     Args:
         protocol: "" to detect it.
         values: name → text of each given option, in its usual notation; see `checked_options`.
+        table: what is said about the columns of a table.
     """
 
     protocol: str = ""
     values: Mapping[str, str] = field(default_factory=dict, repr=False, hash=False)
+    table: TableOptions = TableOptions()  # noqa: RUF009 - frozen
 
     def settings(self, protocol: str) -> dict[str, Any]:
         """Settings of the decoder of a protocol; options of other protocols are left out."""

@@ -12,15 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from imuscope.recordings.clock_steps import StepOfClock, step_words
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.tabular import DEVICE, TableRows, TableSource, grouped
+from imuscope.recordings.table_axis import TimeAxis
+from imuscope.recordings.table_headings import axis_of, grouped
+from imuscope.recordings.tabular import DEVICE, TableRows, TableSource
 from imuscope.server import wire, wire_codec
 
 if TYPE_CHECKING:
     from imuscope.server.library.decode import ProgressPublisher
 
-AXES = ("x", "y", "z", "w")
+MOST_EVENTS = 100  # of the steps of one clock
 
 
 class _Tables:
@@ -51,7 +54,7 @@ class _Tables:
         for name, members in grouped(list(rows.columns)):
             units = {rows.columns[heading][1] for heading, _ in members}
             columns = [
-                wire.ColumnInfo(inner, "f8", rows.columns[heading][1], axis=inner if inner in AXES else "")  # type: ignore[arg-type]
+                wire.ColumnInfo(inner, "f8", rows.columns[heading][1], axis=axis_of(inner, len(members)))  # type: ignore[arg-type]
                 for heading, inner in members
             ]
             kind: Any = "scalar" if len(columns) == 1 else "vector" if len(columns) == 3 else "record"
@@ -91,13 +94,16 @@ def decode_tables(
             so_far = _manifest(source, tables) | {"progress": min(rows.done, 0.99), "ended": max(tables.last, last)}
             showing.show(writer.show(wire_codec.to_json_safe(so_far)))
     if not tables.infos:
-        raise RecordingError(f"{source.path.name} contains no numbers.", "A table needs at least one row.")
+        why = source.unreadable() or "A table needs at least one row."
+        raise RecordingError(f"{source.path.name} contains no numbers.", why)
     return writer.finish(wire_codec.to_json_safe(_manifest(source, tables)))
 
 
 def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
     name = source.path.name
     device = wire.DeviceInfo(id=DEVICE, name=source.path.stem, source=name, link="file", status="ended")
+    axis = source.axis
+    events, segments, left_out = _events(axis, tables.first) if axis is not None else ([], [], 0)
     return {
         "format": source.format,
         "timed": source.timed,
@@ -106,10 +112,38 @@ def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
         "ended": tables.last,
         "devices": [asdict(device)],
         "channels": [asdict(info) for info in tables.infos],
-        "events": [],
-        "events_left_out": 0,
+        "events": [asdict(event) for event in events],
+        "events_left_out": left_out,
+        "time": axis.described() if axis is not None else None,
+        "segments": {DEVICE: segments},
         "markers": [],
         "snapshots": {},
         "damage": [asdict(damage) for damage in source.damage],
         "figures": {DEVICE: {"bytes": 0, "lost": 0, "gaps": 0, "rejects": 0, "messages": tables.counts}},
     }
+
+
+def _events(axis: TimeAxis, start: float) -> tuple[list[wire.EventInfo], list[float], int]:
+    """Events of the clock, begins of its segments after the first, unix s, and the number of further events."""
+    texts = [
+        wire.EventInfo(0, start, DEVICE, "clock", "info", words, data={"kind": "axis"}) for words in axis.sentences()
+    ]
+    if axis.clock.sure == "assumed":
+        texts[0].level = "warning"
+    watch = axis.watch
+    if watch is None:
+        return texts, [], 0
+    events = [_step_event(axis, step) for step in watch.steps[:MOST_EVENTS]]
+    segments = [axis.at(step.row, step.after) for step in watch.segments]
+    events = [*texts, *events]
+    for number, event in enumerate(events):
+        event.seq = number
+    return events, segments, len(watch.steps) - len(watch.steps[:MOST_EVENTS]) + watch.left_out
+
+
+def _step_event(axis: TimeAxis, step: StepOfClock) -> wire.EventInfo:
+    after = axis.at(step.row, step.after)
+    before = axis.at(step.row - 1, step.before)
+    level: Any = "info" if step.kind == "wrap" else "warning"
+    data = {"kind": step.kind, "by_s": step.by_s, "row": step.row + 1, "clock": axis.name}
+    return wire.EventInfo(0, after, DEVICE, "clock", level, step_words(step, axis.name), t0=before, t1=after, data=data)

@@ -16,7 +16,7 @@ from imuscope.server.commands.common import (
     size_of,
     warn_if_interpreted,
 )
-from imuscope.server.commands.file_arguments import add_file, add_range
+from imuscope.server.commands.file_arguments import add_file, add_range, add_table
 from imuscope.server.devices.decode_options import DecodeOptions
 
 _COLUMN = 34
@@ -35,6 +35,7 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
         help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… if there are several; may be repeated",
     )
     add_range(command)
+    add_table(command)
     command.add_argument(
         "--option", action="append", metavar="NAME=VALUE", help="option of the analysis; may be repeated"
     )

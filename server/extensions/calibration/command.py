@@ -16,7 +16,7 @@ from imuscope.server.commands.common import (
     size_of,
     warn_if_interpreted,
 )
-from imuscope.server.commands.file_arguments import add_file, add_range
+from imuscope.server.commands.file_arguments import add_file, add_range, add_table
 
 CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
 
@@ -27,6 +27,7 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
     add_file(command)
     command.add_argument("kind", choices=CALIBRATIONS, metavar="KIND", help=", ".join(CALIBRATIONS))
     add_range(command)
+    add_table(command)
     command.add_argument("--device", default="", metavar="D", help="device to calibrate, if there are several")
     command.add_argument(
         "--field", type=float, default=0.0, metavar="F", help="magnetometer: strength of the field, in its unit"

@@ -1,0 +1,145 @@
+"""Time axis of a table: the clock it is made of, its date, and the steps that were found in it.
+
+`TimeAxis.sentences` says all of it to a person; `TimeAxis.described` is kept with the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, shifted
+from imuscope.recordings.table_clock import TableClock
+from imuscope.recordings.table_dates import DAY, dated_name, unix_seconds
+from imuscope.recordings.table_format import TableFormat
+from imuscope.recordings.time_units import rate_text, usual_step
+
+AHEAD, AHEAD_SPREAD = 5.0, 3.0
+NEARLY_ALL = 0.99
+EPOCHS = {
+    "1970": "since 1970 (UTC)",
+    "GPS": "of GPS, shown as UTC",
+    "week": "of a GPS week that is not in the file",
+    "day": "of a day that is not in the file",
+    "start": "since the start of the device",
+}
+SURE = {
+    "stated": "",
+    "known": "",
+    "inferred": "; to change it: --time-unit",
+    "assumed": ", which is not sure; to change it: --time-unit",
+}
+
+
+@dataclass
+class TimeAxis:
+    """The axis.
+
+    Args:
+        others: clocks that stay columns.
+        origin: added to the clock's times, s.
+        dated_by: what the origin comes from; "" for a clock that has the date itself.
+    """
+
+    clock: TableClock
+    others: Sequence[TableClock]
+    origin: float
+    dated_by: str
+    usual_s: float
+    watch: ClockWatch | None = None
+
+    @property
+    def has_own_date(self) -> bool:
+        """Whether the clock itself says when it was."""
+        return self.clock.epoch in ("1970", "GPS")
+
+    @property
+    def keeps_clock(self) -> bool:
+        """Whether the axis differs from the clock, so that the clock is a column of its own."""
+        return self.watch is not None and len(self.watch.shifts) > 1
+
+    def times(self, clock: Floats, first_row: int) -> Floats:
+        """Unix s of rows from `first_row` on, all known."""
+        shifts = self.watch.shifts if self.watch is not None else ()
+        return (shifted(clock, first_row, shifts) if shifts else clock) + self.origin
+
+    def at(self, row: int, clock: float) -> float:
+        """Unix s of a row with that clock."""
+        return float(self.times(np.array([clock]), row)[0])
+
+    @property
+    def name(self) -> str:
+        return self.clock.name or "the time"
+
+    def sentences(self) -> list[str]:
+        """The clock, its unit, why, and its date; then repeats and out-of-order rows."""
+        clock = self.clock
+        unit = f" in {clock.unit}" if clock.unit else ""
+        why = f" ({clock.why}{SURE[clock.sure]})" if clock.why else ""
+        rate = f", {rate_text(1 / self.usual_s)}" if self.usual_s else ""
+        if clock.kind == "rows":
+            texts = [f"The time axis counts the rows{rate} ({clock.why})."]
+        else:
+            texts = [f"The time axis is {self.name}{unit}, {EPOCHS[clock.epoch]}{rate}{why}."]
+        if self.dated_by:
+            texts.append(f"Its date is that of {self.dated_by}.")
+        if self.others:
+            texts.append(f"Other clocks are columns: {', '.join(one.name for one in self.others)}.")
+        if self.watch is not None:
+            texts += filter(None, [repeats_words(self.watch, self.name)])
+            if self.watch.out_of_order:
+                texts.append(f"{self.watch.out_of_order} rows of {self.name} are out of order; they keep their times.")
+        return texts
+
+    def described(self) -> dict[str, Any]:
+        """For the manifest of a store, and programs."""
+        clock, watch = self.clock, self.watch
+        return {
+            "axis": self.name,
+            "kind": clock.kind,
+            "unit": clock.unit,
+            "epoch": clock.epoch,
+            "sure": clock.sure,
+            "why": clock.why,
+            "dated_by": self.dated_by,
+            "rate": 1 / self.usual_s if self.usual_s else None,
+            "others": [one.name for one in self.others],
+            "repeats": watch.repeats if watch is not None else 0,
+            "out_of_order": watch.out_of_order if watch is not None else 0,
+            "sentences": self.sentences(),
+        }
+
+
+def step_limits(times: Floats) -> tuple[float, float]:
+    """Usual step of the sample, and the length from which a step is one ahead, s."""
+    usual = usual_step(times) if len(times) > 1 else 0.0
+    forward = np.diff(times)
+    forward = forward[forward > 0]
+    most = float(np.quantile(forward, NEARLY_ALL)) if len(forward) else 0.0
+    return usual, max(AHEAD * usual, AHEAD_SPREAD * most) or np.inf
+
+
+def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) -> tuple[float, str]:
+    """What is added to the times of a clock to make them unix s, and where its date comes from.
+
+    Args:
+        first: the first time of the clock, s.
+    """
+    if clock.epoch in ("1970", "GPS"):
+        return 0.0, ""
+    written = path.stat().st_mtime
+    named, start = dated_name(path.name), unix_seconds(form.metadata.get("start time", ""))
+    if clock.epoch == "start":
+        if start is not None:
+            return start - first, "the head of the file"
+        return (named - first, "the file's name") if named is not None else (written - first, "the file's last change")
+    known, by = (named, "the file's name") if named is not None else (written, "the file's last change")
+    if clock.epoch == "day":
+        return float(np.floor(known / DAY) * DAY), by
+    week = 7 * DAY
+    sunday = float(np.floor((known - 3 * DAY) / week) * week + 3 * DAY)  # 1970-01-01 was a Thursday
+    return (sunday if sunday + first <= known + DAY else sunday - week) - 18.0, by

@@ -1,0 +1,156 @@
+"""Dates and times of day in the cells of a table.
+
+2026-01-01T10:30:25.5Z     ISO 8601, with blank, point or comma; UTC if it names no zone
+2026/01/01 10:30:25        year first
+01.02.2026 10:30           day first, as dates with points are
+01/02/2026 10:30:25 PM     day or month first: `order` decides, or the cells themselves (`order_of`)
+10:30:25.010               time of day; the date comes from elsewhere
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import lru_cache
+from typing import Literal
+
+Order = Literal["mdy", "dmy"]
+
+DAY = 86400.0
+_DATE = re.compile(r"^\s*(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})(?!\d)")
+_CLOCK = re.compile(
+    r"^\s*(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,12}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$"
+)
+_PACKED = re.compile(r"^\s*\d{8}[T _-]\d{6}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Date:
+    """Numbers of a date, and whether it begins with the year or is written with points."""
+
+    numbers: tuple[int, int, int]
+    year_first: bool
+    points: bool
+
+
+def is_moment(text: str) -> bool:
+    """Whether a cell looks like a date, a time of day, or both."""
+    return _DATE.match(text) is not None or _CLOCK.match(text) is not None or _PACKED.match(text) is not None
+
+
+def is_time_of_day(text: str) -> bool:
+    """Whether a cell is a time of day alone."""
+    return _CLOCK.match(text) is not None
+
+
+def _date(text: str) -> tuple[_Date, str] | None:
+    match = _DATE.match(text)
+    if match is None:
+        return None
+    first, last = match[1], match[4]
+    if len(first) == 4:
+        return _Date((int(first), int(match[3]), int(last)), True, False), text[match.end() :]
+    if len(last) not in (2, 4):
+        return None
+    year = int(last) + (2000 if len(last) == 2 else 0)
+    return _Date((int(first), int(match[3]), year), False, match[2] == "."), text[match.end() :]
+
+
+@lru_cache(maxsize=4096)
+def _midnight(date: _Date, order: Order) -> float | None:
+    a, b, c = date.numbers
+    if date.year_first:
+        year, month, day = a, b, c
+    else:
+        year, (month, day) = c, ((b, a) if date.points or order == "dmy" else (a, b))
+    try:
+        return datetime(year, month, day, tzinfo=UTC).timestamp()
+    except ValueError:
+        return None
+
+
+def order_of(cells: Iterable[str], newest: float) -> tuple[Order | None, bool]:
+    """Whether day or month is first, None if both are possible; and whether it matters.
+
+    Args:
+        newest: no sample is later than that, unix s.
+    """
+    possible: dict[Order, bool] = {"mdy": True, "dmy": True}
+    matters = False
+    for text in cells:
+        found = _date(text)
+        if found is None or found[0].year_first or found[0].points:
+            continue
+        a, b, _ = found[0].numbers
+        matters |= a != b
+        for order in possible:
+            midnight = _midnight(found[0], order)
+            possible[order] &= midnight is not None and midnight <= newest
+    if not matters:
+        return "dmy", False
+    left = [order for order, whether in possible.items() if whether]
+    return (left[0] if len(left) == 1 else None), True
+
+
+def seconds_of_day(text: str) -> float | None:
+    """Seconds since midnight UTC of a time of day; negative or above a day with an offset from UTC."""
+    match = _CLOCK.match(text)
+    if match is None:
+        return None
+    hour, minute, second = int(match[1]), int(match[2]), int(match[3] or 0)
+    if match[5]:
+        if not 1 <= hour <= 12:
+            return None
+        hour = hour % 12 + (12 if match[5][0] in "pP" else 0)
+    if hour > 24 or minute > 59 or second > 60:
+        return None
+    fraction = float(f"0.{match[4]}") if match[4] else 0.0
+    return hour * 3600 + minute * 60 + second + fraction - _offset(match[6])
+
+
+def _offset(zone: str | None) -> float:
+    if not zone or zone[0] not in "+-":
+        return 0.0
+    seconds = int(zone[1:3]) * 3600 + int(zone[-2:]) * 60
+    return float(seconds if zone[0] == "+" else -seconds)
+
+
+def unix_seconds(text: str, order: Order = "dmy") -> float | None:
+    """A date, with or without a time of day, as unix s; None if it is neither."""
+    found = _date(text)
+    if found is not None:
+        midnight, rest = _midnight(found[0], order), found[1].lstrip("T ,;_-")
+        clock = seconds_of_day(rest) if rest.strip() else 0.0
+        if midnight is not None and clock is not None:
+            return midnight + clock
+    try:
+        moment = datetime.fromisoformat(text.strip().replace(" UTC", "Z"))
+    except ValueError:
+        return None
+    return (moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def dated_name(name: str) -> float | None:
+    """Date and time in the name of a file (2026-01-01_10-30-25), read as UTC, unix s."""
+    match = re.search(
+        r"(?<!\d)(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)[-_T .]?([0-2]\d)[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d)", name
+    )
+    if match is None:
+        return None
+    try:
+        return datetime(*map(int, match.groups()), tzinfo=UTC).timestamp()  # type: ignore[misc, arg-type]
+    except ValueError:
+        return None
+
+
+def utc_text(seconds: float) -> str:
+    """A time in words: 2026-01-01 10:30:25.000 UTC."""
+    moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(seconds, 3))
+    return f"{moment:%Y-%m-%d %H:%M:%S}.{moment.microsecond // 1000:03d} UTC"
+
+
+def cells_of(rows: Sequence[Sequence[str]], column: int) -> list[str]:
+    """Cells of a column that are not empty."""
+    return [row[column].strip() for row in rows if row[column].strip()]

@@ -1,0 +1,56 @@
+"""Options of a table: what a person says about its columns where the file does not.
+
+--time-column timestamp      name or number (from 1) of the column of times; "none": there is no such column
+--time-unit ms               of its numbers: s, ms, us, ns
+--date-order dmy             whether 01/02/2026 is in January (mdy) or in February (dmy)
+--rate 100                   samples per second, where no column has times, or to find their unit
+--columns FILE               names and units, a line a column: HEADING or NUMBER = NAME (UNIT); nothing leaves it out
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from imuscope.recordings.table_dates import Order
+
+NO_COLUMN = "none"
+_LINE = re.compile(r"^(?P<column>[^=]+?)\s*=\s*(?P<name>.*)$")
+
+
+@dataclass(frozen=True, slots=True)
+class TableOptions:
+    """Options of a table; empty where nothing is said.
+
+    Args:
+        columns: heading or number of a column → its heading, "" to leave it out.
+    """
+
+    time_column: str = ""
+    time_unit: str = ""
+    date_order: Order | None = None
+    rate: float = 0.0
+    columns: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+
+def read_columns(path: Path) -> dict[str, str]:
+    """Names of columns from a file.
+
+    Raises:
+        ValueError: it cannot be read, or a line has no "=".
+    """
+    try:
+        text = path.expanduser().read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        raise ValueError(f"{path} cannot be read; give a text file with a line for each column") from None
+    columns = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        match = _LINE.match(line.strip())
+        if match is None:
+            raise ValueError(f"line {number} of {path.name} has no “=”; write HEADING = NAME (UNIT)")
+        columns[match["column"]] = match["name"].strip()
+    return columns

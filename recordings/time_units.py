@@ -1,0 +1,135 @@
+"""Unit of times that name none, from all that the numbers themselves say.
+
+A unit is possible if the sampling rate that it gives is one that a sensor can have, and if the times are either a date
+that the file can hold (`dated`) or the running time of a device:
+
+    timestamp   1127500000, 112510000, …    s: one sample in 2.8 h · ms: 0.1 Hz · µs: 100 Hz · ns: 100 kHz
+
+Columns of an accelerometer or gyroscope exclude what no such sensor does. Where more than one unit remains, none is
+taken: the caller asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+UNITS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
+SPELLINGS: Mapping[str, str] = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"), "µs"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecond", "nanoseconds"), "ns"),
+}
+OLDEST = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is not set
+FASTEST, FASTEST_FRACTION = 34_000.0, 5_000.0  # Hz; of counts, and of numbers with a fraction
+SLOWEST, SLOWEST_INERTIAL, SLOWEST_DATED = 1e-5, 0.45, 0.05  # Hz; of anything, of an inertial sensor, and if dated
+SLOWEST_SURE, SLOW_DATED = (
+    0.9,
+    2.0,
+)  # Hz: below, a date alone does not decide; below, a recent one of no inertial sensor
+RECENT = 6 * 365 * 86400.0  # s before the file was written
+LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart
+LONG_RUN, FASTEST_LONG = 86400.0, 2_200.0  # who samples faster does not run for so long
+CLOSE = 0.2  # of a rate that is known
+
+
+@dataclass(frozen=True, slots=True)
+class UnitReading:
+    """One possible reading of times.
+
+    Args:
+        rate: samples per second in that unit; 0 if unknown.
+        dated: whether the times are a date, else since the start of a device.
+    """
+
+    unit: str
+    rate: float
+    dated: bool
+
+    @property
+    def factor(self) -> float:
+        return UNITS[self.unit]
+
+    def words(self) -> str:
+        """In a sentence: "ms (100 Hz)"."""
+        return f"{self.unit} ({rate_text(self.rate)})" if self.rate else self.unit
+
+
+def rate_text(rate: float) -> str:
+    """A rate in words."""
+    for size, unit in ((1e9, "GHz"), (1e6, "MHz"), (1e4, "kHz")):
+        if rate >= size:
+            return f"{rate / (1000 if unit == 'kHz' else size):.4g} {unit}"
+    if rate >= 0.01 or rate <= 0:
+        return f"{rate:.4g} Hz"
+    return f"one sample in {1 / rate:.4g} s"
+
+
+def usual_step(times: Floats) -> float:
+    """Median step between neighbours that advance; 0 if none does."""
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def is_dated(first: float, newest: float) -> bool:
+    """Whether a time since 1970, s, is a date that a file can hold that was last written at `newest`."""
+    return OLDEST <= first <= newest
+
+
+def possible_units(times: Floats, *, inertial: bool, newest: float, rate: float = 0.0) -> list[UnitReading]:
+    """Units that times without one can have; dated ones first.
+
+    Args:
+        times: (n,) as in the file, finite.
+        inertial: whether the table has columns of an accelerometer or gyroscope.
+        newest: no sample is later than that, unix s.
+        rate: sampling rate that is known from elsewhere, Hz; 0: unknown.
+    """
+    step = usual_step(times)
+    first, last = float(times[0]), float(np.abs(times).max())
+    fraction = bool((times != np.round(times)).any())
+    found = []
+    for unit, factor in UNITS.items():
+        its_rate = 1 / (step * factor) if step else 0.0
+        dated = is_dated(first * factor, newest)
+        if step and not _is_rate(its_rate, inertial=inertial, fraction=fraction, dated=dated):
+            continue
+        if rate and step and abs(its_rate - rate) > CLOSE * rate:
+            continue
+        if not dated and (last * factor > LONGEST_RUN or (last * factor > LONG_RUN and its_rate > FASTEST_LONG)):
+            continue
+        found.append(UnitReading(unit, its_rate, dated))
+    return sorted(found, key=lambda one: not one.dated)
+
+
+def _is_rate(rate: float, *, inertial: bool, fraction: bool, dated: bool) -> bool:
+    if rate > (FASTEST_FRACTION if fraction else FASTEST):
+        return False
+    return rate >= ((SLOWEST_DATED if dated else SLOWEST_INERTIAL) if inertial else SLOWEST)
+
+
+def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, newest: float) -> UnitReading | None:
+    """The reading to take; None if several remain.
+
+    Args:
+        times, inertial, newest: as for `possible_units`.
+    """
+    if len(readings) == 1:
+        return readings[0]
+    dated = [one for one in readings if one.dated]
+    if len(dated) != 1:
+        return None
+    likely = any(not one.dated and one.rate >= SLOWEST_SURE for one in readings)
+    recent = float(times[0]) * dated[0].factor > newest - RECENT
+    steps = np.diff(times) * dated[0].factor
+    best = 1 / float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+    if likely and (best < SLOWEST_SURE or (best < SLOW_DATED and (inertial or not recent))):
+        return None
+    return dated[0]
