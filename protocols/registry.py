@@ -66,6 +66,12 @@ def decode_options() -> dict[str, DecodeOption]:
     return merged(option for family in PROTOCOLS.values() for option in family.decoding.options)
 
 
+def unit_flag() -> str:
+    """Flag of the command line for the unit of the times of a table."""
+    flags = [f"--{option.flag}" for option in decode_options().values() if option.table_role == "unit"]
+    return flags[0] if flags else "--time-column"
+
+
 def url_options() -> list[str]:
     """Names of the decode options that a source can contain, with "protocol".
 

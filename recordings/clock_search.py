@@ -12,8 +12,8 @@
     PacketCounter + a known rate            samples
     --rate alone                            rows
 
-The first row of this list that fits is the axis; within a row, the first column. A unit that is only inferred is said,
-with the reason; one that remains open is an error that names the options.
+The first row of this list that fits is the axis; within a row, the first column. A unit that is inferred is
+reported with the reason; one that remains open is an error that names the options.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_clock import (
     COUNTERS,
@@ -47,7 +48,7 @@ from imuscope.recordings.table_clock import (
 )
 from imuscope.recordings.table_dates import Order, cells_of, is_moment, is_time_of_day, order_of
 from imuscope.recordings.table_format import TableFormat, is_number
-from imuscope.recordings.table_headings import Heading
+from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.table_options import NO_COLUMN, TableOptions
 from imuscope.recordings.time_units import (
     CLOSE,
@@ -65,7 +66,7 @@ from imuscope.recordings.time_units import (
 
 @dataclass(frozen=True)
 class ClockSearch:
-    """What the clocks of a table are found in.
+    """Search for the clocks of one table.
 
     Args:
         newest: no sample is later than that, unix s.
@@ -74,7 +75,7 @@ class ClockSearch:
 
     file: str
     form: TableFormat
-    headings: Sequence[Heading]
+    headings: Sequence[ColumnHeading]
     options: TableOptions
     newest: float
     rate: float = 0.0
@@ -91,8 +92,8 @@ class ClockSearch:
                 values.append(float(cell.replace(",", ".") if self.form.decimal == "," else cell))
             except ValueError:
                 continue
-        found = np.array(values, np.float64)
-        return found[np.isfinite(found)]
+        matches = np.array(values, np.float64)
+        return matches[np.isfinite(matches)]
 
     def cells(self, column: int) -> list[str]:
         """Cells of a column in the sample."""
@@ -112,15 +113,15 @@ class ClockSearch:
             return [self._rows()]
         if options.time_column:
             return [self._chosen(self.column_named(options.time_column))]
-        found = [*self._stamps(), *self._dates(), *self._weeks(), *self._utc_parts()]
-        used = {column for one in found for column in one.columns}
+        matches = [*self._stamps(), *self._dates(), *self._weeks(), *self._utc_parts()]
+        used = {column for one in matches for column in one.columns}
         for column, heading in enumerate(self.headings):
             if column not in used and (one := self._of_name(column, heading)) is not None:
-                found.append(one)
-        found += self._counters()
-        if not found and options.rate:
-            found = [self._rows()]
-        return sorted(found, key=lambda one: (one.rank, one.columns))
+                matches.append(one)
+        matches += self._counters()
+        if not matches and options.rate:
+            matches = [self._rows()]
+        return sorted(matches, key=lambda one: (one.rank, one.columns))
 
     def column_named(self, name: str) -> int:
         """Place of a column by its heading or number from 1.
@@ -141,11 +142,11 @@ class ClockSearch:
         for one in (*self._stamps(), *self._dates(), *self._weeks()):
             if column in one.columns:
                 return replace(one, rank=0)
-        found = self._of_name(column, heading)
-        if found is None:
+        matches = self._of_name(column, heading)
+        if matches is None:
             counters = [one for one in self._counters() if column in one.columns]
-            found = counters[0] if counters else self._number(column, heading, 0)
-        return replace(found, rank=0, why=f"{found.why}; --time-column names it")
+            matches = counters[0] if counters else self._number(column, heading, 0)
+        return replace(matches, rank=0, why=f"{matches.why}; --time-column names it")
 
     def _rows(self) -> TableClock:
         if not self.options.rate:
@@ -158,7 +159,7 @@ class ClockSearch:
     def _stamps(self) -> list[TableClock]:
         """Pairs of seconds and parts of a second."""
         by_words = {words_of(one.name): column for column, one in enumerate(self.headings)}
-        found = []
+        matches = []
         for words, column in by_words.items():
             stem, _, last = words.rpartition("_")
             if SPELLINGS.get(last) != "s":
@@ -172,11 +173,11 @@ class ClockSearch:
                     epoch: Epoch = "1970" if len(seconds) and is_dated(float(seconds[0]), self.newest) else "start"
                     rank = 1 if "stamp" in stem else 2
                     factors, why = (1.0, UNITS[unit]), f"seconds and {unit} in two columns"
-                    found.append(
+                    matches.append(
                         TableClock(name, (column, other), "parts", "s", factors, epoch, "known", why, rank=rank)
                     )
                     break
-        return [one for one in found if self._advances(one.columns)]
+        return [one for one in matches if self._advances(one.columns)]
 
     def _is_fraction(self, column: int, unit: str) -> bool:
         values = self.numbers(column)
@@ -226,7 +227,8 @@ class ClockSearch:
         if not unit:
             largest = float(values.max()) if len(values) else 0.0
             step = usual_step(values) if len(values) > 1 else 0.0
-            unit = "s" if largest < WEEK and (step < 1 or (values != np.round(values)).any()) else "ms"
+            is_fine = step < 1 or bool((values != np.round(values)).any())
+            unit = ("ms", "s")[largest < WEEK and is_fine]
             if largest < WEEK and not (values != np.round(values)).any() and step >= 1:
                 readings = possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=self.rate)
                 unit = readings[0].unit if len({one.unit for one in readings}) == 1 else ""
@@ -273,7 +275,7 @@ class ClockSearch:
 
     # -- by name -------------------------------------------------------------------------------------------------------
 
-    def _of_name(self, column: int, heading: Heading) -> TableClock | None:
+    def _of_name(self, column: int, heading: ColumnHeading) -> TableClock | None:
         words = words_of(heading.name)
         if heading.name.lower() == "arrival":
             return None
@@ -294,7 +296,7 @@ class ClockSearch:
             )
         return self._number(column, heading, rank)
 
-    def _fine(self, column: int, heading: Heading) -> TableClock:
+    def _fine(self, column: int, heading: ColumnHeading) -> TableClock:
         """SampleTimeFine: its unit depends on the program that wrote the file."""
         if unit := named_unit(heading):
             return self._number(column, heading, 3)
@@ -303,7 +305,7 @@ class ClockSearch:
         is_dot = {"devicetag", "firmwareversion", "outputrate"} & self.form.metadata.keys()
         is_mt = {"update rate", "filter profile", "firmware version", "start time"} & self.form.metadata.keys()
         factor = FINE_DOT_S if is_dot else FINE_S
-        program = "Xsens DOT" if is_dot else "MT Manager"
+        program = "a DOT" if is_dot else "MT Manager"
         unit = "µs" if is_dot else "100 µs"
         sure: Sure = "known"
         why = f"{program} writes SampleTimeFine in {unit}"
@@ -319,7 +321,7 @@ class ClockSearch:
             why = f"in {unit} the samples come at {rate_text(1 / (step * factor))}"
         return TableClock(heading.name, (column,), "number", unit, (factor,), "start", sure, why, rank=3)
 
-    def _text(self, column: int, heading: Heading, rank: int) -> TableClock:
+    def _text(self, column: int, heading: ColumnHeading, rank: int) -> TableClock:
         cells = self.cells(column)
         if all(map(is_time_of_day, cells[:FEWEST])):
             return TableClock(heading.name, (column,), "text", "", (1.0,), "day", "known", "times of day", rank=rank)
@@ -332,10 +334,10 @@ class ClockSearch:
         values = self.numbers(column)
         return "1970" if len(values) and is_dated(float(values[0]) * factor, max(self.newest, 1.9e9)) else "start"
 
-    def _number(self, column: int, heading: Heading, rank: int) -> TableClock:
+    def _number(self, column: int, heading: ColumnHeading, rank: int) -> TableClock:
         """A column of numbers, its unit by the options, its heading, or the numbers."""
         sure: Sure = "stated"
-        unit, why = SPELLINGS.get(self.options.time_unit, ""), "--time-unit"
+        unit, why = SPELLINGS.get(self.options.unit, ""), "as an option names it"
         if not unit and (unit := named_unit(heading)):
             why = "the heading names it"
         if not unit and (heading.name.startswith("%") or heading.name.startswith("field.")):
@@ -346,7 +348,7 @@ class ClockSearch:
         epoch = self._epoch(column, factor)
         return TableClock(heading.name, (column,), "number", unit, (factor,), epoch, sure, why, rank=rank)
 
-    def _inferred(self, column: int, heading: Heading, rank: int) -> TableClock:
+    def _inferred(self, column: int, heading: ColumnHeading, rank: int) -> TableClock:
         values = self.numbers(column)
         name = heading.name
         if not len(values):
@@ -433,9 +435,11 @@ def _open_unit(file: str, axis: TableClock) -> RecordingError:
     units = [one.unit for one in axis.readings]
     if not units:
         words = f"{file}: the times in {axis.name} fit no unit."
-        return RecordingError(words, "Name it with --time-unit s, ms, us or ns, or another column with --time-column.")
+        return RecordingError(
+            words, f"Name it with {unit_flag()} s, ms, us or ns, or another column with --time-column."
+        )
     listed = " or ".join(one.words() for one in axis.readings)
-    flags = " or ".join(f"--time-unit {'us' if unit == 'µs' else unit}" for unit in units)
+    flags = " or ".join(f"{unit_flag()} {'us' if unit == 'µs' else unit}" for unit in units)
     hint = f"Name it: {flags}, or --rate, or in the heading: {axis.name} ({units[0]})."
     return RecordingError(f"{file}: the unit of {axis.name} can be {listed}.", hint)
 

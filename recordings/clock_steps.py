@@ -1,11 +1,12 @@
 """Steps of a clock: where it goes back, ahead or stands still, and the time axis that is made of it.
 
-    clock    ─╱╱╱╱╱         a step back begins a segment; the axis goes on one usual step later, so that
-                 ╲╱╱╱╱╱     nothing lies over what was before, and the clock itself stays a column
-    axis     ─╱╱╱╱╱╱╱╱╱
+    clock    ╱╱╱╱╱          a step back begins a segment; the axis goes on after a short gap, so that nothing lies
+                  ╱╱╱╱╱     over the samples before, and the clock itself stays a column
+    axis     ╱╱╱╱╱  ╱╱╱╱╱
 
-A counter that wraps goes on: its period is known. A step ahead begins a segment too and stays as it is, because a pause
-and a clock that was set look alike. Rows that are only out of order (the clock returns at once) keep their times.
+A counter that wraps goes on: its period is known. A step ahead stays as it is, because a pause and a clock that was set
+look alike; a long one begins a segment too. Rows that are only out of order (the clock returns at once) keep their
+times.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ from imuscope.recordings.table_dates import DAY
 Floats = NDArray[np.float64]
 StepKind = Literal["back", "ahead", "wrap"]
 
-LOOK_AHEAD = 8  # rows within which a clock that is only out of order returns
+APART = 2.0  # of the length that is a gap: the unknown time between two segments is drawn, and found, as one
+NEXT_ROWS = 8  # rows within which a clock that is only out of order returns
 AHEAD = 5.0  # usual steps, and ...
 AHEAD_SPREAD = 3.0  # ... times the longest of nearly all steps in the sample
+PAUSE_S = 60.0  # a longer step ahead begins a segment; a shorter one is a gap
 MOST_STEPS = 10_000
 WRAPS = tuple(1 << bits for bits in (8, 16, 24, 31, 32))
 
@@ -36,7 +39,7 @@ class StepOfClock:
 
     Args:
         row: the first row after it, from 0.
-        by_s: by how much the clock was off what was due, s.
+        by_s: difference of the clock from the usual step, s.
         before, after: the clock on both sides, s.
     """
 
@@ -61,7 +64,6 @@ class ClockWatch:
         self._pending = np.empty(0)
         self._last: float | None = None
         self._shift = 0.0
-        self._axis_last = 0.0
         self.steps: list[StepOfClock] = []
         self.left_out = 0
         self.shifts: list[tuple[int, float]] = [(0, 0.0)]  # first row and what is added to the clock from there on
@@ -80,7 +82,7 @@ class ClockWatch:
         self.lowest = float(np.fmin(self.lowest, times.min()))
         self.highest = float(np.fmax(self.highest, times.max()))
         joined = np.concatenate((self._pending, times))
-        ready = max(0, len(joined) - LOOK_AHEAD)
+        ready = max(0, len(joined) - NEXT_ROWS)
         self._take(joined, ready)
         self._pending = joined[ready:]
 
@@ -97,10 +99,10 @@ class ClockWatch:
     @property
     def segments(self) -> list[StepOfClock]:
         """The steps at which a segment begins."""
-        return [step for step in self.steps if step.kind != "wrap"]
+        return [step for step in self.steps if step.kind == "back" or (step.kind == "ahead" and step.by_s > PAUSE_S)]
 
     def _take(self, times: Floats, ready: int) -> None:
-        """Look at the first `ready` rows; those behind them are only looked ahead at."""
+        """Look at the first `ready` rows; those behind them show how it continues."""
         if not ready:
             return
         before = times[0] if self._last is None else self._last
@@ -131,7 +133,7 @@ class ClockWatch:
             return
         else:
             self.steps.append(StepOfClock(at, "back", by, previous, now))
-            self._shift += previous + self._usual - now
+            self._shift = previous + self._shift + (APART * self._ahead if np.isfinite(self._ahead) else 1.0) - now
         self.shifts.append((at, self._shift))
 
     def _wraps(self, previous: float, now: float, period: float) -> bool:
@@ -139,7 +141,7 @@ class ClockWatch:
 
     def _is_out_of_order(self, times: Floats, row: int, previous: float) -> bool:
         back = previous - float(times[row])
-        after = times[row : row + LOOK_AHEAD]
+        after = times[row : row + NEXT_ROWS]
         jumps = np.diff(after)
         return bool(len(jumps)) and bool(((after[1:] > previous) & (jumps > 0.5 * back + 0.5 * self._usual)).any())
 

@@ -204,7 +204,7 @@ def open_file(path: Path, protocol: str = "", table: TableOptions | None = None)
 
     Args:
         protocol: of a capture; "" to recognise it.
-        table: what a person says about the columns of a table.
+        table: options of a table.
 
     Raises:
         RecordingError: it is missing, unreadable, empty, or of an unknown format.

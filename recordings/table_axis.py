@@ -1,6 +1,6 @@
 """Time axis of a table: the clock it is made of, its date, and the steps that were found in it.
 
-`TimeAxis.sentences` says all of it to a person; `TimeAxis.described` is kept with the recording.
+`TimeAxis.sentences` describes all of it to a person; `TimeAxis.described` is stored with the recording.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, shifted
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import DAY, dated_name, unix_seconds
@@ -30,8 +31,8 @@ EPOCHS = {
 SURE = {
     "stated": "",
     "known": "",
-    "inferred": "; to change it: --time-unit",
-    "assumed": ", which is not sure; to change it: --time-unit",
+    "inferred": "; to change it: {flag}",
+    "assumed": ", which is not sure; to change it: {flag}",
 }
 
 
@@ -79,7 +80,7 @@ class TimeAxis:
         """The clock, its unit, why, and its date; then repeats and out-of-order rows."""
         clock = self.clock
         unit = f" in {clock.unit}" if clock.unit else ""
-        why = f" ({clock.why}{SURE[clock.sure]})" if clock.why else ""
+        why = f" ({clock.why}{SURE[clock.sure].format(flag=unit_flag())})" if clock.why else ""
         rate = f", {rate_text(1 / self.usual_s)}" if self.usual_s else ""
         if clock.kind == "rows":
             texts = [f"The time axis counts the rows{rate} ({clock.why})."]
@@ -124,7 +125,7 @@ def step_limits(times: Floats) -> tuple[float, float]:
 
 
 def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) -> tuple[float, str]:
-    """What is added to the times of a clock to make them unix s, and where its date comes from.
+    """Offset that makes unix s of the times of a clock, and the source of its date.
 
     Args:
         first: the first time of the clock, s.

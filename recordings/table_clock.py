@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from imuscope.recordings.table_dates import Order
-from imuscope.recordings.table_headings import Heading
+from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.time_units import SPELLINGS, UnitReading
 
 Kind = Literal["number", "text", "date+time", "parts", "week", "utc", "counter", "rows"]
@@ -75,7 +75,7 @@ def words_of(name: str) -> str:
     return re.sub(r"[^0-9a-zµμ%]+", "_", spaced.lower()).strip("_")
 
 
-def named_unit(heading: Heading) -> str:
+def named_unit(heading: ColumnHeading) -> str:
     """Unit that the heading of a time names, "" for none."""
     if unit := SPELLINGS.get(heading.unit.strip().lower(), ""):
         return unit
@@ -88,6 +88,6 @@ def without_unit(words: str) -> str:
     return stem if last in SPELLINGS else words
 
 
-def is_plain(heading: Heading) -> bool:
+def is_plain(heading: ColumnHeading) -> bool:
     words = words_of(heading.name)
     return words in TIMES or without_unit(words) in TIMES or heading.name.startswith("__")

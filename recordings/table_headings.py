@@ -28,7 +28,7 @@ _POWERS = {"1": "/s", "2": "/s²"}
 
 
 @dataclass(frozen=True, slots=True)
-class Heading:
+class ColumnHeading:
     """Name and unit of a column; `text` as it is in the file."""
 
     text: str
@@ -36,7 +36,7 @@ class Heading:
     unit: str
 
     @classmethod
-    def of(cls, text: str) -> Heading:
+    def of(cls, text: str) -> ColumnHeading:
         """The heading in a cell."""
         plain = text.strip().strip("\ufeff")
         match = _HEAD.match(plain)

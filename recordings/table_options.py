@@ -1,10 +1,12 @@
-"""Options of a table: what a person says about its columns where the file does not.
+"""Options of a table: information from the user on its columns that the file does not contain.
 
---time-column timestamp      name or number (from 1) of the column of times; "none": there is no such column
---time-unit ms               of its numbers: s, ms, us, ns
---date-order dmy             whether 01/02/2026 is in January (mdy) or in February (dmy)
---rate 100                   samples per second, where no column has times, or to find their unit
---columns FILE               names and units, a line a column: HEADING or NUMBER = NAME (UNIT); nothing leaves it out
+    --time-column timestamp      heading or number (from 1) of the column of times; "none": count the rows
+    a decode option for "unit"   of its numbers: s, ms, us, ns (protocols/decode_options.py, `table_role`)
+    --date-order dmy             whether 01/02/2026 is in January (mdy) or in February (dmy)
+    --rate 100                   samples per second, where no column has times, or to determine their unit
+    --columns FILE               names and units, a line a column: HEADING or NUMBER = NAME (UNIT)
+
+In that file, a line with nothing behind "=" leaves its column out.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from imuscope.recordings.regular_file import read_regular
 from imuscope.recordings.table_dates import Order
 
 NO_COLUMN = "none"
@@ -22,14 +25,14 @@ _LINE = re.compile(r"^(?P<column>[^=]+?)\s*=\s*(?P<name>.*)$")
 
 @dataclass(frozen=True, slots=True)
 class TableOptions:
-    """Options of a table; empty where nothing is said.
+    """Options of a table; empty where none is given.
 
     Args:
         columns: heading or number of a column → its heading, "" to leave it out.
     """
 
     time_column: str = ""
-    time_unit: str = ""
+    unit: str = ""
     date_order: Order | None = None
     rate: float = 0.0
     columns: Mapping[str, str] = field(default_factory=dict, hash=False)
@@ -42,7 +45,7 @@ def read_columns(path: Path) -> dict[str, str]:
         ValueError: it cannot be read, or a line has no "=".
     """
     try:
-        text = path.expanduser().read_text(encoding="utf-8-sig")
+        text = read_regular(path.expanduser()).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):
         raise ValueError(f"{path} cannot be read; give a text file with a line for each column") from None
     columns = {}

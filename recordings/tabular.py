@@ -36,7 +36,7 @@ from imuscope.recordings.table_axis import TimeAxis, origin_of, step_limits
 from imuscope.recordings.table_cells import numbers, times_of
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_format import TableFormat, format_of
-from imuscope.recordings.table_headings import Heading, unique
+from imuscope.recordings.table_headings import ColumnHeading, unique
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.time_units import SPELLINGS, UNITS
 
@@ -115,7 +115,7 @@ class CsvSource(TableSource):
     """One text table.
 
     Args:
-        options: what a person says about it.
+        options: information from the user.
 
     Raises:
         RecordingError: it has no column of times. A unit that is open is an error when the rows are read.
@@ -126,7 +126,7 @@ class CsvSource(TableSource):
         self._form = format_of(path)
         self._options = options = options or TableOptions()
         texts, self._left_out = _renamed(self._form, options)
-        self._headings = [Heading.of(text) for text in texts]
+        self._headings = [ColumnHeading.of(text) for text in texts]
         self._names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self._headings)])
         self._refusal: RecordingError | None = None
         self._bad: dict[str, tuple[int, int, str]] = {}  # column → cells, first row, its text
@@ -330,7 +330,7 @@ def _renamed(form: TableFormat, options: TableOptions) -> tuple[list[str], set[i
     texts = list(form.headings) or [""] * form.columns
     left_out: set[int] = set()
     for i, text in enumerate(list(texts)):
-        plain = Heading.of(text)
+        plain = ColumnHeading.of(text)
         key = next((key for key in (str(i + 1), plain.text, plain.name) if key and key in options.columns), None)
         if key is not None and options.columns[key]:
             texts[i] = options.columns[key]

@@ -69,6 +69,7 @@ OPTIONS = (
         "unit of timestamps, if the device does not report it (default: us, unless arrival times disagree)",
         (("us", "Microseconds"), ("ms", "Milliseconds"), ("ns", "Nanoseconds"), ("s", "Seconds")),
         recorded=True,
+        table_role="unit",
         title="Timestamp unit",
         unset="Detected from arrival times, usually µs",
     ),

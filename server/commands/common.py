@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -80,11 +80,11 @@ def decode_options_of(options: argparse.Namespace, protocol: str = "") -> Decode
     declared = declared_options()
     texts = {name: option_text(declared[name], value) for name, value in given_options(options).items()}
     made = checked_options(getattr(options, "protocol", None) or protocol, texts)
-    return replace(made, table=_table_options(options)) if hasattr(options, "time_column") else made
+    return replace(made, table=_table_options(options, texts)) if hasattr(options, "time_column") else made
 
 
-def _table_options(options: argparse.Namespace) -> TableOptions:
-    """What is said about the columns of a table.
+def _table_options(options: argparse.Namespace, texts: Mapping[str, str]) -> TableOptions:
+    """Options of a table given to a command.
 
     Raises:
         UsageError: the file with their names cannot be read.
@@ -93,7 +93,7 @@ def _table_options(options: argparse.Namespace) -> TableOptions:
         columns = read_columns(options.columns) if options.columns is not None else {}
     except ValueError as error:
         raise UsageError(str(error)) from None
-    unit = getattr(options, "time_unit", None) or ""
+    unit = next((text for name, text in texts.items() if declared_options()[name].table_role == "unit"), "")
     return TableOptions(options.time_column, unit, options.date_order, options.rate, columns)
 
 

@@ -26,8 +26,8 @@ def add_range(command: argparse.ArgumentParser) -> None:
 
 
 def add_table(command: argparse.ArgumentParser) -> None:
-    """Add what a person can say about the columns of a table; --time-unit is a decode option."""
-    group = command.add_argument_group("tables, where the file itself does not say it")
+    """Add the options of a table; that for the unit of its times is a decode option."""
+    group = command.add_argument_group("tables, for what the file does not contain")
     group.add_argument(
         "--time-column",
         default="",

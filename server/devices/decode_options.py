@@ -34,7 +34,7 @@ class DecodeOptions:
     Args:
         protocol: "" to detect it.
         values: name → text of each given option, in its usual notation; see `checked_options`.
-        table: what is said about the columns of a table.
+        table: options of a file that is a table.
     """
 
     protocol: str = ""

@@ -29,6 +29,12 @@ def channel_info(manifest: Mapping[str, Any]) -> ChannelInfo:
 _KNOWN: WeakKeyDictionary[ColumnStore, dict[int, ChannelInfo]] = WeakKeyDictionary()
 
 
+def segments_of(store: ColumnStore) -> dict[str, tuple[float, ...]]:
+    """Times at which the clock of a device steps, unix s, by device: each begins a segment."""
+    segments = store.manifest.get("segments") or {}
+    return {device: tuple(times) for device, times in segments.items() if times}
+
+
 def channels_of(store: ColumnStore) -> dict[int, ChannelInfo]:
     """The channels of a store as described by the wire; cached, because every window needs them."""
     known = _KNOWN.get(store)

@@ -18,7 +18,7 @@ from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analys
 from imuscope.server.extensions.analysis.report import Figures, figures_of, in_parallel
 from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
 from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
-from imuscope.server.library.recording_detail import channels_of, products_of
+from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 
 BELOW = ("notes", "obstacles", "unchecked")  # sentences, printed below the table
 
@@ -93,6 +93,7 @@ def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[Sig
         zero_phase=True,
         product=products_of(store),
         companions=analysis.companions,
+        segments=segments_of(store),
     )
     return list(chain(*in_parallel(reports, requested)))
 

@@ -22,7 +22,7 @@ from imuscope.server.extensions.analysis.two_sides import (
     ComparisonSide,
     compared,
 )
-from imuscope.server.library.recording_detail import channels_of, products_of
+from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 
 NAME = "comparison"
 FIGURES = ("n", "mean", "sigma", "rms", "min", "max", "low", "high", "mounting", "remaining")
@@ -72,7 +72,9 @@ def compare_files(a: Path, b: Path, reading: DecodeOptions, request: FileCompari
 
 def _side(store: ColumnStore, name: str, words: Sequence[str], part: FileRange) -> ComparisonSide:
     t0, t1 = time_range_of(store, name, *part)
-    signals = requested_signals(channels_of(store).values(), words, zero_phase=True, product=products_of(store))
+    signals = requested_signals(
+        channels_of(store).values(), words, zero_phase=True, product=products_of(store), segments=segments_of(store)
+    )
     return ComparisonSide(signals, lambda column: recorded_samples(store, column, t0, t1))
 
 

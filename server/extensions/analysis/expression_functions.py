@@ -166,8 +166,8 @@ def euler_angles(q: Quantity, angle: str = "") -> Quantity:
     """Roll, pitch and yaw of a quaternion, or one of them, °."""
     parts = tuple(euler_columns(q.parts))
     if angle:
-        return Quantity((parts[ANGLES.index(angle)],), DEGREE, q.time, ("",), 360.0)
-    return Quantity(parts, DEGREE, q.time, ANGLES, 360.0)
+        return Quantity((parts[ANGLES.index(angle)],), DEGREE, q.time, ("",), 360.0, breaks=q.breaks)
+    return Quantity(parts, DEGREE, q.time, ANGLES, 360.0, breaks=q.breaks)
 
 
 def _elementwise(work: Callable[[Any], Any], unit: Unit | None = None) -> Callable[..., Quantity]:
@@ -204,7 +204,8 @@ def _atan2(arguments: list[Quantity], node: Call, context: Context) -> Quantity:
     _wide(x, len(y.parts), node.arguments[1], "A value")
     x = x.in_unit(y.unit)
     angles = tuple(np.degrees(np.arctan2(a, b)) for a, b in zip(y.parts, x.parts, strict=True))
-    return Quantity(angles, DEGREE, y.time if y.time is not None else x.time, y.names, 360.0)
+    time = y.time if y.time is not None else x.time
+    return Quantity(angles, DEGREE, time, y.names, 360.0, breaks=y.breaks or x.breaks)
 
 
 def _sqrt(arguments: list[Quantity], node: Call, context: Context) -> Quantity:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -106,7 +107,8 @@ def _paired(
     pairs = [(left.parts[i % n], right.parts[i % m]) for i in range(max(n, m))]
     parts = tuple(_checked(work(a, b), a, b, is_logical=is_logical) for a, b in pairs)
     time = left.time if left.time is not None else right.time
-    return Quantity(parts, unit, time, wide.names, 0.0, is_logical, left.is_literal and right.is_literal)
+    breaks, is_literal = left.breaks or right.breaks, left.is_literal and right.is_literal
+    return Quantity(parts, unit, time, wide.names, 0.0, is_logical, is_literal, breaks)
 
 
 def _checked(result: Any, a: Floats, b: Floats, *, is_logical: bool) -> Floats:
@@ -121,7 +123,7 @@ def _checked(result: Any, a: Floats, b: Floats, *, is_logical: bool) -> Floats:
 
 def _each(quantity: Quantity, work: Callable[[Floats], Floats]) -> Quantity:
     result = quantity.with_parts([work(part) for part in quantity.parts])
-    return Quantity(result.parts, result.unit, result.time, result.names, 0.0, is_literal=quantity.is_literal)
+    return replace(result, is_literal=quantity.is_literal)
 
 
 def _power(node: Call, base: Quantity, exponent: Quantity) -> Quantity:
@@ -139,7 +141,7 @@ def _power(node: Call, base: Quantity, exponent: Quantity) -> Quantity:
         message = f"A unit to the power of {float(largest):.6g} is not allowed."
         raise ExpressionError(message, begin, end, f"At most {MAX_POWER}; divide by the unit first.")
     result = _each(base, lambda part: np.power(part, exponent.number))
-    return Quantity(result.parts, unit, result.time, result.names, 0.0, is_literal=result.is_literal)
+    return replace(result, unit=unit)
 
 
 def _logic(node: Call, arguments: list[Quantity]) -> Quantity:

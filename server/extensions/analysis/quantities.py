@@ -24,6 +24,7 @@ class Quantity:
         period: an angle wraps at this value, in its unit; 0: it never wraps.
         is_logical: 0 and 1 stand for false and true.
         is_literal: a number as typed, or computed from such: 0 fits every unit.
+        breaks: times at which the clock of its device steps, unix s: nothing is computed across them.
     """
 
     parts: tuple[Floats, ...]
@@ -33,6 +34,7 @@ class Quantity:
     period: float = 0.0
     is_logical: bool = False
     is_literal: bool = field(default=False)
+    breaks: tuple[float, ...] = ()
 
     @property
     def is_number(self) -> bool:
@@ -52,7 +54,8 @@ class Quantity:
     def with_parts(self, parts: Sequence[Floats], unit: Unit | None = None, *, is_logical: bool = False) -> Quantity:
         """Other values at the same times; angles that wrap become plain numbers."""
         names = self.names if len(parts) == len(self.parts) else ("",)
-        return Quantity(tuple(parts), self.unit if unit is None else unit, self.time, names, 0.0, is_logical)
+        unit = self.unit if unit is None else unit
+        return Quantity(tuple(parts), unit, self.time, names, 0.0, is_logical, breaks=self.breaks)
 
     def in_unit(self, unit: Unit) -> Quantity:
         """The same in another unit that fits."""
@@ -120,10 +123,13 @@ def in_runs(quantity: Quantity, work: Callable[[Floats, Floats], Floats], gap: f
         gap: a step longer than this many usual ones ends a run.
     """
     assert quantity.time is not None
-    return quantity.with_parts([_part_in_runs(quantity.time, part, work, gap) for part in quantity.parts])
+    breaks = np.array(quantity.breaks)
+    return quantity.with_parts([_part_in_runs(quantity.time, part, work, gap, breaks) for part in quantity.parts])
 
 
-def _part_in_runs(time: Floats, values: Floats, work: Callable[[Floats, Floats], Floats], gap: float) -> Floats:
+def _part_in_runs(
+    time: Floats, values: Floats, work: Callable[[Floats, Floats], Floats], gap: float, breaks: Floats
+) -> Floats:
     finite = np.flatnonzero(np.isfinite(values))
     result = np.full(len(values), np.nan)
     if not len(finite):
@@ -133,6 +139,8 @@ def _part_in_runs(time: Floats, values: Floats, work: Callable[[Floats, Floats],
     steps = np.diff(t)
     usual = float(np.median(steps)) if len(steps) else 0.0
     edges = [0, *(np.flatnonzero(steps > gap * usual) + 1).tolist(), len(t)] if usual > 0 else [0, len(t)]
+    if len(breaks):
+        edges = sorted({*edges, *np.searchsorted(t, breaks).tolist()})
     for begin, end in itertools.pairwise(edges):
         at = slice(begin, end) if whole else finite[begin:end]
         result[at] = work(t[begin:end], v[begin:end])

@@ -25,7 +25,7 @@ from imuscope.server.extensions.analysis.signal_request import ExpressionSignal,
 from imuscope.server.extensions.analysis.signals import Floats, SignalColumn, recorded_samples
 from imuscope.server.library.collector import RecordingSink
 from imuscope.server.library.computed_signals import SignalComputation
-from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.library.recording_detail import channels_of, segments_of
 from imuscope.server.library.signal_definitions import SignalDefinition, definitions_in
 from imuscope.server.wire import ChannelInfo
 
@@ -67,7 +67,8 @@ class _ComputedSignals:
         """
         if any(info.device == device and info.name == definition.name for info in self._infos):
             raise DomainError("name", "the device sends a channel of that name.", "Give the signal another name.")
-        signal = expression_over(self._infos, definition.expression, WHOLE, device)
+        segments = segments_of(self._store)
+        signal = expression_over(self._infos, definition.expression, WHOLE, device, segments=segments)
         value = signal.quantity(self._read)
         assert value.time is not None  # it is not a number
         described = channel_of(device, definition, value)

@@ -36,7 +36,7 @@ from imuscope.server.extensions.analysis.registry import AnalysisOption, analyse
 from imuscope.server.extensions.analysis.service import AnalysisService
 from imuscope.server.extensions.analysis.signal_request import requested_signals
 from imuscope.server.extensions.analysis.signals import live_samples
-from imuscope.server.library.recording_detail import channels_of, products_of
+from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/analysis", tags=["analysis"])
@@ -253,6 +253,7 @@ async def requested_of(
         product=products_of(store),
         device=body.device,
         companions=companions,
+        segments=segments_of(store),
     )
 
     async def place() -> SampleSource:

@@ -32,6 +32,7 @@ class Sampling:
         gaps: number of gaps.
         missing: time within the gaps beyond one step each, s.
         jitter: standard deviation of the steps within runs, s.
+        clock_steps: number of steps of the device's clock, each of which ends a run as well.
     """
 
     rate: float
@@ -39,6 +40,7 @@ class Sampling:
     gaps: int
     missing: float
     jitter: float
+    clock_steps: int = 0
 
     @property
     def longest(self) -> int:
@@ -48,6 +50,8 @@ class Sampling:
     def notes(self) -> list[str]:
         """Sentences for a user who has to trust a result that assumes even spacing."""
         remarks = []
+        if self.clock_steps:
+            remarks.append(f"{counted(self.clock_steps, 'step')} of the clock: nothing is computed across one.")
         if self.gaps:
             remarks.append(
                 f"{counted(self.gaps, 'gap')}, {self.missing:.3g} s in sum: nothing is computed across a gap."
@@ -78,9 +82,11 @@ def sampling_of(signal: Signal, least: int) -> Sampling:
         hint = "Use the time of the device instead of arrival."
         raise DomainError("no-result", f"Most samples of {signal.name} share the time of another one.", hint)
     scatter = 1.4826 * float(np.median(np.abs(some - usual)))
+    begins = signal.begins
     at = np.flatnonzero(steps > GAP * usual + SCATTER * scatter) + 1
-    edges = [0, *at.tolist(), n]
-    within = np.delete(steps, at - 1) if len(at) else steps
+    at = at[~np.isin(at, begins)] if len(begins) else at
+    edges = sorted({0, *at.tolist(), *begins.tolist(), n})
+    within = np.delete(steps, np.concatenate((at, begins)) - 1) if len(edges) > 2 else steps
     mean = float(within.mean())
     return Sampling(
         rate=1 / mean,
@@ -88,6 +94,7 @@ def sampling_of(signal: Signal, least: int) -> Sampling:
         gaps=len(at),
         missing=float(steps[at - 1].sum() - len(at) * mean),
         jitter=float(within.std()),
+        clock_steps=len(begins),
     )
 
 

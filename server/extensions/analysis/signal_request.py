@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from imuscope.server.errors import DomainError
@@ -75,13 +75,15 @@ class ExpressionSignal:
             pairs = [read(column) for column in columns]
             time = axes.setdefault(info.id, pairs[0][0])
             parts = tuple(values for _, values in pairs)
+            breaks = columns[0].breaks
             if name in self.angles:
-                return euler_angles(Quantity(parts, NO_UNIT, time, tuple(one.name for one in own)), self.angles[name])
+                turned = Quantity(parts, NO_UNIT, time, tuple(one.name for one in own), breaks=breaks)
+                return euler_angles(turned, self.angles[name])
             if len({one.unit for one in own}) > 1:
                 hint = f"Name one: {', '.join(column.name for column in columns):.400}."
                 raise DomainError("bad-expression", f"The columns of {name} differ in their units.", hint)
             names = tuple(one.name for one in own) if len(own) > 1 else ("",)
-            return Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period)
+            return Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period, breaks=breaks)
 
         value = evaluate(self.node, resolve, self.context)
         if value.time is None:
@@ -106,7 +108,7 @@ class ExpressionSignal:
         for name, part in zip(value.names, value.parts, strict=True):
             title = f"({self.text}).{name}" if name else self.text
             plain = finite_signal(title, str(value.unit), value.period, value.time, part)
-            sampled.append(replace(plain, notes=(*self.notes, *plain.notes)))
+            sampled.append(replace(plain, notes=(*self.notes, *plain.notes), breaks=value.breaks))
         return sampled
 
 
@@ -119,6 +121,7 @@ def requested_signals(
     device: str = "",
     others: Sequence[ChannelInfo] = (),
     companions: bool = False,
+    segments: Mapping[str, Sequence[float]] = {},
 ) -> list[SignalColumn | ExpressionSignal]:
     """Signals that the words name: a column, a channel with all its columns, or an expression over them.
 
@@ -128,6 +131,7 @@ def requested_signals(
         device: whose signals are meant by names without a device, as in `columns_named`.
         others: channels that have to be named with their device: `2/Acceleration`.
         companions: columns are read with the other sensors of their device.
+        segments: times at which the clock of a device steps, unix s.
 
     Raises:
         DomainError: "not-found", "which-device" or "bad-expression".
@@ -146,23 +150,31 @@ def requested_signals(
                     temperature=temperature_of([*known, *others], one),
                     companions=beside(one.device) if companions else None,
                     axes="" if product is unknown_product else product(one.device)[1].axes,
+                    breaks=tuple(segments.get(one.device, ())),
                 )
                 for one in columns
             ]
         except DomainError:
             if angles_named(_meant(known, others, word), word, device) is not None:
-                signals.append(replace(expression_over(known, f'"{word}"', context, device, others), text=word))
+                signals.append(
+                    replace(expression_over(known, f'"{word}"', context, device, others, segments), text=word)
+                )
                 continue
             if not _may_be_expression(word, [*known, *others]):
                 raise
-            signals.append(expression_over(known, word, context, device, others))
+            signals.append(expression_over(known, word, context, device, others, segments))
     return signals
 
 
 def expression_over(
-    infos: Sequence[ChannelInfo], text: str, context: Context, device: str, others: Sequence[ChannelInfo] = ()
+    infos: Sequence[ChannelInfo],
+    text: str,
+    context: Context,
+    device: str,
+    others: Sequence[ChannelInfo] = (),
+    segments: Mapping[str, Sequence[float]] = {},
 ) -> ExpressionSignal:
-    """An expression over channels; `device` and `others`: as for `requested_signals`.
+    """An expression over channels; `device`, `others` and `segments`: as for `requested_signals`.
 
     Raises:
         ExpressionError: a mistake in it, or an unknown name, with its position.
@@ -178,6 +190,8 @@ def expression_over(
             named[name.name], angles[name.name] = euler
         else:
             named[name.name] = _columns(there, name, device)
+        columns = named[name.name]
+        named[name.name] = [replace(one, breaks=tuple(segments.get(one.device, ()))) for one in columns]
     return ExpressionSignal(text, node, named, context, angles)
 
 

@@ -58,6 +58,7 @@ class Signal:
         data_sheet: of the sensor it comes from; None if unknown.
         temperature: reads the times and values of its device's temperature, °C; None if that has none.
         companions: reads the other sensors of its device; None if they were not requested or it has no device.
+        breaks: times at which the clock of its device steps, unix s: nothing is computed across them.
     """
 
     name: str
@@ -70,12 +71,20 @@ class Signal:
     data_sheet: DataSheetNoise | None = None
     temperature: Callable[[], tuple[Floats, Floats]] | None = field(default=None, compare=False)
     companions: Callable[[], Companions] | None = field(default=None, compare=False)
+    breaks: tuple[float, ...] = ()
+
+    @property
+    def begins(self) -> NDArray[np.int64]:
+        """First samples of the segments of its clock, without the first segment."""
+        at = np.unique(np.searchsorted(self.time, np.array(self.breaks)))
+        return at[(at > 0) & (at < len(self.time))]
 
 
 @dataclass(frozen=True, slots=True)
 class SignalColumn:
     """A column of a channel, as named in a request, with the data sheet of its sensor, the temperature and the other
-    sensors of its device and the axes of its body ("FLU", "FRD"), if those are known.
+    sensors of its device, the axes of its body ("FLU", "FRD") and the times at which its clock steps, if those are
+    known.
     """
 
     info: ChannelInfo
@@ -84,6 +93,7 @@ class SignalColumn:
     temperature: SignalColumn | None = None
     companions: CompanionChannels | None = None
     axes: str = ""
+    breaks: tuple[float, ...] = ()
 
     @property
     def name(self) -> str:
@@ -110,6 +120,7 @@ class SignalColumn:
                 signal,
                 data_sheet=self.data_sheet,
                 temperature=None if warmth is None else lambda: read(warmth),
+                breaks=self.breaks,
                 companions=None
                 if others is None
                 else lambda: others.read(lambda info, at: read(SignalColumn(info, at))),

@@ -3,11 +3,12 @@
 An angle that wraps has a circular mean and σ (recordings/statistics.py). It is unwrapped for slope, peak to peak and
 the ends `min` and `max` of the arc that it covers (none if it goes all the way round), and has no rms and no integral.
 `slope` is that of the least-squares line, `integral` by the trapezoidal rule over the sample times, so both hold for
-unevenly spaced samples.
+unevenly spaced samples. Where the clock steps (clock_steps.py) neither goes across.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -25,7 +26,9 @@ def run(signal: Signal, options: Mapping[str, float]) -> Result:
     plain = statistics_of(lambda: iter((values,)), signal.period)
     steps = np.diff(time)
     usual = float(np.median(steps)) if len(steps) else NAN
-    duration = float(time[-1] - time[0])
+    runs = [slice(*edges) for edges in itertools.pairwise([0, *signal.begins.tolist(), len(time)])]
+    duration = float(sum(time[run][-1] - time[run][0] for run in runs))
+    longest = max(runs, key=lambda run: run.stop - run.start)
     unwrapped = np.unwrap(values, period=signal.period) if signal.period else values
     low, high = _arc(unwrapped, signal.period) if signal.period else (plain.min, plain.max)
     return {
@@ -36,12 +39,20 @@ def run(signal: Signal, options: Mapping[str, float]) -> Result:
         "min": low,
         "max": high,
         "peak_to_peak": float(np.ptp(unwrapped)),
-        "slope": slope(time, unwrapped),
-        "integral": NAN if signal.period else float(np.trapezoid(values, time)),
+        "slope": slope(time[longest], unwrapped[longest]),
+        "integral": NAN if signal.period else float(sum(np.trapezoid(values[run], time[run]) for run in runs)),
         "duration": duration,
-        "rate": (plain.n - 1) / duration if duration > 0 else NAN,
-        "gaps": int(np.count_nonzero(steps > options["gap"] * usual)) if usual > 0 else 0,
+        "rate": (plain.n - len(runs)) / duration if duration > 0 else NAN,
+        "gaps": int(np.count_nonzero(np.delete(steps, signal.begins - 1) > options["gap"] * usual)) if usual > 0 else 0,
+        **({"notes": [_segments_note(len(runs))]} if len(runs) > 1 else {}),
     }
+
+
+def _segments_note(segments: int) -> str:
+    return (
+        f"The clock steps, so there are {segments} segments: duration and integral are sums of them, and slope is that "
+        "of the longest; nothing is computed across a step."
+    )
 
 
 def _arc(unwrapped: Floats, period: float) -> tuple[float, float]:
