@@ -66,7 +66,7 @@ class ClockWatch:
         self._shift = 0.0
         self.steps: list[StepOfClock] = []
         self.left_out = 0
-        self.shifts: list[tuple[int, float]] = [(0, 0.0)]  # first row and what is added to the clock from there on
+        self.shifts: list[tuple[int, float]] = [(0, 0.0)]  # first row, and the sum added to the clock from there on
         self.rows = 0
         self.repeats = 0
         self.out_of_order = 0

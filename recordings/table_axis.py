@@ -1,6 +1,6 @@
 """Time axis of a table: the clock it is made of, its date, and the steps that were found in it.
 
-`TimeAxis.sentences` describes all of it to a person; `TimeAxis.described` is stored with the recording.
+`TimeAxis.sentences` describes all of it in words; `TimeAxis.described` is stored with the recording.
 """
 
 from __future__ import annotations

@@ -43,13 +43,13 @@ def numbers(column: pa.Array, decimal: str = ".") -> Cells:
         values: Floats = pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
         return Cells(values.astype(np.float64), np.empty(0, np.int64))
     except pa.ArrowInvalid:
-        found, odd = np.full(len(filled), np.nan), []
+        matches, odd = np.full(len(filled), np.nan), []
         for row, text in enumerate(filled.to_pylist()):
             try:
-                found[row] = np.nan if text is None else float(text)
+                matches[row] = np.nan if text is None else float(text)
             except ValueError:
                 odd.append(row)
-        return Cells(found, np.array(odd, np.int64))
+        return Cells(matches, np.array(odd, np.int64))
 
 
 def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".") -> Cells:
@@ -111,7 +111,7 @@ def _texts(column: pa.Array, order: Order, *, of_day: bool = False) -> Cells:
             return Cells(ns / 1e9, np.empty(0, np.int64))
         except pa.ArrowInvalid:
             pass
-    found, odd = np.full(len(trimmed), np.nan), []
+    matches, odd = np.full(len(trimmed), np.nan), []
     for row, text in enumerate(trimmed.to_pylist()):
         if not text:
             continue
@@ -122,5 +122,5 @@ def _texts(column: pa.Array, order: Order, *, of_day: bool = False) -> Cells:
             except ValueError:
                 odd.append(row)
                 continue
-        found[row] = seconds
-    return Cells(found, np.array(odd, np.int64))
+        matches[row] = seconds
+    return Cells(matches, np.array(odd, np.int64))

@@ -45,7 +45,7 @@ class TableClock:
         unit: "ms"; "" for text and for a unit that is open.
         factors: s per number of each column.
         epoch: what its zero is: "week" and "day" lack the date, "start" is that of the device or the program.
-        sure: "stated" by the file or a person, "known" from the form, "inferred" from the numbers, "assumed".
+        sure: "stated" by the file or the user, "known" from the form, "inferred" from the numbers, "assumed".
         why: the reason, as an end of a sentence.
         readings: of a unit that is open.
         rank: before others, least first.

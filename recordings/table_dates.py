@@ -80,13 +80,13 @@ def order_of(cells: Iterable[str], newest: float) -> tuple[Order | None, bool]:
     possible: dict[Order, bool] = {"mdy": True, "dmy": True}
     matters = False
     for text in cells:
-        found = _date(text)
-        if found is None or found[0].year_first or found[0].points:
+        matches = _date(text)
+        if matches is None or matches[0].year_first or matches[0].points:
             continue
-        a, b, _ = found[0].numbers
+        a, b, _ = matches[0].numbers
         matters |= a != b
         for order in possible:
-            midnight = _midnight(found[0], order)
+            midnight = _midnight(matches[0], order)
             possible[order] &= midnight is not None and midnight <= newest
     if not matters:
         return "dmy", False
@@ -119,9 +119,9 @@ def _offset(zone: str | None) -> float:
 
 def unix_seconds(text: str, order: Order = "dmy") -> float | None:
     """A date, with or without a time of day, as unix s; None if it is neither."""
-    found = _date(text)
-    if found is not None:
-        midnight, rest = _midnight(found[0], order), found[1].lstrip("T ,;_-")
+    matches = _date(text)
+    if matches is not None:
+        midnight, rest = _midnight(matches[0], order), matches[1].lstrip("T ,;_-")
         clock = seconds_of_day(rest) if rest.strip() else 0.0
         if midnight is not None and clock is not None:
             return midnight + clock

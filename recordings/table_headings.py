@@ -98,20 +98,20 @@ def _place(name: str) -> tuple[str, str] | None:
 
 def _triples(names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Group and axis of those names that occur with all three axes: at the end, at the beginning, or alone."""
-    found: dict[str, tuple[str, str]] = {}
+    matches: dict[str, tuple[str, str]] = {}
     for pattern in (_LAST, _FIRST):
         groups: dict[str, dict[str, str]] = {}
         for name in names:
             match = pattern.match(name)
-            if name not in found and match is not None:
+            if name not in matches and match is not None:
                 groups.setdefault(match["group"], {}).setdefault(match["axis"].lower(), name)
         for group, members in groups.items():
             if len(members) == len(AXES):
-                found |= {name: (group, axis) for axis, name in members.items()}
+                matches |= {name: (group, axis) for axis, name in members.items()}
     alone = {name.lower(): name for name in names if name.lower() in AXES}
     if len(alone) == len(AXES):
-        found |= {name: (PLAIN, axis) for axis, name in alone.items()}
-    return found
+        matches |= {name: (PLAIN, axis) for axis, name in alone.items()}
+    return matches
 
 
 def axis_of(inner: str, members: int) -> str:

@@ -221,7 +221,7 @@ class CsvSource(TableSource):
         return watch
 
     def _batches(
-        self, wanted: Sequence[str], odd: list[Any], damage: list[FileDamage] | None = None
+        self, names: Sequence[str], odd: list[Any], damage: list[FileDamage] | None = None
     ) -> Iterator[pa.RecordBatch]:
         """Columns of the table as text."""
         import pyarrow as pa
@@ -237,9 +237,7 @@ class CsvSource(TableSource):
             block_size=BLOCK_BYTES, skip_rows=self._form.skip, column_names=self._names, use_threads=False
         )
         parsing = pa.csv.ParseOptions(delimiter=self._form.separator, invalid_row_handler=skip)
-        types = pa.csv.ConvertOptions(
-            column_types=dict.fromkeys(self._names, pa.string()), include_columns=list(wanted)
-        )
+        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(self._names, pa.string()), include_columns=list(names))
         try:
             with (
                 open_regular(self.path) as file,
@@ -278,9 +276,9 @@ class CsvSource(TableSource):
                     others = [batch.column(column) for column in of_clock.columns]
                     columns[of_clock.name] = (times_of(of_clock, others, decimal).values[known], "s")
                 continue
-            found = numbers(batch.column(i), decimal)
-            self._note(i, batch.column(i), found.odd, parsed)
-            columns[name] = (found.values[known], heading.unit)
+            matches = numbers(batch.column(i), decimal)
+            self._note(i, batch.column(i), matches.odd, parsed)
+            columns[name] = (matches.values[known], heading.unit)
         if axis.keeps_clock:
             columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")
         time = axis.times(raw[known], known_before)

@@ -95,7 +95,7 @@ def possible_units(times: Floats, *, inertial: bool, newest: float, rate: float 
     step = usual_step(times)
     first, last = float(times[0]), float(np.abs(times).max())
     fraction = bool((times != np.round(times)).any())
-    found = []
+    matches = []
     for unit, factor in UNITS.items():
         its_rate = 1 / (step * factor) if step else 0.0
         dated = is_dated(first * factor, newest)
@@ -105,8 +105,8 @@ def possible_units(times: Floats, *, inertial: bool, newest: float, rate: float 
             continue
         if not dated and (last * factor > LONGEST_RUN or (last * factor > LONG_RUN and its_rate > FASTEST_LONG)):
             continue
-        found.append(UnitReading(unit, its_rate, dated))
-    return sorted(found, key=lambda one: not one.dated)
+        matches.append(UnitReading(unit, its_rate, dated))
+    return sorted(matches, key=lambda one: not one.dated)
 
 
 def _is_rate(rate: float, *, inertial: bool, fraction: bool, dated: bool) -> bool:
