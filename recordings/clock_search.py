@@ -27,6 +27,7 @@ from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_clock import (
     COUNTERS,
+    DECIMALS,
     ELAPSED,
     FEWEST,
     FINE,
@@ -221,7 +222,8 @@ class ClockSearch:
         if not of_week:
             return []
         words, column = of_week[0]
-        unit = named_unit(self.headings[column]) or ("ms" if words in ("i_tow", "itow") else "")
+        unit = SPELLINGS.get(self.options.unit, "") or named_unit(self.headings[column])
+        unit = unit or ("ms" if words in ("i_tow", "itow") else "")
         sure: Sure = "known" if unit else "inferred"
         values = self.numbers(column)
         if not unit:
@@ -230,14 +232,14 @@ class ClockSearch:
             is_fine = step < 1 or bool((values != np.round(values)).any())
             unit = ("ms", "s")[largest < WEEK and is_fine]
             if largest < WEEK and not (values != np.round(values)).any() and step >= 1:
-                readings = possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=self.rate)
+                readings = possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=self.options.rate)
                 unit = readings[0].unit if len({one.unit for one in readings}) == 1 else ""
         week = next(
             (by_words[one] for one in ("week", "gps_week", "gps_week_number", "week_number") if one in by_words), None
         )
         name = self.headings[column].name
         if not unit:
-            readings = possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=self.rate)
+            readings = possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=self.options.rate)
             return [
                 TableClock(name, (column,), "number", "", (), "week", "assumed", "", readings=tuple(readings), rank=2)
             ]
@@ -312,7 +314,7 @@ class ClockSearch:
         if not is_dot and not is_mt and step:
             fits = [one for one in (FINE_S, FINE_DOT_S) if 0.9 <= 1 / (step * one) <= 2100]
             if len(fits) != 1:
-                readings = possible_units(numbers, inertial=True, newest=self.newest, rate=self.rate)
+                readings = possible_units(numbers, inertial=True, newest=self.newest, rate=self.options.rate)
                 return TableClock(
                     heading.name, (column,), "number", "", (), "start", "assumed", "", readings=tuple(readings), rank=3
                 )
@@ -355,7 +357,13 @@ class ClockSearch:
             return TableClock(
                 name, (column,), "number", "s", (1.0,), "start", "assumed", "there are no numbers", rank=rank
             )
-        readings = possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=self.options.rate)
+        readings = possible_units(
+            values,
+            inertial=self.is_inertial,
+            newest=self.newest,
+            rate=self.options.rate,
+            fraction=any(DECIMALS.search(cell) for cell in self.cells(column)),
+        )
         chosen = decided(readings, values, inertial=self.is_inertial, newest=self.newest)
         sure: Sure = "inferred"
         if chosen is None and len(values) < FEWEST:

@@ -20,6 +20,7 @@ COUNTERS = ("packet_counter", "counter", "sample_counter", "sample_number", "sam
 UTC_PARTS = ("year", "month", "day", "hour", "minute", "second", "nano")
 GPS_EPOCH = 315_964_800.0
 WEEK = 604_800.0
+DECIMALS = re.compile(r"[.,]\d")
 FEWEST = 3  # rows whose steps say something
 _STEMS = "time|timestamp|stamp|datetime|t|ts|clock|elapsed|uptime|epoch"
 _BEFORE = (

@@ -28,14 +28,13 @@ SPELLINGS: Mapping[str, str] = {
 }
 OLDEST = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is not set
 FASTEST, FASTEST_FRACTION = 34_000.0, 5_000.0  # Hz; of counts, and of numbers with a fraction
-SLOWEST, SLOWEST_INERTIAL, SLOWEST_DATED = 1e-5, 0.45, 0.05  # Hz; of anything, of an inertial sensor, and if dated
-SLOWEST_SURE, SLOW_DATED = (
-    0.9,
-    2.0,
-)  # Hz: below, a date alone does not decide; below, a recent one of no inertial sensor
+SLOWEST = 1e-5  # Hz, of anything
+SLOWEST_INERTIAL, SLOWEST_DATED = 0.41, 0.05  # Hz, of an inertial sensor; with dates or decimals
+SLOWEST_SURE, SLOW_DATED, SLOW_OLD = 0.9, 2.5, 11.5  # Hz: below, a date does not decide; of an IMU; if old
 RECENT = 6 * 365 * 86400.0  # s before the file was written
 LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart
-LONG_RUN, FASTEST_LONG = 86400.0, 2_200.0  # who samples faster does not run for so long
+LONG_RUN, FASTEST_LONG = 86400.0, 11_000.0  # who samples faster does not run for so long
+USUAL = 3.0  # times the median step: longer ones are gaps
 CLOSE = 0.2  # of a rate that is known
 
 
@@ -83,18 +82,28 @@ def is_dated(first: float, newest: float) -> bool:
     return OLDEST <= first <= newest
 
 
-def possible_units(times: Floats, *, inertial: bool, newest: float, rate: float = 0.0) -> list[UnitReading]:
+def mean_step(times: Floats) -> float:
+    """Mean of the steps that are not gaps, which rounding does not change; 0 if none advances."""
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return float(steps[steps <= USUAL * np.median(steps)].mean()) if len(steps) else 0.0
+
+
+def possible_units(
+    times: Floats, *, inertial: bool, newest: float, rate: float = 0.0, fraction: bool = False
+) -> list[UnitReading]:
     """Units that times without one can have; dated ones first.
 
     Args:
         times: (n,) as in the file, finite.
+        fraction: whether they are written with decimals.
         inertial: whether the table has columns of an accelerometer or gyroscope.
         newest: no sample is later than that, unix s.
         rate: sampling rate that is known from elsewhere, Hz; 0: unknown.
     """
-    step = usual_step(times)
+    step = mean_step(times)
     first, last = float(times[0]), float(np.abs(times).max())
-    fraction = bool((times != np.round(times)).any())
+    fraction |= bool((times != np.round(times)).any())
     matches = []
     for unit, factor in UNITS.items():
         its_rate = 1 / (step * factor) if step else 0.0
@@ -112,7 +121,7 @@ def possible_units(times: Floats, *, inertial: bool, newest: float, rate: float 
 def _is_rate(rate: float, *, inertial: bool, fraction: bool, dated: bool) -> bool:
     if rate > (FASTEST_FRACTION if fraction else FASTEST):
         return False
-    return rate >= ((SLOWEST_DATED if dated else SLOWEST_INERTIAL) if inertial else SLOWEST)
+    return rate >= ((SLOWEST_DATED if dated or fraction else SLOWEST_INERTIAL) if inertial else SLOWEST)
 
 
 def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, newest: float) -> UnitReading | None:
@@ -130,6 +139,7 @@ def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, n
     recent = float(times[0]) * dated[0].factor > newest - RECENT
     steps = np.diff(times) * dated[0].factor
     best = 1 / float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    if likely and (best < SLOWEST_SURE or (best < SLOW_DATED and (inertial or not recent))):
+    least = SLOW_OLD if not recent else SLOW_DATED if inertial else SLOWEST_SURE
+    if likely and best < least:
         return None
     return dated[0]

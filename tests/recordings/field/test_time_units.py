@@ -1,0 +1,139 @@
+"""Tables with times of any unit, epoch and step: the unit that is reported is right, or the file is refused."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.tabular import CsvSource
+from imuscope.recordings.time_units import UNITS
+from tests.each_row import each_row
+
+WRITTEN = 1_790_000_000.0  # when the files are written, unix s
+INERTIAL = ("ax,ay,az", "gyro_x,gyro_y,gyro_z")
+RATES = (
+    0.01,
+    0.1,
+    0.5,
+    1,
+    2,
+    5,
+    10,
+    20,
+    25,
+    30,
+    50,
+    60,
+    75,
+    100,
+    125,
+    200,
+    250,
+    400,
+    500,
+    800,
+    1000,
+    1600,
+    2000,
+    4000,
+    8000,
+)
+DAY = 86_400.0
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that was made."""
+
+    heading: str
+    unit: str
+    times: tuple[float, ...]  # s
+    decimals: int
+    columns: str
+
+    @property
+    def text(self) -> str:
+        scale = round(1 / UNITS[self.unit])
+        rows = []
+        for n, time in enumerate(self.times):
+            whole, part = divmod(round(time * 1e9), 10**9)
+            value = (whole * 10**9 + part) * scale / 1e9 if self.decimals else 0.0
+            cell = f"{value:.{self.decimals}f}" if self.decimals else str((whole * 10**9 + part) * scale // 10**9)
+            rows.append(f"{cell},{n % 7},0,9.81\n")
+        return f"{self.heading},{self.columns}\n" + "".join(rows)
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> Table:
+    """Tables without a unit in the heading."""
+    unit = draw(st.sampled_from(list(UNITS)))
+    columns = draw(st.sampled_from((*INERTIAL, "x,y,z", "a,b,c")))
+    slowest = 0.5 if columns in INERTIAL else 0.01  # nothing can tell ms at 0.1 Hz from µs at 100 Hz
+    rate = draw(st.one_of(st.sampled_from([rate for rate in RATES if rate >= slowest]), st.floats(slowest, 4000)))
+    longest = 40 * DAY if columns in INERTIAL and rate < 2000 else 18 * DAY  # then ms look like a recent date
+    start = draw(
+        st.one_of(
+            st.just(0.0),
+            st.floats(0, 10),
+            st.floats(0, DAY),
+            st.floats(0, longest),
+            st.floats(WRITTEN - 10 * 365 * DAY, WRITTEN - DAY),
+        )
+    )
+    count = draw(st.integers(3, 40))
+    jitter = draw(st.sampled_from((0.0, 0.02, 0.2)))
+    random = np.random.default_rng(draw(st.integers(0, 1 << 20)))
+    steps = (1 + jitter * random.uniform(-1, 1, count)) / rate
+    times = tuple((start + np.cumsum(steps) - steps[0]).tolist())
+    decimals = draw(st.sampled_from({"s": (3, 6, 9), "ms": (0, 0, 3), "µs": (0, 0, 1), "ns": (0,)}[unit]))
+    if unit != "s" and rate > 4000:  # nobody writes decimals of ms so often, and 10 Hz in s has to be plain
+        decimals = 0
+    heading = draw(st.sampled_from(("time", "timestamp", "Time", "TIMESTAMP", "t", "Timestamp")))
+    return Table(heading, unit, times, decimals, columns)
+
+
+def check(table: Table) -> str:
+    """Read a table; the unit that is taken, "" if it is refused."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.csv"
+        path.write_text(table.text, encoding="utf-8")
+        os.utime(path, (WRITTEN, WRITTEN))
+        source = CsvSource(path)
+        try:
+            time = np.concatenate([rows.time for rows in source.rows()])
+        except RecordingError:
+            return ""
+        assert source.axis is not None
+        assert source.axis.clock.unit == table.unit, source.axis.sentences()
+        wanted = np.array(table.times)
+        resolution = UNITS[table.unit] * 10.0**-table.decimals
+        np.testing.assert_allclose(np.diff(time), np.diff(wanted), atol=2 * resolution + 1e-6)
+        return table.unit
+
+
+@given(tables())
+def test_the_unit_is_right_or_asked_for(table: Table) -> None:
+    check(table)
+
+
+@pytest.mark.slow
+@settings(max_examples=10_000)
+@given(tables())
+def test_the_unit_is_never_wrong(table: Table) -> None:
+    check(table)
+
+
+@each_row("rate", [50, 100, 200, 400])
+@each_row("unit", list(UNITS))
+def test_usual_logs_of_an_inertial_sensor_are_not_asked_about(rate: float, unit: str) -> None:
+    """Asking is always right, and of no use where the answer is plain."""
+    times = tuple((112.5 + np.arange(50) / rate).tolist())
+    assert check(Table("timestamp", unit, times, 6 if unit == "s" else 0, "ax,ay,az")) == unit
