@@ -63,6 +63,7 @@ class ClockWatch:
         self._usual, self._ahead, self._periods = usual_s, ahead_s, periods_s
         self._pending = np.empty(0)
         self._last: float | None = None
+        self._left: float | None = None  # the clock before a row that was out of order
         self._shift = 0.0
         self.steps: list[StepOfClock] = []
         self.left_out = 0
@@ -121,6 +122,9 @@ class ClockWatch:
             self.left_out += 1
             return
         at = self.rows + row
+        if by > 0 and self._left is not None and now - self._left <= self._ahead:
+            self._left = None  # the clock is back where it was
+            return
         if by > 0:
             self.steps.append(StepOfClock(at, "ahead", by, previous, now))
             return
@@ -130,6 +134,7 @@ class ClockWatch:
             self._shift += period
         elif self._is_out_of_order(times, row, previous):
             self.out_of_order += 1
+            self._left = previous
             return
         else:
             self.steps.append(StepOfClock(at, "back", by, previous, now))

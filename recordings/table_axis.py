@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.plural import counted
 from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, shifted
 from imuscope.recordings.table_clock import TableClock
@@ -20,6 +21,7 @@ from imuscope.recordings.table_format import TableFormat
 from imuscope.recordings.time_units import rate_text, usual_step
 
 AHEAD, AHEAD_SPREAD = 5.0, 3.0
+HOUR = 3600.0
 NEARLY_ALL = 0.99
 EPOCHS = {
     "1970": "since 1970 (UTC)",
@@ -93,7 +95,8 @@ class TimeAxis:
         if self.watch is not None:
             texts += filter(None, [repeats_words(self.watch, self.name)])
             if self.watch.out_of_order:
-                texts.append(f"{self.watch.out_of_order} rows of {self.name} are out of order; they keep their times.")
+                rows = counted(self.watch.out_of_order, "row is", "rows are")
+                texts.append(f"{self.name}: {rows} out of order, with the time as it is in the file.")
         return texts
 
     def described(self) -> dict[str, Any]:
@@ -140,7 +143,8 @@ def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) ->
         return (named - first, "the file's name") if named is not None else (written - first, "the file's last change")
     known, by = (named, "the file's name") if named is not None else (written, "the file's last change")
     if clock.epoch == "day":
-        return float(np.floor(known / DAY) * DAY), by
+        midnight = float(np.floor(known / DAY) * DAY)
+        return (midnight if midnight + first <= written + HOUR else midnight - DAY), by
     week = 7 * DAY
     sunday = float(np.floor((known - 3 * DAY) / week) * week + 3 * DAY)  # 1970-01-01 was a Thursday
     return (sunday if sunday + first <= known + DAY else sunday - week) - 18.0, by

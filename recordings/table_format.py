@@ -151,8 +151,8 @@ def _separator(line: str) -> str:
 
 
 def _is_metadata(lines: Sequence[str], at: int, forced: str) -> bool:
-    """Whether a line stands above the table: what follows has another number of columns, or it is a name and a value
-    with a colon.
+    """Whether a line stands above the table: the lines after it have another number of columns, or it is a name and a
+    value with a colon.
     """
     separator = forced if forced and forced in lines[at] else _separator(lines[at])
     cells = split(lines[at], separator)
