@@ -87,13 +87,16 @@ class MixedProtocolDetector:
     """
 
     def __init__(self, own: str) -> None:
-        self._own = _Frames(PROTOCOLS[own])
+        # A stream of messages, which is not in the table, is never mixed with that of a device.
+        self._own = _Frames(PROTOCOLS[own]) if own in PROTOCOLS else None
         self._others = {name: _Frames(family) for name, family in PROTOCOLS.items() if name != own}
         self.count: Counter[str] = Counter()
 
     def feed(self, data: bytes, *, final: bool = False) -> None:
         """Examine a chunk; `final`: it is the last one."""
         own = self._own
+        if own is None:
+            return
         own.feed(data, final=final, believed=False)
         oldest = own.decided
         for name, other in self._others.items():

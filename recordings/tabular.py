@@ -107,7 +107,7 @@ class TableSource:
         return 0.0
 
     def unreadable(self) -> str:
-        """A sentence on the cells that are no numbers, by column and row; "" if there are none."""
+        """A sentence on unreadable cells, by column and row; "" if there are none."""
         return ""
 
 
@@ -311,7 +311,7 @@ class CsvSource(TableSource):
             self.damage.append(FileDamage(-1, words))
 
     def unreadable(self) -> str:
-        """A sentence on the cells that are no numbers, by column and row; "" if there are none."""
+        """A sentence on unreadable cells, by column and row; "" if there are none."""
         if not self._bad:
             return ""
         wrong = sum(count for count, _, _ in self._bad.values())

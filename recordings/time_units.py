@@ -30,7 +30,8 @@ OLDEST = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is
 FASTEST, FASTEST_FRACTION = 34_000.0, 5_000.0  # Hz; of counts, and of numbers with a fraction
 SLOWEST = 1e-5  # Hz, of anything
 SLOWEST_INERTIAL, SLOWEST_DATED = 0.41, 0.05  # Hz, of an inertial sensor; with dates or decimals
-SLOWEST_SURE, SLOW_DATED, SLOW_OLD = 0.9, 2.5, 11.5  # Hz: below, a date does not decide; of an IMU; if old
+SLOW_DATED, SLOW_OLD = 2.5, 11.5  # Hz: below, a date does not decide; recent, of an inertial sensor; or old
+WEEKS = 12 * 86400.0  # s
 RECENT = 6 * 365 * 86400.0  # s before the file was written
 LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart
 LONG_RUN, FASTEST_LONG = 86400.0, 11_000.0  # who samples faster does not run for so long
@@ -135,11 +136,11 @@ def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, n
     dated = [one for one in readings if one.dated]
     if len(dated) != 1:
         return None
-    likely = any(not one.dated and one.rate >= SLOWEST_SURE for one in readings)
     recent = float(times[0]) * dated[0].factor > newest - RECENT
+    others = [one for one in readings if not one.dated]
+    if recent and not inertial:  # rather a date than a device that has run for weeks, whatever the rate
+        others = [one for one in others if float(times[0]) * one.factor < WEEKS]
     steps = np.diff(times) * dated[0].factor
     best = 1 / float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    least = SLOW_OLD if not recent else SLOW_DATED if inertial else SLOWEST_SURE
-    if likely and best < least:
-        return None
-    return dated[0]
+    least = SLOW_OLD if not recent else SLOW_DATED if inertial else np.inf
+    return None if others and best < least else dated[0]

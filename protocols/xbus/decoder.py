@@ -83,7 +83,12 @@ from imuscope.protocols.xbus.stream_parser import ParseResult, XbusStreamParser
 TICK_NS = 100_000
 WRAP = 2**32
 WRAP_DAY = 864_000_000
-WAKE_UP = 0x3E
+WAKE_UP, MTDATA = 0x3E, 0x32
+FEWEST_LEGACY = 3
+LEGACY = (
+    "The device sends MTData (0x32), the legacy output, whose layout is not transmitted: it is shown as bytes. Switch it to "
+    "MTData2 with SetOutputConfiguration, or MT Manager, and record again."
+)
 CONFIRMED_FRAMES = 3  # frames of a bus identifier; noise occasionally contains a valid one
 DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32
 
@@ -182,6 +187,7 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         self._frames: dict[int, int] = {}  # number of frames, by bus identifier
         self._clocks = _Clocks()
         self._others: dict[int, _Clocks] = {}
+        self._legacy = 0  # frames of the former generation's output
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Return every complete event by offset; a batch is placed at its first frame."""
@@ -205,6 +211,11 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             events += self._by_sender(cut, table, arrivals, [])
         return sorted(events, key=_offset) if len(events) > 1 else events
 
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about the stream for the user."""
+        return [LEGACY] if self._legacy >= FEWEST_LEGACY else []
+
     # -- replies -------------------------------------------------------------------------------------------------------
 
     def _replies(self, cut: ParseResult, which: NDArray[np.intp]) -> list[Reply]:
@@ -215,6 +226,7 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             message, _ = form_of(mid, payload)
             values = unpack(message.fields, payload)
             bid = int(cut.table[SENDER, i])
+            self._legacy += mid == MTDATA
             if mid == WAKE_UP:  # sent spontaneously, so it carries the identifier of the device's data
                 self._claim(bid)
             device = self._name(bid)

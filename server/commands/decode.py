@@ -24,7 +24,7 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extension import FileOutput, file_outputs
 from imuscope.server.library.computed_signals import compute_signals
-from imuscope.server.library.decode import decode
+from imuscope.server.library.decode import REMARK, decode
 from imuscope.server.printable import printable
 
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
@@ -129,10 +129,10 @@ def decode_file(
 
 
 def time_sentences(columns: ColumnStore) -> list[str]:
-    """The clock that is the time axis of a file that imuscope did not record, why, and its steps."""
-    if not columns.manifest.get("time"):
-        return []
-    events = [one["text"] for one in columns.manifest["events"] if one["kind"] == "clock"]
+    """The clock that is the time axis of a file that imuscope did not record, why, and its steps; and remarks on it."""
+    kinds = ("clock",) if columns.manifest.get("time") else ()
+    remarked = lambda one: one["kind"] in kinds or one["data"].get("reason") == REMARK  # noqa: E731
+    events = [one["text"] for one in columns.manifest["events"] if remarked(one)]
     more = [f"… and {len(events) - MOST_SENTENCES} more events of its clock."] if len(events) > MOST_SENTENCES else []
     return [*events[:MOST_SENTENCES], *more]
 

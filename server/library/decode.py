@@ -52,6 +52,7 @@ DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this
 DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval
 DERIVED_EVENTS = ("gap", "reject", "clock", "reply", "text")
 GUESS_BYTES = 1 << 16
+REMARK = "remark"  # reason of an event that the decoder has on its stream as a whole
 MAX_TIME = 9e9  # unix s
 PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # examined before decoding, to find the unit of timestamps
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # time until the first partial result; doubles after each, up to the second
@@ -198,7 +199,7 @@ class _Device:
     def _report_remarks(self) -> None:
         """Report the decoder's remarks on the stream."""
         for words in self._decoder.remarks if isinstance(self._decoder, Remarks) else ():
-            self.devices.own.events.report("device", "warning", words)
+            self.devices.own.events.report("device", "warning", words, data={"reason": REMARK})
 
     def end(self) -> None:
         """Finish decoding at the end of the file."""
