@@ -71,7 +71,7 @@ def needed(python: tuple[int, int], lock: Sequence[Package]) -> dict[str, Packag
 
     (program,) = (package for package in lock if package["name"] == "imuscope")
     found = {name: package for package in lock if (name := package["name"]) in (NODE, COMPILER)}
-    todo = [(program, ("fleet",))]
+    todo = [(program, ("all",))]
     while todo:
         package, extras = todo.pop()
         rows = list(package.get("dependencies", ()))

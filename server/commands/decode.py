@@ -131,8 +131,9 @@ def decode_file(
 def time_sentences(columns: ColumnStore) -> list[str]:
     """The clock that is the time axis of a file that imuscope did not record, why, and its steps; and remarks on it."""
     kinds = ("clock",) if columns.manifest.get("time") else ()
-    remarked = lambda one: one["kind"] in kinds or one["data"].get("reason") == REMARK  # noqa: E731
-    events = [one["text"] for one in columns.manifest["events"] if remarked(one)]
+    events = [
+        one["text"] for one in columns.manifest["events"] if one["kind"] in kinds or one["data"].get("reason") == REMARK
+    ]
     more = [f"… and {len(events) - MOST_SENTENCES} more events of its clock."] if len(events) > MOST_SENTENCES else []
     return [*events[:MOST_SENTENCES], *more]
 
