@@ -216,13 +216,14 @@ def _kernel(function: F, signature: tuple[Kind, ...] | None, *, waits: bool) -> 
 
 
 def is_complete() -> bool:
-    """Whether every kernel of the modules imported so far is machine code."""
+    """Whether every kernel of imuscope's modules that were imported so far is machine code."""
     return not missing()
 
 
-def missing() -> list[str]:
-    """The kernels that run as plain Python, because no library was built from this source for this processor."""
-    return [name for name, kernel in KERNELS.items() if kernel.signature is not None and kernel.native is None]
+def missing(package: str = "imuscope") -> list[str]:
+    """A package's kernels that run as plain Python, for lack of a library of this source for this processor."""
+    own = [kernel for name, kernel in KERNELS.items() if name.startswith(f"{package}.")]
+    return [kernel.name for kernel in own if kernel.signature is not None and kernel.native is None]
 
 
 LEVELS = {  # of x86-64, best first: what /proc/cpuinfo must list beside the level before
