@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import os
 import shutil
@@ -23,11 +22,10 @@ from imuscope.protocols.compiled import INT, Kernel, kernel_of, plain
 from imuscope.protocols.compiler import build, extension
 from imuscope.protocols.compiler.translate import CSource
 from imuscope.protocols.compiler.values import TranslateError
-from imuscope.protocols.events import Batch
-from imuscope.protocols.registry import PROTOCOLS
-from tests.bench import idtp_mixed, isb_mixed
 from tests.each_row import each_row
-from tests.protocols import kernel_examples, xbus_vectors
+from tests.protocols import kernel_examples
+from tests.protocols.damaged_streams import write_streams
+from tests.protocols.decoder_digests import digests
 from tests.timeouts import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -208,51 +206,17 @@ def test_libraries_need_only_the_interpreter_and_the_c_library(level: str) -> No
     assert b"libc.so" not in data
 
 
-DIGESTS = """
-import sys
-from pathlib import Path
-from imuscope.protocols import compiled
-from tests.protocols.test_compiled import digests
-print(len(compiled.missing()), digests(Path(sys.argv[1])))
-"""
-PIECE = 25_000
-
-
-def digests(folder: Path) -> dict[str, str]:
-    """What the decoders give for the file named like each of them, as digests."""
-    found = {}
-    for path in sorted(folder.iterdir()):
-        decoder = PROTOCOLS[path.name].decoding.decoder()
-        digest, data = hashlib.sha256(), path.read_bytes()
-        for at in range(0, len(data), PIECE):
-            decoder.feed(data[at : at + PIECE], at)
-            for event in decoder.drain(stalled=at + PIECE >= len(data)):
-                if isinstance(event, Batch):
-                    rows = [(name, column.dtype.descr, column.tobytes()) for name, column in event.columns.items()]
-                    digest.update(repr((event.message.name, len(event), event.offset.tobytes(), rows)).encode())
-        found[path.name] = digest.hexdigest()
-    return found
-
-
 @pytest.fixture(scope="module")
 def streams(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Streams of the benchmarks and all vectors, slightly damaged: a file for each family."""
     folder = tmp_path_factory.mktemp("streams")
-    for name, data in (
-        ("isb", isb_mixed.stream(4.0)),
-        ("idtp", idtp_mixed.mixed(6.0)),
-        ("xbus", b"".join(xbus_vectors.everything()) * 9),
-    ):
-        noisy = bytearray(data)
-        noisy[1000::7001] = bytes(len(noisy[1000::7001]))
-        assert len(noisy) > 4 * PIECE
-        (folder / name).write_bytes(noisy)
+    write_streams(folder)
     return folder
 
 
 def elsewhere(streams: Path, **variables: str) -> str:
-    """What `DIGESTS` prints in a process with these variables."""
-    command = [sys.executable, "-c", DIGESTS, str(streams)]
+    """Their digests in a process with these variables."""
+    command = [sys.executable, "-m", "tests.protocols.decoder_digests", str(streams)]
     env = os.environ | variables
     done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
