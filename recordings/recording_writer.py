@@ -1,6 +1,6 @@
 """Recording writer: a queue and its threads, so that every chunk reaches the disk at once.
 
-    any thread ──put──> queue (unbounded, never drops) ──> writer thread: one write for everything queued, every few ms
+    any thread ──put──> queue (unbounded, never drops) ──> writer thread: one write for everything queued, at intervals
                                                                   │ a part is full, or old enough
                                                                   v
                                            part 1 │ part 2 │ part 3 …        consecutive files
@@ -8,9 +8,10 @@
     sync thread: fdatasync once in `sync_s`; checks that the file still exists; finishes the parts that are full
 
 Writes go to the kernel's memory, which survives a killed process: at most `GATHER_S` of the queued data is lost with
-it. Only the sync thread waits for the disk, so that a slow disk delays nothing else: `behind_s` is the age of the
-queue. A power cut loses what came after the last fdatasync: at most `sync_s` and the time that the disk takes, or, if
-that is left to the system, what the kernel has not written by itself yet. A finished part is always forced to disk.
+it. A link gathers longer than that, so that its bytes are usually written at once, after one wake-up. Only the sync
+thread waits for the disk, so that a slow disk delays nothing else: `behind_s` is the age of the queue. A power cut
+loses what came after the last fdatasync: at most `sync_s` and the time that the disk takes, or, if that is left to the
+system, what the kernel has not written by itself yet. A finished part is always forced to disk.
 
 A part begins with all that is known (devices, configurations) and names its predecessor; its first chunk is the one
 that follows the predecessor's last.
@@ -35,7 +36,7 @@ from imuscope.recordings.mcap_writer import Direction, McapWriter, RecordingErro
 
 log = logging.getLogger("imuscope.recording")
 
-GATHER_S = 0.008  # one write for all that arrives within; a killed process may lose 20 ms, 9 of them in its link
+GATHER_S = 0.005  # between two writes, at least; a killed process may lose 20 ms, 9 of them in its link
 SYNC_S = 1.0
 CHECK_S = 1.0  # at most, between two checks of the file
 MAX_WAITING = 256 << 20  # bytes
@@ -241,14 +242,16 @@ class RecordingWriter:
     # ── the writer thread ────────────────────────────────────────────────────────────────────────────────────────────
 
     def _write_forever(self) -> None:
+        due = 0.0
         try:
             while True:
-                if not self._queue:  # while data keeps arriving, sleeping is cheaper than being woken
+                if not self._queue:
                     self._wake_event.clear()
                     if not (self._queue or self._stopping or self.error):
                         self._wake_event.wait()
-                if not self._stopping:
-                    time.sleep(GATHER_S)
+                if not self._stopping and (wait := due - time.monotonic()) > 0:
+                    time.sleep(wait)
+                due = time.monotonic() + GATHER_S
                 while self._queue and self.error is None:
                     self._write_some()
                 if self._stopping or self.error is not None:

@@ -41,6 +41,7 @@ from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits, connections_of
 from imuscope.server.errors import status_of
 from imuscope.server.handshakes import Handshake
+from imuscope.server.heartbeat import next_beat
 from imuscope.server.wire import Problem
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("imuscope.serving")
 
+DATE_S = 1.0  # between two updates of the date of answers
 CHECK_INTERVAL_S = 3600.0  # between two checks of the certificate on disk
 MAX_FILES = 65_536
 SWITCH_S = 0.001  # longest wait of a reading thread for a busy loop, per datagram; 5 ms would lose them
@@ -248,11 +250,38 @@ class Server(uvicorn.Server):
         keeper: CertificateManager | None,
         limits: ConnectionLimits,
     ) -> None:
+        self._is_ending = False
+        self._wake: Callable[[], None] | None = None
         super().__init__(config)
         connections_of(self.server_state).limits = limits
         self._on_ready = on_ready
         self._keeper = keeper
         self._certificate_task: asyncio.Task[None] | None = None
+
+    @property
+    def should_exit(self) -> bool:
+        """Whether it ends; may be set in a signal handler or by another thread."""
+        return self._is_ending
+
+    @should_exit.setter
+    def should_exit(self, on: bool) -> None:
+        self._is_ending = on
+        if on and self._wake is not None:
+            self._wake()
+
+    async def main_loop(self) -> None:
+        """Serve until `should_exit`. Uvicorn looks ten times a second whether it is set."""
+        loop, ended = asyncio.get_running_loop(), asyncio.Event()
+
+        def wake() -> None:
+            with contextlib.suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(ended.set)
+
+        self._wake = wake
+        while not await self.on_tick(0):  # every time the date of the answers, too
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout_at(next_beat(loop.time(), DATE_S)):
+                    await ended.wait()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         with ending.waiting_for("the start"):

@@ -18,6 +18,7 @@ import asyncio
 from collections.abc import Callable
 
 from imuscope.server.devices.decode_budget import Drain, RoundRobin
+from imuscope.server.heartbeat import next_beat
 
 UNWATCHED_S = 0.1  # without viewers, decoding at longer intervals saves most of the work
 PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request
@@ -50,7 +51,10 @@ class DecodeScheduler:
         """
         interval = self._interval()
         if self._timer is None:
-            self._schedule(asyncio.get_running_loop(), self._last + interval)
+            loop, due = asyncio.get_running_loop(), self._last + interval
+            if interval >= UNWATCHED_S and due > loop.time():
+                due = next_beat(due - interval, interval)  # with all other periodic work
+            self._schedule(loop, due)
         return round(interval * 1e9)
 
     def _schedule(self, loop: asyncio.AbstractEventLoop, due: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sequence_store import EVERY_S, SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
+from imuscope.server.heartbeat import beat
 from imuscope.server.links.base import Link, LinkError, LinkSettings
 from imuscope.server.links.replay import split_devices
 from imuscope.server.links.source_url import SourceUrl
@@ -28,6 +30,7 @@ from imuscope.server.streaming.shedding import Shedding
 log = logging.getLogger("imuscope.session")
 
 TICK_S = 0.1
+IDLE_TICK_S = 1.0  # without a session only the wall clock is watched
 HEALTH_EVERY = 5  # ticks
 SAVE_EVERY = round(EVERY_S / TICK_S)
 WALL_STEP_S = 0.05  # NTP slews at most 0.5 ms/s; more than this between two ticks is a step
@@ -86,6 +89,7 @@ class Sessions:
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
         self._ticks = 0
+        self._has_sessions = asyncio.Event()
         self.scan_lock = asyncio.Lock()
         self._shedding, self._processor = shedding or Shedding(), ProcessorUse()
         """The link of a source whose port is shared (server/configuration/port_shares.py)."""
@@ -137,6 +141,7 @@ class Sessions:
             self._byte_memory.watch(session)
         self._added.call(session)
         session.start()
+        self._has_sessions.set()
         return session
 
     def at(self, source: str) -> Session | None:
@@ -203,7 +208,13 @@ class Sessions:
 
     async def _tick_forever(self) -> None:
         while True:
-            await asyncio.sleep(TICK_S)
+            if self._sessions:
+                await beat(TICK_S)
+            else:
+                self._has_sessions.clear()
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(IDLE_TICK_S):
+                        await self._has_sessions.wait()
             self.tick()
 
     def tick(self) -> None:

@@ -6,8 +6,9 @@
 
 The event loop is the wrong place to stamp arrivals: while it serves a browser, bytes wait in the kernel and would all
 be stamped late. So one small thread per link sleeps until bytes arrive, reads, and takes the time before anything else
-runs. A link with one descriptor does so in a compiled loop (read_loop.py), which gathers the reads of `GATHER_NS`, each
-with its own time, because Python's part costs more than the read itself.
+runs. A link with one descriptor does so in a compiled loop (read_loop.py), which gathers reads, each with its own time,
+because Python's part costs more than the read itself: those of `GATHER_NS`, or, from a session that takes chunks on its
+own, all until it will do so next, but at most those of `LONGEST_GATHER_NS`, which is what a recording waits for.
 
 The thread wakes the loop at most once per `WAKE_NS`, because that costs even more. While bytes arrive it hardly ever
 does: a session takes the received chunks on its own before it decodes, and says so with `Flow.polled_ns`, so they are
@@ -37,6 +38,8 @@ log = logging.getLogger(__name__)
 WAKE_NS = 9_000_000  # longer than the flush interval of a browser, 8 ms, so that a flush comes first
 POLL_SLACK_NS = 4_000_000  # a session that takes chunks on its own may be late by this
 GATHER_NS = 2_000_000  # a tenth of the time that bytes may take to the page
+LONGEST_GATHER_NS = 9_000_000  # of the 20 ms that a killed process may lose of a recording; see recording_writer.py
+EARLY_NS = 500_000  # gathered chunks are queued so long before the session takes them
 ANSWER_NS, AWAITED_NS = 2_000_000, 1_000_000_000  # wake-up interval while an answer is expected, and for how long
 HOLD_S = 0.005  # between two checks whether a sender must still be held back
 MIN_BYTES = 1024  # a chunk is not cut into smaller pieces
@@ -67,6 +70,8 @@ class ChunkQueue:
         self._error: LinkError | None = None
         self._is_waking = False  # a wake-up was sent and take() has not run since
         self._last_wake_ns = 0
+        self._taken_ns = 0  # last call of take_now
+        self._spacing_ns = 0  # usual time between chunks
         self._awaited_until_ns = 0
 
     def put(self, chunk: Chunk) -> None:
@@ -80,6 +85,8 @@ class ChunkQueue:
         size = CHUNK_COST * len(chunks)
         for chunk in chunks:
             size += len(chunk.data)
+        if len(chunks) > 1:
+            self._spacing_ns = (chunks[-1].arrival_ns - chunks[0].arrival_ns) // (len(chunks) - 1)
         with self._lock:
             self._chunks.extend(chunks)
             self._size += size
@@ -121,7 +128,14 @@ class ChunkQueue:
     def gather_until_ns(self) -> int:
         """Monotonic time until which the reading thread may gather chunks; 0 if one must not wait for others."""
         now_ns = time.monotonic_ns()
-        return 0 if now_ns < self._awaited_until_ns else now_ns + GATHER_NS
+        if now_ns < self._awaited_until_ns:
+            return 0
+        polled_ns = self._link.flow.polled_ns
+        next_ns = self._taken_ns + polled_ns - EARLY_NS if polled_ns else now_ns + GATHER_NS
+        until_ns = min(next_ns, now_ns + LONGEST_GATHER_NS)
+        if self._spacing_ns >= 2 * GATHER_NS:
+            return until_ns
+        return max(until_ns - self._spacing_ns, now_ns + GATHER_NS)  # it ends with the first read after that
 
     def wait(self, most: int, stopped: Callable[[float], bool]) -> None:
         """Hold the sender back while more than `most` bytes are queued.
@@ -141,11 +155,12 @@ class ChunkQueue:
 
     def take_now(self) -> list[Chunk]:
         """Take received chunks on the event loop, without another wake-up."""
+        self._taken_ns = time.monotonic_ns()
         if not self._chunks:
             return []
         with self._lock:
             chunks = self._take_some()
-        self._last_wake_ns = time.monotonic_ns()
+        self._last_wake_ns = self._taken_ns
         return chunks
 
     def _take_some(self) -> list[Chunk]:

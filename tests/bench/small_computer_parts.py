@@ -117,8 +117,10 @@ def copied(where: Place, seconds: float) -> float:
 def recorded(where: Place, seconds: float) -> dict[str, Any]:
     """One device, recorded; nobody looks."""
     length = SETTLE_S + seconds
+    settings = where.folder / "settings.toml"
+    settings.write_text("record_head = false\n")  # this device answers nothing, and asking it again is not recording
     with devices(1, RATE, length) as speakers:
-        with where.server(*sources_of(speakers), arguments=("--record",)) as server:
+        with where.server(*sources_of(speakers), arguments=("--record", "--config", str(settings))) as server:
             speakers[0].go()
             time.sleep(SETTLE_S)
             with measured(server.process.pid) as cost:

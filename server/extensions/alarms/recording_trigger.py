@@ -74,6 +74,7 @@ class RecordingTrigger:
         self._running: TriggeredRecording | None = None
         self._task: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
+        self._has_work = asyncio.Event()  # also set at the end
 
     def start(self) -> None:
         """Act from now on."""
@@ -82,6 +83,7 @@ class RecordingTrigger:
     async def close(self) -> None:
         """Start nothing more; a start under way is completed, so that the recorder can end it."""
         self._closing.set()
+        self._has_work.set()
         if self._task is not None:
             await self._task
 
@@ -93,9 +95,13 @@ class RecordingTrigger:
         """Take from an alarm that it was raised; the next turn acts on the first time since the last one."""
         self._raised.setdefault((instance.stored.id, instance.device), (instance, instance.raises[0]))
         instance.raises.clear()
+        self._has_work.set()
 
     async def _run(self) -> None:
         while not self._closing.is_set():
+            if not self._raised and self._running is None:
+                self._has_work.clear()
+                await self._has_work.wait()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(TURN_S):
                     await self._closing.wait()

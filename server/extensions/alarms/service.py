@@ -78,6 +78,7 @@ class AlarmService:
         self._is_stale = True  # alarms, devices or channels have changed
         self._is_dirty = False
         self._turns = 0
+        self._has_work = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._writing = asyncio.Lock()
         bus.samples.subscribe(self._touched.update)
@@ -87,10 +88,11 @@ class AlarmService:
 
     def _changed(self) -> None:
         self._is_stale = True
+        self._has_work.set()
 
     def _channel_opened(self, info: wire.ChannelInfo) -> None:
         self._opened.add(info.id)
-        self._is_stale = True
+        self._changed()
 
     # ── life ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -119,7 +121,14 @@ class AlarmService:
             await self._try_save()
 
     async def _run(self) -> None:
+        loop = asyncio.get_running_loop()
+        began = loop.time()
         while True:
+            if not (self._instances or self._is_stale or self._is_dirty):  # there are no alarms
+                self._touched.clear()
+                self._has_work.clear()
+                await self._has_work.wait()
+                self._turns = int((loop.time() - began) / TURN_S)  # as if it had not paused
             await asyncio.sleep(TURN_S)
             try:
                 self.turn()
@@ -221,6 +230,7 @@ class AlarmService:
                 instance.close(self._bus.now())
                 self._saved.get(key[0], {}).pop(instance.name, None)
         self._instances = instances
+        self._has_work.set()
         needed = {channel for instance in instances.values() for channel in instance.channels}
         self._positions = {
             channel: self._positions.get(channel, 0 if channel in self._opened else known.ring.total)

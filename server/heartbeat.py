@@ -1,0 +1,27 @@
+"""Common beat of periodic work, so that one wake-up of the event loop serves all of it.
+
+    beats      |    |    |    |    |    |    |    |        multiples of an interval, by the loop's clock
+    sessions   x    x    x    x    x    x    x    x        10 Hz
+    decoding   x    x    x    x    x    x    x    x        10 Hz without viewers
+    date       x                                           1 Hz
+
+On a small computer a wake-up costs more than most of this work.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+MARGIN = 0.1  # of an interval: a timer may be early by the resolution of the clock, and is not repeated then
+
+
+def next_beat(now: float, interval: float) -> float:
+    """The next multiple of an interval, by the loop's clock, s."""
+    return (math.floor(now / interval + MARGIN) + 1) * interval
+
+
+async def beat(interval: float) -> None:
+    """Wait for the next beat."""
+    now = asyncio.get_running_loop().time()
+    await asyncio.sleep(next_beat(now, interval) - now)
