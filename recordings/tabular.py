@@ -324,7 +324,7 @@ class CsvSource(TableSource):
 
 
 def _renamed(form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
-    """Headings of the columns, with those of the options in place of the file's; and columns to leave out."""
+    """Headings of the columns, with those of the user in place of the file's; and columns to leave out."""
     texts = list(form.headings) or [""] * form.columns
     left_out: set[int] = set()
     for i, text in enumerate(list(texts)):

@@ -5,9 +5,8 @@
 ## Time
 
 The time of measurement is the message's own stamp (header.stamp, stamp, timestamp), else the time at which it was
-published, if that is known. Both are times of the sender's clock. A stamp that is missing, or further from the arrival
-than clocks of two hosts can be apart, is not used: the time is then that of the arrival, and `remarks` says so. So is a
-stamp that goes back by more than `BACK_NS`, until the stamps have passed where they were.
+published, if that is known. Both are times of the sender's clock; stamps.py decides whether they are those of the host.
+Where they are not, the stamp is a column of its own, and `remarks` says so.
 
 ## Loss
 
@@ -24,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.counters import SequenceCounter
-from imuscope.protocols.events import Batch, Event, RejectedFrame, SampleGap
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, SampleGap
 from imuscope.protocols.framing import StreamBuffer
 from imuscope.protocols.messages.cdr import MOST_COLUMNS, CdrReader
 from imuscope.protocols.messages.own_schema import columns_of, own_quantity
@@ -41,14 +40,14 @@ from imuscope.protocols.messages.records import (
     MessageChannel,
 )
 from imuscope.protocols.messages.ros2msg import parse
+from imuscope.protocols.messages.stamps import StampTrack
 from imuscope.protocols.messages.walkers import SENSELESS, STAMPS, NumericMessage, json_reader, protobuf_reader
-from imuscope.protocols.schema import Message
+from imuscope.protocols.schema import Field, Message
 
 Array = NDArray[Any]
 Ints = NDArray[np.int64]
 
-LATE_NS, AHEAD_NS = 60_000_000_000, 5_000_000_000  # a stamp earlier or later than that is of another clock
-BACK_NS = 1_000_000_000
+STAMP = Field("stamp", "f8", unit="s", doc="Time in the message, of a clock that is not the time axis.")
 MOST_CHANNELS = 1024
 MOST_REMARKS = 8
 
@@ -172,12 +171,9 @@ class _Topic:
         self.read = reader_of(channel)
         self.own = columns_of(channel.schema, channel.schema_data) if channel.encoding == "json" else {}
         self.counter = SequenceCounter(1 << 32) if channel.is_counted else None
-        self.last_ns = 0  # the newest stamp used
-        self.stamped = 0  # stamps used
-        self.unstamped = 0  # messages whose stamp could not be used
-        self.off_ns = 0  # arrival less stamp, of the last stamp that could not be used
+        self.stamps = StampTrack()
         self._paths: dict[str, None] = {}
-        self._known: dict[tuple[frozenset[str], bool], tuple[Message, list[MessageQuantity]]] = {}
+        self._known: dict[tuple[frozenset[str], bool, bool], tuple[Message, list[MessageQuantity]]] = {}
 
     def described(self, numbers: Numbers) -> tuple[Message, list[MessageQuantity]]:
         """The message with the quantities that are known in these rows."""
@@ -191,12 +187,15 @@ class _Topic:
         names = {path.rpartition(".")[0] for path in numbers.columns if path.endswith((".0", ".x"))}
         names = {name.removesuffix("_covariance") for name in names}
         absent = frozenset() if self.own else frozenset(absent_quantities(numbers.columns, names))
-        key = (absent, is_table)
+        has_stamp = self.stamps.is_apart and not is_table
+        key = (absent, is_table, has_stamp)
         if key not in self._known:
-            self._known[key] = self._message(absent, is_table=is_table)
+            self._known[key] = self._message(absent, is_table=is_table, has_stamp=has_stamp)
         return self._known[key]
 
-    def _message(self, absent: frozenset[str], *, is_table: bool) -> tuple[Message, list[MessageQuantity]]:
+    def _message(
+        self, absent: frozenset[str], *, is_table: bool, has_stamp: bool
+    ) -> tuple[Message, list[MessageQuantity]]:
         channel = self.channel
         if self.own:
             quantities = [own_quantity(channel.schema, self.own)]
@@ -204,6 +203,8 @@ class _Topic:
             available = quantities_of(channel.schema, list(self._paths))
             quantities = [one for one in available if one.field.name not in absent]
         fields = tuple(one.field for one in quantities)
+        if has_stamp:
+            fields = (*fields, STAMP)
         # A quantity that is called like its message would have its name twice.
         apart = () if is_table else tuple(one.name for one in fields)
         message = Message(-1, channel.topic, fields, separate_channels=apart, title=channel.topic, doc=channel.schema)
@@ -328,14 +329,18 @@ class MessageDecoder:
         stamps = np.zeros(len(messages), np.int64)
         for numbers in column_values:
             stamps[numbers.rows] = np.where(numbers.stamps > 0, numbers.stamps, published[numbers.rows])
-        usable = _usable(topic, stamps, arrivals)
+        timed = topic.stamps.times(stamps, arrivals)
+        for step in timed.steps:
+            events.append(ClockStep(int(offsets[step.row]), "jump", step.by_ns, int(arrivals[step.row])))
         for numbers in column_values:
             rows = numbers.rows
             message, quantities = topic.described(numbers)
             if not quantities:
                 continue
             columns = _values(quantities, numbers)
-            used = usable[rows]
+            if STAMP in message.fields:
+                columns[STAMP.name] = stamps[rows] / 1e9
+            used = timed.used[rows]
             for which in (used, ~used):
                 if which.all():
                     part: Mapping[str, Array] = columns
@@ -344,7 +349,7 @@ class MessageDecoder:
                 else:
                     continue
                 some = rows[which]
-                time_ns = stamps[some] if which is used else None
+                time_ns = timed.time_ns[some] if which is used else None
                 events.append(Batch(message, "", arrivals[some], offsets[some], time_ns, part))
         return events
 
@@ -375,21 +380,6 @@ def _table(quantity: MessageQuantity, tables: Mapping[str, Array], n: int) -> Ar
     return records
 
 
-def _usable(topic: _Topic, stamps: Ints, arrivals: Ints) -> NDArray[np.bool_]:
-    """Mask of the stamps that are times of measurement."""
-    ahead = stamps - arrivals
-    used: NDArray[np.bool_] = (stamps > 0) & (ahead > -LATE_NS) & (ahead < AHEAD_NS)
-    newest = np.maximum.accumulate(np.concatenate(([topic.last_ns], np.where(used, stamps, 0))))
-    used &= stamps >= newest[:-1] - BACK_NS
-    topic.last_ns = int(newest[-1])
-    count = int(used.sum())
-    topic.stamped += count
-    topic.unstamped += len(used) - count
-    if count < len(used):
-        topic.off_ns = -int(ahead[~used][-1]) if stamps[~used][-1] > 0 else 0
-    return used
-
-
 def _remark(topic: _Topic) -> str:
     name = topic.channel.topic
     if topic.read is None:
@@ -398,11 +388,14 @@ def _remark(topic: _Topic) -> str:
         if topic.channel.encoding in ("cdr", "protobuf", "json"):
             return f"{name} is not shown: the definition of {kind} is missing or cannot be read."
         return f"{name} is {encoding}, which is not read."
-    if topic.unstamped > topic.stamped and topic.unstamped:
-        if not topic.off_ns:
+    stamps = topic.stamps
+    if stamps.is_apart or stamps.unstamped > stamps.stamped:
+        if not stamps.off_ns:
             return f"Messages of {name} have no stamp: their times are those of arrival."
-        side = "behind" if topic.off_ns > 0 else "ahead of"
-        words = f"Stamps of {name} are {duration(abs(topic.off_ns) / 1e9)} {side} the time of arrival"
+        side = "behind" if stamps.off_ns > 0 else "ahead of"
+        words = f"Stamps of {name} are {duration(abs(stamps.off_ns) / 1e9)} {side} the time of arrival"
+        if stamps.is_apart:
+            return f"{words}: their spacing is used, placed by the arrival, and they are the column “{STAMP.name}”."
         return f"{words}, which is used instead. Synchronise the clocks of both hosts."
     return ""
 

@@ -4,6 +4,9 @@ simulated, and it is never searched for in the bytes of a port.
 
 from __future__ import annotations
 
+import numpy as np
+
+from imuscope.protocols.dates import UNKNOWN
 from imuscope.protocols.events import Batch
 from imuscope.protocols.family import (
     Decoding,
@@ -15,11 +18,12 @@ from imuscope.protocols.family import (
     StreamTraits,
 )
 from imuscope.protocols.framing import Bytes, Ints
-from imuscope.protocols.messages.decoder import MessageDecoder
+from imuscope.protocols.messages.decoder import STAMP, MessageDecoder
 from imuscope.protocols.messages.listing import MessageLister
 from imuscope.protocols.messages.records import MessageChannel, definition, message_record
 
 NAME = "messages"
+OLDEST_S = 946_684_800  # 2000-01-01: earlier stamps are those of a clock that is not set
 
 
 def _scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
@@ -39,8 +43,11 @@ def _position(batch: Batch) -> PositionFix | None:
 
 
 def _utc(batch: Batch) -> Ints | None:
-    """Stamps of messages are UTC already."""
-    return batch.time_ns
+    """Stamps of messages are UTC already, unless they are those of another clock."""
+    if STAMP.name not in batch.columns or STAMP not in batch.message.fields:
+        return batch.time_ns
+    stamps = batch.columns[STAMP.name]
+    return np.where(stamps > OLDEST_S, np.round(stamps * 1e9), UNKNOWN).astype(np.int64)
 
 
 MESSAGES = ProtocolInfo(

@@ -86,8 +86,8 @@ WRAP_DAY = 864_000_000
 WAKE_UP, MTDATA = 0x3E, 0x32
 FEWEST_LEGACY = 3
 LEGACY = (
-    "The device sends MTData (0x32), the legacy output, whose layout is not transmitted: it is shown as bytes. Switch "
-    "it to MTData2 with SetOutputConfiguration, or MT Manager, and record again."
+    "The device sends MTData (0x32), the legacy output, whose layout is not transmitted: it is bytes here. Switch it "
+    "to MTData2 with SetOutputConfiguration, or MT Manager, and record again."
 )
 CONFIRMED_FRAMES = 3  # frames of a bus identifier; noise occasionally contains a valid one
 DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32

@@ -357,6 +357,7 @@ def _manifest(
         "payloads": list(sink.payloads.values()),
         "events": [asdict(event) for event in events],
         "events_left_out": sink.left_out,
+        "segments": _segments(sink.events),
         "markers": markers,
         "snapshots": snapshots,
         "damage": [asdict(damage) for damage in source.damage],
@@ -372,6 +373,15 @@ def _manifest(
             for device, sender in figures.items()
         },
     }
+
+
+def _segments(events: Sequence[wire.EventInfo]) -> dict[str, list[float]]:
+    """Times at which the clock of a device stepped, unix s, by device."""
+    segments: dict[str, list[float]] = {}
+    for event in events:
+        if event.kind == "clock" and event.data.get("kind") in ("jump", "reset"):
+            segments.setdefault(event.device, []).append(event.time)
+    return segments
 
 
 def _signals_in(source: Source, devices: Mapping[str, _Device]) -> dict[str, Any]:

@@ -13,10 +13,9 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_options import TableOptions
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
-from tests.conftest import SHARED
 from tests.each_row import each_row
+from tests.recordings.field.field_files import field_file
 
-FIELD = SHARED / "field"
 RATE = 100.0
 EPOCH_2017 = 1_500_000_000.0
 TABLES = [  # file, start (None: not in the file), channel of the gyroscope and its columns
@@ -33,14 +32,6 @@ TABLES = [  # file, start (None: not in the file), channel of the gyroscope and 
     ("c17_mavlogdump_IMU.csv", EPOCH_2017, "Gyr", ["x", "y", "z"]),
     ("c19_secs_nsecs.csv", EPOCH_2017, "angular_velocity", ["x", "y", "z"]),
 ]
-
-
-def field_file(name: str) -> Path:
-    """A file of the field; the test is skipped without it."""
-    path = FIELD / name
-    if not path.is_file():
-        pytest.skip(f"{path} is not there: it is beside the project, not in it")
-    return path
 
 
 def opened(name: str, folder: Path, table: TableOptions | None = None) -> ColumnStore:

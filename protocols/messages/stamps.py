@@ -1,0 +1,153 @@
+"""Stamps of one topic as times of measurement.
+
+    stamp near the arrival           the time itself
+    stamp of another clock           its steps count, placed by the earliest arrival: uptime beside UTC
+    stamp that goes back and stays   a step of the clock: the times go on as the arrivals do
+    stamp that goes back for a few   not used, until the stamps have passed where they were
+    no stamp                         not used
+
+A clock that is not that of the host needs `LEAST` stamps in a row before it is trusted; until then the arrival is used.
+The stamp itself is a column then, so nothing is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+LATE_NS, AHEAD_NS = 60_000_000_000, 5_000_000_000  # a stamp earlier or later than that is of another clock
+BACK_NS = 1_000_000_000
+STEP_BACK_NS = 50_000_000  # messages overtake each other by less
+LEAST, LEAST_IN_ALL = 20, 100  # stamps in a row in one block; in several
+
+
+@dataclass(frozen=True, slots=True)
+class StampStep:
+    """A step of the clock of stamps: row after it, and how far it moved against the arrivals."""
+
+    row: int
+    by_ns: int
+
+
+@dataclass(slots=True)
+class StampTimes:
+    """Times of n messages.
+
+    Args:
+        used: (n,) whether the stamp gives the time.
+        time_ns: (n,) where it does.
+        apart: whether any of these times is not the stamp itself.
+    """
+
+    used: NDArray[np.bool_]
+    time_ns: Ints
+    apart: bool = False
+    steps: list[StampStep] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class StampTrack:
+    """The clock of the stamps of a topic.
+
+    Attributes:
+        newest_ns: the newest time given.
+        stamped, unstamped: messages whose stamp was used, and was not.
+        off_ns: arrival less stamp, of the last stamp that is not of the host's clock.
+        is_apart: whether the stamps are those of another clock.
+    """
+
+    newest_ns: int = 0
+    stamped: int = 0
+    unstamped: int = 0
+    off_ns: int = 0
+    is_apart: bool = False
+    _offset_ns: int = 0
+    _last: tuple[int, int] | None = None  # stamp and arrival of the last message
+    _waiting: int = 0  # stamps in a row of a clock that is not trusted yet
+
+    def times(self, stamps: Ints, arrivals: Ints) -> StampTimes:
+        """Times of the next messages of the topic, (n,) each; a stamp is 0 if the message has none."""
+        result = StampTimes(np.zeros(len(stamps), bool), np.zeros(len(stamps), np.int64))
+        if not len(stamps):
+            return result
+        previous = (int(stamps[0]), int(arrivals[0])) if self._last is None else self._last
+        moved = np.diff(stamps, prepend=previous[0])
+        passed = np.diff(arrivals, prepend=previous[1])
+        new = (moved < -STEP_BACK_NS) | (moved - passed > AHEAD_NS + LATE_NS)
+        edges = np.unique(np.concatenate(([0], np.flatnonzero(new), [len(stamps)])))
+        for begin, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            self._run(stamps, arrivals, slice(begin, end), result, is_new=self._last is None or bool(new[begin]))
+        count = int(result.used.sum())
+        self.stamped += count
+        self.unstamped += len(stamps) - count
+        if count < len(stamps):
+            stamp = int(stamps[~result.used][-1])
+            self.off_ns = int(arrivals[~result.used][-1]) - stamp if stamp > 0 else 0
+        return result
+
+    def _run(self, stamps: Ints, arrivals: Ints, rows: slice, result: StampTimes, *, is_new: bool) -> None:
+        """Times of messages whose clock does not step between them."""
+        run, arrived = stamps[rows], arrivals[rows]
+        last = self._last
+        if is_new:
+            self._waiting = 0
+        self._waiting += len(run) if run[0] > 0 else 0
+        goes_on = self._offset_ns != 0 and not is_new
+        if not goes_on and self._is_foreign(run, arrived) and self._is_trusted(len(run)):
+            self._offset_ns = self._placed(run, arrived)
+            self.is_apart = goes_on = True
+            if last is not None and is_new:
+                by_ns = int(run[0]) - last[0] - (int(arrived[0]) - last[1])
+                result.steps.append(StampStep(rows.start, by_ns))
+        elif is_new and self._offset_ns and self._is_host(run, arrived):
+            self._offset_ns = 0
+            if last is not None:
+                by_ns = int(run[0]) - last[0] - (int(arrived[0]) - last[1])
+                result.steps.append(StampStep(rows.start, by_ns))
+        if goes_on:
+            result.used[rows] = run > 0
+            result.time_ns[rows] = run + self._offset_ns
+            result.apart = True
+            self.off_ns = self._offset_ns
+        else:
+            result.used[rows] = self._usable(run, arrived)
+            result.time_ns[rows] = run
+        if result.used[rows].any():
+            self.newest_ns = max(self.newest_ns, int(result.time_ns[rows][result.used[rows]].max()))
+        self._last = int(run[-1]), int(arrived[-1])
+
+    def _is_trusted(self, count: int) -> bool:
+        return count >= LEAST or self._waiting >= LEAST_IN_ALL
+
+    def _is_host(self, run: Ints, arrived: Ints) -> bool:
+        ahead = int(run[0]) - int(arrived[0])
+        return -LATE_NS < ahead < AHEAD_NS and int(run[0]) >= self.newest_ns - STEP_BACK_NS
+
+    def _is_foreign(self, run: Ints, arrived: Ints) -> bool:
+        """Whether these stamps run like a clock, but not like that of the host from where it was."""
+        if run[0] <= 0 or self._is_host(run, arrived):
+            return False
+        lasted, took = int(run[-1] - run[0]), int(arrived[-1] - arrived[0])
+        return lasted > 0 and abs(lasted - took) < max(BACK_NS, took // 10)
+
+    def _placed(self, run: Ints, arrived: Ints) -> int:
+        """Offset to the host's clock: that of the message that was least late, and none before earlier times."""
+        if (
+            self._last is not None
+            and self.newest_ns
+            and self._last[0] > 0
+            and abs(self.newest_ns - self._last[1]) < LATE_NS
+        ):
+            return self.newest_ns + max(int(arrived[0]) - self._last[1], 1) - int(run[0])
+        return max(int((arrived - run).min()), self.newest_ns + 1 - int(run[0]) if self.newest_ns else -(1 << 62))
+
+    def _usable(self, run: Ints, arrived: Ints) -> NDArray[np.bool_]:
+        """Mask of the stamps that are times of the host's clock."""
+        ahead = run - arrived
+        used: NDArray[np.bool_] = (run > 0) & (ahead > -LATE_NS) & (ahead < AHEAD_NS)
+        newest = np.maximum.accumulate(np.concatenate(([self.newest_ns], np.where(used, run, 0))))
+        return used & (run >= newest[:-1] - BACK_NS)

@@ -1,0 +1,19 @@
+"""Files after real cases of the field, beside the project; tests of them are skipped, with the reason, without it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import SHARED
+
+FIELD = SHARED / "field"
+
+
+def field_file(name: str) -> Path:
+    """A file of the field; the test is skipped without it."""
+    path = FIELD / name
+    if not path.is_file():
+        pytest.skip(f"{path} is not there: it is beside the project, not in it")
+    return path

@@ -1,0 +1,133 @@
+"""Clocks of recordings of other kinds in the field: stamps of ROS messages, GNSS logs, legacy output of a device."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap_ros2.writer import Writer as RosWriter
+
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import open_file
+from imuscope.server.commands.inspect import inspect_file
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
+from tests.recordings.field.field_files import field_file
+
+IMU = """std_msgs/Header header
+geometry_msgs/Vector3 angular_velocity
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+"""
+NS = 1_500_000_000_000_000_000
+STEP = 10_000_000
+N = 400
+
+
+def opened(path: Path, folder: Path) -> ColumnStore:
+    return decode(open_file(path), folder / "columns", protocol_set.all_protocols())
+
+
+def columns_of(store: ColumnStore, name: str) -> list[np.ndarray]:
+    info = next(one for one in store.manifest["channels"] if one["name"].endswith(name))
+    rows = store.exact(info["id"], 0, 10 * N)
+    return [rows.time, rows.arrival, *rows.columns]
+
+
+def bag(path: Path, stamps: list[int], late: list[int]) -> Path:
+    """A recording of stamped messages that arrive at 100 Hz."""
+    with path.open("wb") as file:
+        writer = RosWriter(file)
+        schema = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
+        for n, (stamp, delay) in enumerate(zip(stamps, late, strict=True)):
+            message = {
+                "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "imu"},
+                "angular_velocity": {"x": 0.1 * n, "y": 0.0, "z": 0.0},
+            }
+            writer.write_message("/imu", schema, message, log_time=NS + n * STEP + delay)
+        writer.finish()
+    return path
+
+
+def test_stamps_that_are_the_uptime_give_the_spacing(tmp_path: Path) -> None:
+    late = [n % 7 * 200_000 for n in range(N)]
+    store = opened(bag(tmp_path / "a.mcap", [10**9 + n * STEP for n in range(N)], late), tmp_path)
+    time, arrival, *_ = columns_of(store, "angular_velocity")
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
+    assert abs(time - arrival).max() < 0.002
+    _, _, stamp = columns_of(store, ".stamp")
+    np.testing.assert_allclose(stamp, 1 + np.arange(N) / 100, atol=1e-9)
+    [event] = [one for one in store.manifest["events"] if one["data"].get("reason") == "remark"]
+    assert "behind the time of arrival" in event["text"]
+    assert "“stamp”" in event["text"]
+
+
+def test_stamps_that_go_back_begin_a_segment(tmp_path: Path) -> None:
+    """A recording whose clock was set back by 2 s: 51 samples had one time, and 99 had none."""
+    stamps = [NS + n * STEP - (2 * 10**9 if n >= 250 else 0) for n in range(N)]
+    store = opened(bag(tmp_path / "a.mcap", stamps, [300_000] * N), tmp_path)
+    time, *_ = columns_of(store, "angular_velocity")
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
+    [event] = [one for one in store.manifest["events"] if one["kind"] == "clock"]
+    assert event["data"] == {"kind": "jump", "by_ns": -2_000_000_000}
+    assert store.manifest["segments"] == {"1": [pytest.approx(1_500_000_002.5, abs=0.001)]}
+    _, _, stamp = columns_of(store, ".stamp")
+    assert np.diff(stamp).min() == pytest.approx(-1.99, abs=1e-6)
+
+
+def test_a_stamp_of_zero_is_the_time_of_the_log(tmp_path: Path) -> None:
+    store = opened(field_file("c21_header_stamp_zero.mcap"), tmp_path)
+    time, *_ = columns_of(store, "angular_velocity")
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
+
+
+def test_the_uptime_of_the_field_gives_the_spacing(tmp_path: Path) -> None:
+    store = opened(field_file("c22_stamp_is_uptime.mcap"), tmp_path)
+    time, *_ = columns_of(store, "angular_velocity")
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
+    assert columns_of(store, ".stamp")[2][0] == 1.0
+
+
+def test_an_unknown_orientation_is_left_out_and_messages_are_listed(tmp_path: Path) -> None:
+    path = field_file("c20_imu_without_orientation.mcap")
+    store = opened(path, tmp_path)
+    assert not [one for one in store.manifest["channels"] if one["kind"] == "quaternion"]
+    out = io.StringIO()
+    inspect_file(path, out)
+    assert out.getvalue().count("/imu/data_raw") == N
+
+
+def test_the_legacy_output_is_named_with_the_remedy(tmp_path: Path) -> None:
+    store = opened(field_file("c30_legacy_mtdata.bin"), tmp_path)
+    [event] = [one for one in store.manifest["events"] if one["data"].get("reason") == "remark"]
+    assert "legacy" in event["text"]
+    assert "SetOutputConfiguration" in event["text"]
+
+
+def test_all_covariances_of_a_pose_are_decoded(tmp_path: Path) -> None:
+    store = opened(field_file("c31_ros_covariance.raw"), tmp_path)
+    _, _, of_week, *columns = columns_of(store, "DID_ROS_COVARIANCE_POSE_TWIST")
+    assert (len(of_week), len(columns)) == (20, 42)
+    np.testing.assert_allclose(columns, 1e-4, rtol=1e-6)
+
+
+def test_a_counter_that_wraps_within_two_kinds_of_messages_is_continued(tmp_path: Path) -> None:
+    store = opened(field_file("c32_idtp_wrap.bin"), tmp_path)
+    spans = {}
+    for one in store.manifest["channels"]:
+        time = store.exact(one["id"], 0, 10 * N).time
+        spans[round(float(np.median(np.diff(time))), 4)] = float(time[-1] - time[0])
+    assert spans == {0.01: pytest.approx(3.99, abs=1e-3), 0.04: pytest.approx(3.96, abs=1e-3)}
