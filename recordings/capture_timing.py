@@ -30,8 +30,9 @@ from typing import BinaryIO
 import numpy as np
 
 from imuscope.protocols.dates import UNKNOWN
-from imuscope.protocols.events import Batch, ClockStep, Decoder, Event, Reply
+from imuscope.protocols.events import Batch, ClockStep, Decoder, Event, Reply, Text
 from imuscope.protocols.framing import Ints
+from imuscope.protocols.gnss_time import GnssClock
 
 BLOCK_BYTES = 1 << 16
 BLIND_BYTES = 1 << 16
@@ -43,6 +44,9 @@ PAUSE_NS = 1_000_000_000  # a device whose clock advanced by more, while another
 
 Kind = tuple[str, ...]  # the message's name and those of its fields
 CaptureSender = tuple[str, bool]  # Batch.device and Batch.verified: the owner of a clock
+
+
+GNSS: CaptureSender = ("", True)  # owner of the clock of a capture that has no other
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +156,7 @@ class CaptureTiming:
         blind: whether some of it had no clock.
         started_ns: start of the capture by the UTC in its samples, ns since the Unix epoch; None without.
         dated_ns: the same by the date at its head.
+        by_gnss: whether its times are those in the messages of a GNSS receiver.
     """
 
     def __init__(
@@ -177,6 +182,8 @@ class CaptureTiming:
         self._utc = utc
         self._dated = dated
         self._dates = 0  # blocks used for the UTC
+        self._gnss = GnssClock()
+        self.by_gnss = False
 
     @property
     def is_dated(self) -> bool:
@@ -219,7 +226,11 @@ class CaptureTiming:
             if isinstance(event, Batch) and event.time_ns is not None and len(event):
                 batches.setdefault((event.device, event.verified), []).append(event)
         if not batches:
+            yield from self._by_gnss([event for event in events if isinstance(event, Text)])
             return
+        if self.by_gnss:  # the device has a clock of its own after all
+            self._clocks.pop(GNSS)
+            self.by_gnss = False
         unknown = not self._clocks  # then the first frame sets the clock and ends no piece
         steps = [event for event in events if isinstance(event, ClockStep)]
         starts, due = self._due(batches, steps)
@@ -227,6 +238,33 @@ class CaptureTiming:
             self._date(batches)
         if not len(starts):
             return
+        yield from self._pieces(starts, due, unknown=unknown)
+
+    def _by_gnss(self, texts: list[Text]) -> Iterator[TimedBytesBuffer]:
+        """Pieces of a capture without a device clock, by the times in the messages of a GNSS receiver."""
+        if self._clocks and not self.by_gnss:
+            return
+        times = self._gnss.times(texts)
+        if not len(times.offset):
+            return
+        unknown = not self._clocks
+        clock = self._clocks.setdefault(GNSS, _Clock())
+        self.by_gnss = True
+        if clock.shift_ns is None:
+            clock.newest_ns, clock.shift_ns = self._due_ns, self._due_ns - int(times.time_ns[0])
+        due, left_out = clock.due(times.offset, times.time_ns, [], self._longest_ns)
+        self.skipped_ns += left_out
+        if times.is_dated and self.started_ns is None:
+            self.started_ns = int(times.time_ns[-1]) - int(due[-1])
+        due = np.maximum.accumulate(np.maximum(due, self._due_ns))
+        yield from self._pieces(times.offset, due, unknown=unknown)
+
+    def _pieces(self, starts: Ints, due: Ints, *, unknown: bool) -> Iterator[TimedBytesBuffer]:
+        """The bytes up to the last of these frames, each due at its time.
+
+        Args:
+            unknown: no frame before had a clock, so the first one ends no piece.
+        """
         before = np.concatenate(([self._due_ns], due[:-1]))
         ends = starts - self._base
         ended = ends > 0

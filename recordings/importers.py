@@ -56,6 +56,7 @@ class CaptureSource:
 
     timed = False
     guessed = False  # whether its times are, without a clock in it; known when its parts are read
+    by_gnss = False  # whether its times are those in the messages of a GNSS receiver; likewise
 
     def __init__(self, files: list[Path], format: str, protocol: str = "", about: Mapping[str, str] = {}) -> None:
         self.path = files[0]
@@ -109,6 +110,7 @@ class CaptureSource:
                 count += len(pieces.data)
                 if pace.is_dated or (name is not None and count > DATE_BYTES):
                     break
+        self.by_gnss = pace.by_gnss
         if pace.started_ns is not None:
             return pace.started_ns
         if name is not None:

@@ -142,6 +142,7 @@ class LinkTiming:
         port: name of the port in the kernel, "" if it is not a serial port.
         timed: whether arrival times are real; False if they were derived from the device's own clock.
         speed: speed of delivery relative to the device's clock (Link.speed).
+        by_gnss: whether arrival times are those in the messages of a GNSS receiver.
     """
 
     byte_time_ns: float = 0
@@ -151,6 +152,7 @@ class LinkTiming:
     port: str = ""
     timed: bool = True
     speed: float = 1.0
+    by_gnss: Callable[[], bool] = lambda: False
 
     @classmethod
     def of(cls, link: Link) -> LinkTiming:
@@ -222,7 +224,11 @@ class Ingest:
         texts = [event for event in events if isinstance(event, Text)]
         if self._kinds is not None:
             self._update_identity(events, self._kinds)
-        sentence_rows = [(batch, np.full(len(batch), np.nan)) for batch in self._sentences.batches(texts)]
+        by_gnss = not self._line.timed and self._line.by_gnss()
+        sentence_rows = [
+            (batch, batch.arrival_ns / 1e9 if by_gnss else np.full(len(batch), np.nan))
+            for batch in self._sentences.batches(texts)
+        ]
         full = self._channels.is_full
         self._sink.publish(self._channels.split([*zip(batches, times, strict=True), *sentence_rows]))
         if self._channels.is_full and not full:

@@ -98,6 +98,7 @@ class _Device:
         self.devices = LinkDevices(sink, self.state, protocol_set.title)
         self._link = info.link
         self._timed = source.timed
+        self._by_gnss = lambda: getattr(source, "by_gnss", False)
         self._baud = info.baud
         self._reader: LinkDecoder | None = None
         self._decoder: object = None
@@ -131,7 +132,13 @@ class _Device:
 
     def _begin(self) -> None:
         byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
-        line = LinkTiming(byte_time_ns, self._link, capacity, timed=self._timed)
+        line = LinkTiming(
+            byte_time_ns,
+            self._link,
+            capacity,
+            timed=self._timed,
+            by_gnss=self._by_gnss,
+        )
         self._settle_doubts()
         decoder = self._decoder = self._protocols.decoder(self.protocol, self._reading, self._link)
         about = self._protocols.about(self.protocol)

@@ -131,3 +131,71 @@ def test_a_counter_that_wraps_within_two_kinds_of_messages_is_continued(tmp_path
         time = store.exact(one["id"], 0, 10 * N).time
         spans[round(float(np.median(np.diff(time))), 4)] = float(time[-1] - time[0])
     assert spans == {0.01: pytest.approx(3.99, abs=1e-3), 0.04: pytest.approx(3.96, abs=1e-3)}
+
+
+def sentences(seconds: list[float], date: str = "010126") -> bytes:
+    """GGA and RMC of a receiver at some times of day."""
+    lines = []
+    for second in seconds:
+        clock = f"{int(second) // 3600 % 24:02}{int(second) // 60 % 60:02}{second % 60:05.2f}"
+        lines.append(f"GNGGA,{clock},4800.0000,N,01100.0000,E,4,12,0.8,500.0,M,47.0,M,1.0,0001")
+        lines.append(f"GNRMC,{clock},A,4800.0000,N,01100.0000,E,0.10,90.0,{date},,,R")
+    return b"".join(b"$%s*%02X\r\n" % (line.encode(), _checksum(line.encode())) for line in lines)
+
+
+def _checksum(data: bytes) -> int:
+    total = 0
+    for byte in data:
+        total ^= byte
+    return total
+
+
+def ubx(number: int, payload: bytes) -> bytes:
+    """A navigation message of a u-blox receiver."""
+    body = bytes([1, number]) + len(payload).to_bytes(2, "little") + payload
+    a = b = 0
+    for byte in body:
+        a = (a + byte) & 0xFF
+        b = (b + a) & 0xFF
+    return b"\xb5\x62" + body + bytes([a, b])
+
+
+def test_a_log_of_sentences_has_their_times(tmp_path: Path) -> None:
+    """A log of 20 s was 0.3 s long, dated by the file, without a time."""
+    path = tmp_path / "gnss.nmea"
+    path.write_bytes(sentences([37_800.0 + n for n in range(20)]))
+    store = opened(path, tmp_path)
+    for name in ("GNGGA", "GNRMC"):
+        time, arrival, *_ = columns_of(store, name)
+        np.testing.assert_allclose(time, 1_767_263_400 + np.arange(20), atol=1e-6)
+        np.testing.assert_array_equal(time, arrival)
+
+
+def test_a_log_of_navigation_messages_has_their_times(tmp_path: Path) -> None:
+    path = tmp_path / "gnss.ubx"
+    solutions = []
+    for n in range(50):
+        of_week = (302_400_000 + 100 * n).to_bytes(4, "little")
+        date = (2026).to_bytes(2, "little") + bytes([1, 7, 11, 59, 42 + n // 10])
+        nano = (n % 10 * 100_000_000).to_bytes(4, "little")
+        solutions.append(
+            ubx(7, of_week + date + bytes([7, 0, 0, 0, 0]) + nano + bytes(72)) + ubx(5, of_week + bytes(28))
+        )
+    path.write_bytes(b"".join(solutions))
+    store = opened(path, tmp_path)
+    for one in store.manifest["channels"]:
+        time = store.exact(one["id"], 0, 100).time
+        np.testing.assert_allclose(time, 1_767_787_182 + np.arange(50) / 10, atol=1e-6)
+
+
+def test_midnight_is_continued_where_no_sentence_has_a_date(tmp_path: Path) -> None:
+    path = tmp_path / "gnss.nmea"
+    lines = sentences([(86_390 + n) % 86_400 for n in range(20)]).splitlines(keepends=True)
+    path.write_bytes(b"".join(line for line in lines if b"GGA" in line))
+    time, *_ = columns_of(opened(path, tmp_path), "GNGGA")
+    np.testing.assert_allclose(np.diff(time), 1.0, atol=1e-6)
+
+
+def test_the_log_of_the_field_has_its_times(tmp_path: Path) -> None:
+    time, *_ = columns_of(opened(field_file("c16_gnss.nmea"), tmp_path), "GNGGA")
+    np.testing.assert_allclose(time, 1_767_263_400 + np.arange(20), atol=1e-6)
