@@ -189,7 +189,10 @@ def duration_text(seconds: float) -> str:
     for size, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if seconds >= 2 * size:
             return f"{seconds / size:.6g} {unit}"
-    return f"{seconds:.6g} s" if seconds >= 0.1 else f"{seconds * 1000:.6g} ms"
+    for size, unit in ((0.1, "s"), (1e-4, "ms"), (1e-7, "µs")):
+        if seconds >= size:
+            return f"{seconds * {'s': 1, 'ms': 1e3, 'µs': 1e6}[unit]:.6g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
 
 
 def repeats_words(watch: ClockWatch, name: str) -> str:

@@ -56,7 +56,7 @@ class CaptureSource:
 
     timed = False
     guessed = False  # whether its times are, without a clock in it; known when its parts are read
-    by_gnss = False  # whether its times are those in the messages of a GNSS receiver; likewise
+    by_gnss = False  # whether they are those in the messages of a GNSS receiver; known then as well
 
     def __init__(self, files: list[Path], format: str, protocol: str = "", about: Mapping[str, str] = {}) -> None:
         self.path = files[0]

@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`hold`, `record`, `replay`, `decode`, `analyse`, `simulate`, and those that extensions bring.
+`hold`, `record`, `replay`, `decode`, `time`, `analyse`, `simulate`, and those that extensions bring.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once.
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-OF_FILES = ("inspect", "decode")
+OF_FILES = ("inspect", "decode", "time")
 
 
 @contextlib.contextmanager
@@ -250,6 +250,21 @@ def _decode(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
+def _time(options: argparse.Namespace) -> None:
+    file = readable(str(options.file))
+    decode_options = decode_options_of(options)
+    prepare_decoders(options.data, size_of(file))
+    from imuscope.server.commands.decoded import DecodedFileError
+    from imuscope.server.commands.time import print_clocks
+
+    decode_options = checked_protocol(decode_options)
+    try:
+        with seekable(file) as path:
+            print_clocks(path, decode_options, sys.stdout, sys.stderr, format=options.format)
+    except DecodedFileError as error:
+        raise UsageError(str(error)) from None
+
+
 def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
@@ -315,6 +330,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "record": _record,
     "replay": _replay,
     "decode": _decode,
+    "time": _time,
     "simulate": _simulate,
     "completion": _completion,
 }

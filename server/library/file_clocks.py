@@ -1,0 +1,204 @@
+"""Clocks of an opened file: each with its unit, epoch, resolution and steps, against the clock that is the time axis.
+
+    axis      ├──┼──┼──┼──┼──┤        drift    slope of the clock against the axis, ppm
+    clock     ├──┼───┼──┼─┼──┤        jitter   standard deviation of the differences from that line
+                                      steps    back, ahead, wraps: where the clock does not continue
+                                      bursts   share of samples that come at once, after a pause
+
+Drift and jitter are those of the longest stretch without a step.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.recordings.clock_steps import ClockWatch, periods_of
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.table_axis import step_limits
+from imuscope.recordings.time_units import UNITS, is_dated
+
+Floats = NDArray[np.float64]
+
+MOST_ROWS = 4_000_000  # examined of one message: an hour at 1 kHz
+MOST_STEPS = 20  # listed of one clock
+BURST = 0.2  # of the usual step: samples that follow sooner came with the one before
+SAME = 0.05  # of a rate that is that of a unit
+STAMPS = ("stamp", "utc", "timestamp", "time", "SampleTimeFine", "SampleTimeCoarse", "timeOfWeek", "iTOW")
+LATEST = 4e9  # unix s
+FINE = {"100 µs": 1e-4}
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStepFigures:
+    """A step of a clock: `row` from 1 in its message, `time` on the axis, unix s."""
+
+    kind: str
+    by_s: float
+    row: int
+    time: float
+
+
+@dataclass(slots=True)
+class FileClock:
+    """A clock of one message of a device, or of a table.
+
+    Args:
+        is_axis: whether it is the time axis.
+        epoch: what its zero is.
+        resolution_s: least step that occurs.
+        rate_hz: by the usual step; None without one.
+        drift_ppm, jitter_s: against the axis; None for the axis itself, and where they are unknown.
+        repeats: samples with the time of the one before.
+        bursts: share of samples that came at once with the one before, 0..1.
+    """
+
+    name: str
+    unit: str
+    epoch: str
+    is_axis: bool
+    why: str
+    samples: int
+    resolution_s: float | None = None
+    rate_hz: float | None = None
+    drift_ppm: float | None = None
+    jitter_s: float | None = None
+    repeats: int = 0
+    gaps: int = 0
+    bursts: float = 0.0
+    steps: list[ClockStepFigures] = field(default_factory=list)
+    steps_in_all: int = 0
+
+
+@dataclass(slots=True)
+class MessageClocks:
+    """Clocks of one message."""
+
+    device: str
+    message: str
+    clocks: list[FileClock]
+
+
+def clocks_of(store: ColumnStore) -> list[MessageClocks]:
+    """Clocks of all messages of a file."""
+    messages: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for info in store.manifest["channels"]:
+        messages.setdefault((info["device"], info["message"]), []).append(info)
+    return [
+        MessageClocks(device, message, list(_clocks(store, device, message, infos)))
+        for (device, message), infos in messages.items()
+        if any(store.rows(info["id"]) for info in infos)
+    ]
+
+
+def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str, Any]]) -> Iterator[FileClock]:
+    info = max(infos, key=lambda one: store.rows(one["id"]))
+    rows = store.exact(info["id"], 0, MOST_ROWS, columns=[])
+    time, arrival = rows.time, rows.arrival
+    known = np.isfinite(time)
+    axis = np.where(known, time, arrival)
+    table: Mapping[str, Any] = store.manifest.get("time") or {}
+    own = _columns(store, device, message, infos, len(axis), table)
+    if table:
+        raw = own.pop(table["axis"], None)
+        factor = {**UNITS, **FINE}.get(table["unit"], 0.0) if raw is not None else 0.0
+        clock = _figures(table["axis"], raw if raw is not None else axis, axis, is_axis=True, factor=factor)
+        clock.unit, clock.epoch, clock.why = table["unit"], table["epoch"], table["why"]
+        yield clock
+    else:
+        is_device = bool(known.any())
+        why = "time of the device, on the clock of this host" if is_device else "there is no other"
+        name = "time" if is_device else "arrival"
+        yield _figures(name, axis, axis, is_axis=True, why=why)
+        if is_device and not np.array_equal(time[known], arrival[known]):
+            yield _figures("arrival", arrival, axis)
+    for name, values in own.items():
+        factor, unit = _unit_of(values, axis)
+        if unit:
+            clock = _figures(name, values * factor, axis, factor=factor)
+            clock.unit = unit
+            yield clock
+
+
+def _columns(
+    store: ColumnStore, device: str, message: str, infos: list[dict[str, Any]], n: int, table: Mapping[str, Any]
+) -> dict[str, Floats]:
+    """Columns that are clocks, by name."""
+    names = {*STAMPS, *table.get("others", ()), table.get("axis", "")}
+    columns: dict[str, Floats] = {}
+    beside = [one for one in store.manifest.get("clocks", ()) if (one["device"], one["message"]) == (device, message)]
+    for info in [*beside, *infos]:
+        if store.rows(info["id"]) < n:
+            continue
+        for at, column in enumerate(info["columns"]):
+            name = info["title"] if column["name"] == "value" else column["name"]
+            if name in names:
+                [values] = store.exact(info["id"], 0, n, columns=[at]).columns
+                columns.setdefault(name, values.astype(np.float64))
+    return columns
+
+
+def _unit_of(values: Floats, axis: Floats) -> tuple[float, str]:
+    """Unit in which a clock runs like the axis, s and as text; "" if it does not run."""
+    known = np.isfinite(values)
+    steps, passed = np.diff(values[known]), np.diff(axis[known])
+    forward = (steps > 0) & (passed > 0)
+    if not forward.any():
+        return 1.0, ""
+    ratio = float(passed[forward].sum() / steps[forward].sum())
+    for unit, factor in {**UNITS, **FINE}.items():
+        if abs(ratio / factor - 1) < SAME:
+            return factor, unit
+    return ratio, f"counts of {ratio:.6g} s"
+
+
+def _figures(
+    name: str, clock: Floats, axis: Floats, *, is_axis: bool = False, why: str = "", factor: float = 0.0
+) -> FileClock:
+    """Figures of a clock in s; `factor`: s per count, by which it may wrap."""
+    known = np.isfinite(clock)
+    times, on_axis = clock[known], axis[known]
+    first = float(times[0]) if len(times) else 0.0
+    epoch = "1970" if is_dated(first, LATEST) else "start"
+    made = FileClock(name, "s", epoch, is_axis, why, len(times))
+    if len(times) < 2:
+        return made
+    usual, ahead = step_limits(times)
+    steps = np.diff(times)
+    forward = steps[steps > 0]
+    made.resolution_s = float(forward.min()) if len(forward) else None
+    made.rate_hz = 1 / usual if usual else None
+    made.bursts = float(np.mean((steps >= 0) & (steps < BURST * usual))) if usual else 0.0
+    watch = ClockWatch(usual, ahead, periods_of(factor, "counter" if factor else "text", "start"))
+    watch.feed(times)
+    watch.end()
+    made.repeats, made.steps_in_all = watch.repeats, len(watch.steps) + watch.left_out
+    made.gaps = sum(step.kind == "ahead" for step in watch.steps)
+    made.steps = [
+        ClockStepFigures(step.kind, step.by_s, step.row + 1, float(on_axis[step.row]))
+        for step in watch.steps[:MOST_STEPS]
+    ]
+    if not is_axis:
+        made.drift_ppm, made.jitter_s = _against(times, on_axis, [step.row for step in watch.steps])
+    return made
+
+
+def _against(times: Floats, axis: Floats, edges: list[int]) -> tuple[float | None, float | None]:
+    """Drift, ppm, and jitter, s, of the longest stretch between steps."""
+    bounds = [0, *edges, len(times)]
+    begin, end = max(itertools.pairwise(bounds), key=lambda pair: pair[1] - pair[0])
+    x, y = axis[begin:end] - axis[begin], times[begin:end] - times[begin]
+    if len(x) < 3 or not np.ptp(x) > 0:
+        return None, None
+    slope, offset = np.polyfit(x, y, 1)
+    return float((slope - 1) * 1e6), float(np.std(y - slope * x - offset))
+
+
+def as_json(store: ColumnStore) -> dict[str, Any]:
+    """All clocks, and the description of the axis, for programs."""
+    return {"axis": store.manifest.get("time"), "messages": [asdict(one) for one in clocks_of(store)]}
