@@ -1,0 +1,195 @@
+"""Clocks of text tables: known columns of many programs, dates, wraps, steps, and what is refused."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tabular import CsvSource, TableRows
+from tests.each_row import each_row
+
+N = 300
+EPOCH = 1_500_000_000
+GYRO = ",".join(("gx", "gy", "gz"))
+WRITTEN = 1_790_000_000
+UTC_PARTS = "UTC_Year,UTC_Month,UTC_Day,UTC_Hour,UTC_Minute,UTC_Second,UTC_Nano"
+MIDNIGHT = "f'{(8639900 + n) // 360000 % 24:02}:{(8639900 + n) // 6000 % 60:02}:{(8639900 + n) % 6000 / 100:05.2f}'"
+
+
+def read(path: Path, text: str, options: TableOptions | None = None) -> tuple[CsvSource, TableRows]:
+    """A table of one block."""
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, (WRITTEN, WRITTEN))
+    source = CsvSource(path, options)
+    [rows] = list(source.rows())
+    return source, rows
+
+
+def table(heading: str, cell: str, separator: str = ",") -> str:
+    """A table with that expression of the row's number as its times."""
+    lines = [f"{eval(cell, {'n': n})}{separator}{separator.join((str(n % 5), '0', '0'))}" for n in range(N)]
+    return "\n".join([f"{heading}{separator}{GYRO.replace(',', separator)}", *lines]) + "\n"
+
+
+@each_row(
+    ("heading", "cell", "start", "unit"),
+    [
+        ("%time", "10**7 * n + 1500000000 * 10**9", EPOCH, "ns"),
+        ("field.header.stamp", "10**7 * n + 1500000000 * 10**9", EPOCH, "ns"),
+        ("__time", "f'{1500000000 + n / 100:.6f}'", EPOCH, "s"),
+        ("timestamp_us", "1500000000000000 + n * 10000", EPOCH, "µs"),
+        ("time [msec]", "1500000000000 + n * 10", EPOCH, "ms"),
+        ("week,timeOfWeek", "f'2398,{302400 + n / 100:.2f}'", 1_766_577_582, "s"),
+        ("gps_week,iTOW", "f'2398,{302400000 + n * 10}'", 1_766_577_582, "ms"),
+        ("stamp.sec,stamp.nanosec", "f'{1500000000 + n // 100},{n % 100 * 10**7}'", EPOCH, "s"),
+        (UTC_PARTS, "f'2017,7,14,2,40,{n // 100},{n % 100 * 10**7}'", EPOCH, ""),
+        ("datetime", "f'2017-07-14T02:40:{n / 100:09.6f}Z'", EPOCH, ""),
+        ("datetime", "f'2017/07/14 02:40:{n / 100:09.6f}'", EPOCH, ""),
+        ("datetime", "f'14.07.2017 02:40:{n / 100:09.6f}'", EPOCH, ""),
+        ("timestamp", "f'7/14/2017 2:40:{n / 100:09.6f} AM'", EPOCH, ""),
+        ("Date,Time", "f'2017-07-14,02:40:{n / 100:09.6f}'", EPOCH, ""),
+        ("time", "f'2017-07-14 04:40:{n / 100:09.6f}+02:00'", EPOCH, ""),
+    ],
+)  # fmt: skip
+def test_a_known_column_of_times_is_the_axis(heading: str, cell: str, start: float, unit: str, tmp_path: Path) -> None:
+    source, rows = read(tmp_path / "a.csv", table(heading, cell))
+    np.testing.assert_allclose(rows.time, start + np.arange(N) / 100, rtol=0, atol=2e-6)
+    assert source.axis is not None
+    assert source.axis.clock.unit == unit
+    assert source.timed
+
+
+@each_row(
+    ("heading", "cell", "period"),
+    [
+        ("millis", "(2**32 - 1000 + 10 * n) % 2**32", 2**32 / 1e3),
+        ("time (us)", "(2**16 - 1000 + 10 * n) % 2**16", 2**16 / 1e6),
+        ("Time", MIDNIGHT, 86_400),
+        ("iTOW", "(604799000 + 10 * n) % 604800000", 604_800),
+    ],
+)  # fmt: skip
+def test_what_wraps_is_continued(heading: str, cell: str, period: float, tmp_path: Path) -> None:
+    source, rows = read(tmp_path / "a.csv", table(heading, cell))
+    steps = np.diff(rows.time)
+    np.testing.assert_allclose(steps, np.median(steps), rtol=0, atol=2e-6)
+    assert source.axis is not None
+    assert source.axis.watch is not None
+    [step] = source.axis.watch.steps
+    assert (step.kind, step.by_s) == ("wrap", pytest.approx(-period))
+    assert source.axis.watch.segments == []
+
+
+@each_row(
+    ("heading", "cell", "words", "hint"),
+    [
+        ("time (s)", "1500000000", "the same time", "--time-column"),
+        ("Date", "'2026-01-02'", "the same time", "--rate"),
+        ("timestamp", "f'01/02/2026 10:30:{n / 100:05.2f}'", "day or the month first", "--date-order"),
+        ("time", "n", "can be s (1 Hz) or ms (1000 Hz)", "--time-unit"),
+        ("time", "n * 10**12", "fit no unit", "--time-unit"),
+        ("a", "n", "no column of times", "--rate"),
+    ],
+)
+def test_what_is_not_certain_is_refused_with_the_remedy(
+    heading: str, cell: str, words: str, hint: str, tmp_path: Path
+) -> None:
+    with pytest.raises(RecordingError) as refused:
+        read(tmp_path / "a.csv", table(heading, cell))
+    assert words in refused.value.message
+    assert hint in refused.value.hint
+
+
+def test_options_decide(tmp_path: Path) -> None:
+    path, text = tmp_path / "a.csv", table("time", "n")
+    for options, step in (
+        (TableOptions(unit="ms"), 0.001),
+        (TableOptions(rate=1.0), 1.0),
+        (TableOptions(time_column="none", rate=50.0), 0.02),
+        (TableOptions(time_column="1", unit="us"), 1e-6),
+    ):
+        _, rows = read(path, text, options)
+        np.testing.assert_allclose(np.diff(rows.time), step, atol=5e-7)
+    with pytest.raises(RecordingError, match="no column 'clock'"):
+        read(path, text, TableOptions(time_column="clock"))
+    with pytest.raises(RecordingError, match="not 60 Hz"):
+        read(path, table("time (ms)", "n * 10"), TableOptions(rate=60.0))
+    for order, start in (("dmy", 1_769_941_800), ("mdy", 1_767_349_800)):
+        text = table("timestamp", "f'01/02/2026 10:30:{n / 100:05.2f}'")
+        _, rows = read(path, text, TableOptions(date_order=order))  # type: ignore[arg-type]
+        assert rows.time[0] == start
+
+
+def test_every_other_clock_stays_a_column(tmp_path: Path) -> None:
+    text = table(
+        "time (s),TimeUS,Date,Time", "f'{1500000000 + n / 100:.2f},{n * 10000},2017-07-14,02:40:{n / 100:05.2f}'"
+    )
+    source, rows = read(tmp_path / "a.csv", text)
+    assert source.axis is not None
+    assert {one.name for one in source.axis.others} == {"Date + Time", "TimeUS"}
+    np.testing.assert_allclose(rows.columns["TimeUS"][0], np.arange(N) * 10_000)
+    np.testing.assert_allclose(rows.columns["Date + Time"][0], EPOCH + np.arange(N) / 100, atol=1e-6)
+    assert source.damage == []
+
+
+def test_cells_that_cannot_be_read_are_named_by_column_and_row(tmp_path: Path) -> None:
+    text = table("time (s)", "1500000000 + n / 100").replace("1500000000.05,0,", "1500000000.05,n/a,")
+    source, _ = read(tmp_path / "a.csv", text)
+    assert [one.words for one in source.damage] == [
+        "1 cell was not a number and was left empty: gx in row 6 ('n/a').",
+    ]
+
+
+@each_row("separator", [",", ";", "\t", "|", " "])
+def test_a_heading_in_a_comment_and_any_separator(separator: str, tmp_path: Path) -> None:
+    text = "# made by a logger\n#" + table(
+        "timestamp [ns]".replace(" ", "" if separator == " " else " "), "10**7 * n", separator
+    )
+    _, rows = read(tmp_path / "a.txt", text)
+    np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)
+    assert list(rows.columns) == ["gx", "gy", "gz"]
+
+
+def test_a_name_with_a_date_dates_a_clock_without_one(tmp_path: Path) -> None:
+    source, rows = read(tmp_path / "log_2017-07-14_02-40-00.csv", table("time (ms)", "n * 10"))
+    assert rows.time[0] == EPOCH
+    assert source.axis is not None
+    assert source.axis.dated_by == "the file's name"
+
+
+@given(
+    st.lists(st.tuples(st.integers(20, 60), st.floats(-500, 500)), min_size=1, max_size=4),
+    st.sampled_from((10, 100, 400)),
+)
+def test_every_step_is_reported_with_its_size(parts: list[tuple[int, float]], rate: int) -> None:
+    """Nothing is bent to increase: each step back is a segment, and within one the times are those of the clock."""
+    clock, due, wanted = [], 1000.0, []
+    for number, (length, by) in enumerate(parts):
+        moved = round(by, 2) if number and abs(by) > 1 else 0.0
+        if moved:
+            wanted.append((len(clock), moved))
+        clock += [due + moved + n / rate for n in range(length)]
+        due = clock[-1] + 1 / rate
+    text = "time (s),gx\n" + "".join(f"{time:.6f},1\n" for time in clock)
+    with tempfile.TemporaryDirectory() as folder:
+        source, rows = read(Path(folder) / "a.csv", text)
+    assert source.axis is not None
+    assert source.axis.watch is not None
+    watch = source.axis.watch
+    assert [(step.row, round(step.by_s, 2)) for step in watch.steps] == [
+        (row, pytest.approx(by, abs=0.02)) for row, by in wanted
+    ]
+    backs = {row for row, by in wanted if by < 0}
+    steps = np.diff(rows.time)
+    for row in range(len(clock) - 1):
+        if row + 1 in backs:
+            assert steps[row] > 0
+        else:
+            assert steps[row] == pytest.approx(clock[row + 1] - clock[row], abs=2e-6)
