@@ -40,6 +40,7 @@ BLIND_RATE = 11_520  # bytes/s: a full line at 115 200 Bd, 8N1
 LONGEST_PAUSE_NS = 5_000_000_000  # the longest wait while a capture is played
 LONGEST_LOG_NS = 30 * 86_400 * 1_000_000_000  # a clock that advanced by more was set, not paused
 MAX_DATES = 2  # blocks: the first UTC after a fix may be off by one interval
+BACK_NS = 500_000_000  # by less, messages of a receiver may be out of order
 PAUSE_NS = 1_000_000_000  # a device whose clock advanced by more, while another's did not, was set
 
 Kind = tuple[str, ...]  # the message's name and those of its fields
@@ -157,6 +158,7 @@ class CaptureTiming:
         started_ns: start of the capture by the UTC in its samples, ns since the Unix epoch; None without.
         dated_ns: the same by the date at its head.
         by_gnss: whether its times are those in the messages of a GNSS receiver.
+        gnss_steps: where these go back: due time after it, and by how much, ns.
     """
 
     def __init__(
@@ -183,7 +185,9 @@ class CaptureTiming:
         self._dated = dated
         self._dates = 0  # blocks used for the UTC
         self._gnss = GnssClock()
+        self._gnss_last = 0
         self.by_gnss = False
+        self.gnss_steps: list[tuple[int, int]] = []
 
     @property
     def is_dated(self) -> bool:
@@ -252,7 +256,12 @@ class CaptureTiming:
         self.by_gnss = True
         if clock.shift_ns is None:
             clock.newest_ns, clock.shift_ns = self._due_ns, self._due_ns - int(times.time_ns[0])
-        due, left_out = clock.due(times.offset, times.time_ns, [], self._longest_ns)
+        moved = np.diff(times.time_ns, prepend=self._gnss_last)
+        back = np.flatnonzero(moved < -BACK_NS).tolist() if not unknown else np.flatnonzero(moved[1:] < -BACK_NS) + 1
+        steps = [ClockStep(int(times.offset[row]), "reset", int(moved[row]), 0) for row in back]
+        self._gnss_last = int(times.time_ns[-1])
+        due, left_out = clock.due(times.offset, times.time_ns, steps, self._longest_ns)
+        self.gnss_steps += [(int(due[row]), int(moved[row])) for row in back]
         self.skipped_ns += left_out
         if times.is_dated and self.started_ns is None:
             self.started_ns = int(times.time_ns[-1]) - int(due[-1])

@@ -15,7 +15,7 @@ Source: for each format, see its module.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -56,6 +56,7 @@ class CaptureSource:
 
     timed = False
     guessed = False  # whether its times are, without a clock in it; known when its parts are read
+    clock_steps: Sequence[tuple[float, float]] = ()  # of GNSS times: unix s after it, s; known after its parts are read
     by_gnss = False  # whether they are those in the messages of a GNSS receiver; known then as well
 
     def __init__(self, files: list[Path], format: str, protocol: str = "", about: Mapping[str, str] = {}) -> None:
@@ -92,11 +93,13 @@ class CaptureSource:
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         start = self._started()
         done = 0
-        for pieces in paced(self._bytes(), self.protocol).blocks():
+        pace = paced(self._bytes(), self.protocol)
+        for pieces in pace.blocks():
             done += len(pieces.data)
             yield ChunkBlock(
                 DEVICE, "rx", pieces.data, pieces.ends, pieces.due_ns + start, done / max(self._size, done)
             )
+        self.clock_steps = [((start + due) / 1e9, by / 1e9) for due, by in pace.gnss_steps]
 
     def _started(self) -> int:
         """Start of the capture: by the UTC in its samples, its name or its head; else by its clock's duration before

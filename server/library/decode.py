@@ -309,6 +309,10 @@ def decode(
             words = f"Parts have no device clock: their times are estimated at {BLIND_RATE} B/s (115 200 Bd)."
             for name in devices:
                 sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
+        for at, by in source.clock_steps if isinstance(source, CaptureSource) else ():
+            words = f"The time of the GNSS receiver goes back by {-by:.6g} s: a new segment begins there."
+            data = {"kind": "jump", "by_ns": round(by * 1e9)}
+            sink.event(next(iter(devices)), "clock", "warning", words, time=at, data=data)
         sink.close()
         definitions = _signals_in(source, devices)
         if compute is not None and definitions:

@@ -100,7 +100,7 @@ def upload(
     robot = checked_robot(robot)
     if file_lock.is_written(path):
         raise RecordingError(f"{path.name} is being recorded.", "Stop the recording first.")
-    source = open_file(path, reading.protocol)
+    source = open_file(path, reading.protocol, reading.table)
     recording = recording_id(path, source, robot)
     known = _object_of(store, recording)
     if known is not None and _is_there(store, *known):

@@ -199,3 +199,14 @@ def test_midnight_is_continued_where_no_sentence_has_a_date(tmp_path: Path) -> N
 def test_the_log_of_the_field_has_its_times(tmp_path: Path) -> None:
     time, *_ = columns_of(opened(field_file("c16_gnss.nmea"), tmp_path), "GNGGA")
     np.testing.assert_allclose(time, 1_767_263_400 + np.arange(20), atol=1e-6)
+
+
+def test_a_log_that_goes_back_begins_a_segment(tmp_path: Path) -> None:
+    path = tmp_path / "gnss.nmea"
+    path.write_bytes(sentences([37_800.0 + n for n in range(20)]) + sentences([37_000.0 + n for n in range(20)]))
+    store = opened(path, tmp_path)
+    time, *_ = columns_of(store, "GNGGA")
+    np.testing.assert_allclose(np.diff(time), 1.0, atol=1e-6)
+    [event] = [one for one in store.manifest["events"] if one["kind"] == "clock"]
+    assert event["data"] == {"kind": "jump", "by_ns": -819_000_000_000}
+    assert store.manifest["segments"] == {"1": [pytest.approx(1_767_263_420.0)]}
