@@ -172,6 +172,7 @@ class _Topic:
         self.own = columns_of(channel.schema, channel.schema_data) if channel.encoding == "json" else {}
         self.counter = SequenceCounter(1 << 32) if channel.is_counted else None
         self.stamps = StampTrack()
+        self.published = 0  # messages without a stamp, which have the time at which they were published
         self._paths: dict[str, None] = {}
         self._known: dict[tuple[frozenset[str], bool, bool], tuple[Message, list[MessageQuantity]]] = {}
 
@@ -243,6 +244,11 @@ class MessageDecoder:
         """Sentences about the stream for the user."""
         texts = [words for topic in self._topics.values() if (words := _remark(topic))]
         return list(dict.fromkeys(texts))[:MOST_REMARKS]
+
+    @property
+    def axes(self) -> dict[str, str]:
+        """The clock that gives the times of each topic, in words."""
+        return {topic.channel.topic: _axis(topic) for topic in self._topics.values() if topic.read is not None}
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Return every complete event."""
@@ -328,6 +334,7 @@ class MessageDecoder:
         published = np.array([one.publish_ns for one in messages], np.int64)
         stamps = np.zeros(len(messages), np.int64)
         for numbers in column_values:
+            topic.published += int(((numbers.stamps <= 0) & (published[numbers.rows] > 0)).sum())
             stamps[numbers.rows] = np.where(numbers.stamps > 0, numbers.stamps, published[numbers.rows])
         timed = topic.stamps.times(stamps, arrivals)
         for step in timed.steps:
@@ -378,6 +385,15 @@ def _table(quantity: MessageQuantity, tables: Mapping[str, Array], n: int) -> Ar
         if path in tables:
             records[name] = tables[path]
     return records
+
+
+def _axis(topic: _Topic) -> str:
+    stamps = topic.stamps
+    if stamps.is_apart:
+        return "the spacing of the stamps, placed by the arrival"
+    if 2 * topic.published > stamps.stamped + stamps.unstamped:
+        return "the time of publication"
+    return "the stamp" if stamps.stamped > stamps.unstamped else "the arrival"
 
 
 def _remark(topic: _Topic) -> str:

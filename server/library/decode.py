@@ -29,6 +29,7 @@ from typing import Any, get_args
 import numpy as np
 
 from imuscope.protocols.events import Doubts, Remarks
+from imuscope.protocols.messages.decoder import MessageDecoder
 from imuscope.recordings.capture_timing import BLIND_RATE
 from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter
 from imuscope.recordings.health_history import HealthHistoryWriter
@@ -52,6 +53,7 @@ DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this
 DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval
 DERIVED_EVENTS = ("gap", "reject", "clock", "reply", "text")
 GUESS_BYTES = 1 << 16
+TOPICS_NAMED = 4
 REMARK = "remark"  # reason of an event that the decoder has on its stream as a whole
 MAX_TIME = 9e9  # unix s
 PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # examined before decoding, to find the unit of timestamps
@@ -203,6 +205,11 @@ class _Device:
                 drift = clock.drift_ppm if clock.knows_drift else float("nan")
                 self._sink.health_history.clock(device, self._sink.time, drift, clock.uncertainty_ns / 1e6)
 
+    @property
+    def axes(self) -> Mapping[str, str]:
+        """The clock that gives the times of each topic, of a stream of messages."""
+        return self._decoder.axes if isinstance(self._decoder, MessageDecoder) else {}
+
     def _report_remarks(self) -> None:
         """Report the decoder's remarks on the stream."""
         for words in self._decoder.remarks if isinstance(self._decoder, Remarks) else ():
@@ -309,6 +316,9 @@ def decode(
             words = f"Parts have no device clock: their times are estimated at {BLIND_RATE} B/s (115 200 Bd)."
             for name in devices:
                 sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
+        axis = _axis_words(devices) if isinstance(source, MessageSource) else ""
+        if axis:
+            sink.event(next(iter(devices)), "clock", "info", axis, time=_begin(spans), data={"kind": "axis"})
         for at, by in source.clock_steps if isinstance(source, CaptureSource) else ():
             words = f"The time of the GNSS receiver goes back by {-by:.6g} s: a new segment begins there."
             data = {"kind": "jump", "by_ns": round(by * 1e9)}
@@ -369,6 +379,7 @@ def _manifest(
         "events": [asdict(event) for event in events],
         "events_left_out": sink.left_out,
         "segments": _segments(sink.events),
+        "time": {"sentences": [words]} if (words := _axis_event(sink.events)) else None,
         "markers": markers,
         "snapshots": snapshots,
         "damage": [asdict(damage) for damage in source.damage],
@@ -384,6 +395,28 @@ def _manifest(
             for device, sender in figures.items()
         },
     }
+
+
+def _begin(spans: Mapping[str, Sequence[int]]) -> float:
+    """First arrival, unix s."""
+    return min((first for first, _ in spans.values()), default=0) / 1e9
+
+
+def _axis_words(devices: Mapping[str, _Device]) -> str:
+    """A sentence on the clocks that give the times of messages; "" if there are none."""
+    topics: dict[str, list[str]] = {}
+    for device in devices.values():
+        for topic, axis in device.axes.items():
+            topics.setdefault(axis, []).append(topic)
+    if len(topics) == 1:
+        return f"The time axis is {next(iter(topics))} of each message."
+    each = [f"of {', '.join(names[:TOPICS_NAMED])} {axis}" for axis, names in topics.items()]
+    return f"The time axis is {'; '.join(each)}." if each else ""
+
+
+def _axis_event(events: Sequence[wire.EventInfo]) -> str:
+    """The sentence on the time axis, from the events; "" without one."""
+    return next((one.text for one in events if one.kind == "clock" and one.data.get("kind") == "axis"), "")
 
 
 def _segments(events: Sequence[wire.EventInfo]) -> dict[str, list[float]]:

@@ -102,7 +102,8 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
     time, arrival = rows.time, rows.arrival
     known = np.isfinite(time)
     axis = np.where(known, time, arrival)
-    table: Mapping[str, Any] = store.manifest.get("time") or {}
+    described = store.manifest.get("time") or {}
+    table: Mapping[str, Any] = described if "axis" in described else {}
     own = _columns(store, device, message, infos, len(axis), table)
     if table:
         raw = own.pop(table["axis"], None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
+from imuscope.server.commands.file_arguments import add_table
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.store_settings import STORE_FORMS
 
@@ -15,6 +16,7 @@ def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.A
     command.add_argument("file", metavar="FILE", help='recording, vendor log or capture; "-" reads standard input')
     add_store(command)
     command.add_argument("--robot", required=True, metavar="NAME", help="name of the robot that recorded it")
+    add_table(command)
     return command
 
 
