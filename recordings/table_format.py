@@ -68,7 +68,10 @@ def split(line: str, separator: str) -> list[str]:
     """Cells of a line."""
     if separator == " ":
         return line.split()
-    return next(csv.reader([line], delimiter=separator), [])
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:  # a cell of more than 128 kB
+        return line.split(separator)
 
 
 def format_of(path: Path) -> TableFormat:
