@@ -42,6 +42,7 @@ from imuscope.recordings.table_clock import (
     Epoch,
     Sure,
     TableClock,
+    has_odd_unit,
     is_plain,
     named_unit,
     without_unit,
@@ -53,6 +54,7 @@ from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.table_options import NO_COLUMN, TableOptions
 from imuscope.recordings.time_units import (
     CLOSE,
+    FACTORS,
     SPELLINGS,
     UNITS,
     Floats,
@@ -243,7 +245,7 @@ class ClockSearch:
             return [
                 TableClock(name, (column,), "number", "", (), "week", "assumed", "", readings=tuple(readings), rank=2)
             ]
-        factor = UNITS[unit]
+        factor = FACTORS[unit]
         if week is None:
             why = "time of week without the week"
             return [TableClock(name, (column,), "number", unit, (factor,), "week", sure, why, rank=3)]
@@ -346,7 +348,7 @@ class ClockSearch:
             unit, sure, why = "ns", "known", "rostopic writes ns"
         if not unit:
             return self._inferred(column, heading, rank)
-        factor = UNITS[unit]
+        factor = FACTORS[unit]
         epoch = self._epoch(column, factor)
         return TableClock(heading.name, (column,), "number", unit, (factor,), epoch, sure, why, rank=rank)
 
@@ -365,6 +367,10 @@ class ClockSearch:
             fraction=any(DECIMALS.search(cell) for cell in self.cells(column)),
         )
         chosen = decided(readings, values, inertial=self.is_inertial, newest=self.newest)
+        if has_odd_unit(heading):
+            return TableClock(
+                name, (column,), "number", "", (), "start", "assumed", "", readings=tuple(readings), rank=rank
+            )
         sure: Sure = "inferred"
         if chosen is None and len(values) < FEWEST:
             dated = [one for one in readings if one.dated]

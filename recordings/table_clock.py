@@ -8,7 +8,7 @@ from typing import Literal
 
 from imuscope.recordings.table_dates import Order
 from imuscope.recordings.table_headings import ColumnHeading
-from imuscope.recordings.time_units import SPELLINGS, UnitReading
+from imuscope.recordings.time_units import LONG, SPELLINGS, UnitReading
 
 Kind = Literal["number", "text", "date+time", "parts", "week", "utc", "counter", "rows"]
 Epoch = Literal["1970", "GPS", "week", "day", "start"]
@@ -20,6 +20,7 @@ COUNTERS = ("packet_counter", "counter", "sample_counter", "sample_number", "sam
 UTC_PARTS = ("year", "month", "day", "hour", "minute", "second", "nano")
 GPS_EPOCH = 315_964_800.0
 WEEK = 604_800.0
+NO_UNIT = re.compile(r"utc|gps|gnss|local|unix|epoch|boot|ros|iso|rfc|:|date|time|since")  # in the brackets of a time
 DECIMALS = re.compile(r"[.,]\d")
 FEWEST = 3  # rows whose steps say something
 _STEMS = "time|timestamp|stamp|datetime|t|ts|clock|elapsed|uptime|epoch"
@@ -32,7 +33,8 @@ TIME = re.compile(rf"^(?:(?:{_BEFORE})_)*(?:{_STEMS})(?:_(?:{_AFTER}))*$")
 ELAPSED = re.compile(rf"^(?:elapsed_)?(?:{'|'.join(one for one in SPELLINGS if len(one) > 3)})(?:_elapsed)?$")
 OF_WEEK = ("time_of_week", "i_tow", "itow", "tow", "gps_tow", "gps_time_of_week")
 INERTIAL = re.compile(
-    r"acc|gyr|angular|omega|imu|^[ag][ _.]?[xyz]$|^w_|^a_|pqr|uvw|quat|attitude|roll|pitch", re.IGNORECASE
+    r"acc(?!ur|ou|es|ep|um)|gyr|angular|omega|imu|^[ag][ _.]?[xyz]$|^[aw]_rs|pqr|uvw|quat|attitude|roll|pitch",
+    re.IGNORECASE,
 )
 
 
@@ -78,10 +80,17 @@ def words_of(name: str) -> str:
 
 def named_unit(heading: ColumnHeading) -> str:
     """Unit that the heading of a time names, "" for none."""
-    if unit := SPELLINGS.get(heading.unit.strip().lower(), ""):
+    text = heading.unit.strip().lower()
+    if unit := SPELLINGS.get(text) or LONG.get(text, ""):
         return unit
     words = [word for word in words_of(heading.name).split("_") if word in SPELLINGS]
     return SPELLINGS[words[-1]] if words else ""
+
+
+def has_odd_unit(heading: ColumnHeading) -> bool:
+    """Whether the brackets of a heading name a unit that is not known: ticks, counts."""
+    text = heading.unit.strip().lower()
+    return bool(text) and not named_unit(heading) and not NO_UNIT.search(text)
 
 
 def without_unit(words: str) -> str:

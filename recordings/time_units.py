@@ -26,6 +26,13 @@ SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"), "µs"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecond", "nanoseconds"), "ns"),
 }
+LONG: Mapping[str, str] = {
+    **dict.fromkeys(("min", "mins", "minute", "minutes"), "min"),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), "h"),
+    **dict.fromkeys(("d", "day", "days"), "d"),
+}
+"""Spellings of units that only a heading can name."""
+FACTORS: Mapping[str, float] = {**UNITS, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 OLDEST = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is not set
 FASTEST, FASTEST_FRACTION = 34_000.0, 5_000.0  # Hz; of counts, and of numbers with a fraction
 SLOWEST = 1e-5  # Hz, of anything

@@ -55,6 +55,8 @@ def table(heading: str, cell: str, separator: str = ",") -> str:
         ("datetime", "f'2017/07/14 02:40:{n / 100:09.6f}'", EPOCH, ""),
         ("datetime", "f'14.07.2017 02:40:{n / 100:09.6f}'", EPOCH, ""),
         ("timestamp", "f'7/14/2017 2:40:{n / 100:09.6f} AM'", EPOCH, ""),
+        ("time (h)", "f'{1500000000 / 3600 + n / 360000:.12f}'", EPOCH, "h"),
+        ("time (UTC)", "f'{1500000000 + n / 100:.2f}'", EPOCH, "s"),
         ("Date,Time", "f'2017-07-14,02:40:{n / 100:09.6f}'", EPOCH, ""),
         ("time", "f'2017-07-14 04:40:{n / 100:09.6f}+02:00'", EPOCH, ""),
     ],
@@ -95,6 +97,7 @@ def test_what_wraps_is_continued(heading: str, cell: str, period: float, tmp_pat
         ("timestamp", "f'01/02/2026 10:30:{n / 100:05.2f}'", "day or the month first", "--date-order"),
         ("time", "n", "can be s (1 Hz) or ms (1000 Hz)", "--time-unit"),
         ("time", "n * 10**12", "fit no unit", "--time-unit"),
+        ("time (ticks)", "n * 10", "the unit of time", "--time-unit"),
         ("a", "n", "no column of times", "--rate"),
     ],
 )
