@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import type { ChannelInfo } from "../wire/types";
+import { channelInfo, columnInfo } from "../testing/fixtures";
+import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import {
   eulerOfMatrix,
   type Matrix3,
@@ -22,32 +23,12 @@ const info = (
   unit = "",
   names = axes,
 ): ChannelInfo =>
-  ({
-    id: 1,
-    device: "1",
-    message: "M",
-    name: "N",
-    title: "T",
-    kind,
-    unit,
-    frame,
-    doc: "",
-    source: "",
-    verified: true,
-    group: "",
-    columns: names.map((name, c) => ({
-      name,
-      dtype: "f8",
-      unit,
-      label: "",
-      axis: axes[c],
-      choices: {},
-      bits: [],
-      decimals: -1,
-      period: kind === "euler" ? 360 : 0,
-      doc: "",
-    })),
-  }) as unknown as ChannelInfo;
+  channelInfo({
+    ...{ message: "M", title: "T", kind, unit, frame },
+    columns: names.map((name, c) =>
+      columnInfo({ name, dtype: "f8", unit, axis: axes[c] as ColumnInfo["axis"], period: kind === "euler" ? 360 : 0 }),
+    ),
+  });
 
 const apply = (change: FrameChange | undefined, values: readonly number[], period = 0): number[] =>
   change === undefined ? [...values] : change.map((row) => inFrame(row, (c) => values[c]!, period));

@@ -1,35 +1,12 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, ColumnInfo, DeviceInfo, EventInfo } from "../wire/types";
+import { channelInfo, columnInfo } from "../testing/fixtures";
 import { Store } from "./store";
 
-const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnInfo => ({
-  name,
-  dtype: "f4",
-  unit,
-  label: "",
-  axis,
-  choices: {},
-  bits: [],
-  decimals: -1,
-  period: 0,
-  doc: "",
-});
-const info = (id: number, name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[]): ChannelInfo => ({
-  id,
-  device: "1",
-  message: "MTData2",
-  name,
-  title: name,
-  kind,
-  unit: "",
-  frame: "ENU from body",
-  columns,
-  doc: "",
-  source: "",
-  group: "",
-  verified: true,
-});
+const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnInfo => columnInfo({ name, axis, unit });
+const info = (id: number, name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[]): ChannelInfo =>
+  channelInfo({ id, name, kind, frame: "ENU from body", columns });
 const acceleration = info(1, "Acceleration", "vector", [column("x", "x"), column("y", "y"), column("z", "z")]);
 const quaternion = info(
   2,

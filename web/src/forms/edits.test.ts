@@ -1,21 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { changes, changesOf, countOf, sameSetting, toApply, touches, wasAt } from "./edits";
-import { field, forms, OUTPUTS, setting, STREAMS } from "../testing/fixtures";
+import { field, forms, OUTPUT_SETTING as outputs, outputsOf as out, setting, STREAMS } from "../testing/fixtures";
 
-const outputs = setting({
-  name: "OutputConfiguration",
-  table: OUTPUTS,
-  fields: [
-    field({
-      name: "outputs",
-      editor: "list",
-      fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })],
-    }),
-  ],
-});
-const out = (...pairs: [number, number][]) => ({
-  outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })),
-});
 const flash = setting({
   name: "Flash",
   partial: true,

@@ -1,21 +1,7 @@
 import { expect, it } from "vitest";
-import { field, OUTPUTS, setting } from "../testing/fixtures";
+import { field, OUTPUT_SETTING as outputs, outputsOf as out, setting } from "../testing/fixtures";
 import { rebase } from "./rebase";
 
-const outputs = setting({
-  name: "OutputConfiguration",
-  table: OUTPUTS,
-  fields: [
-    field({
-      name: "outputs",
-      editor: "list",
-      fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })],
-    }),
-  ],
-});
-const out = (...pairs: [number, number][]) => ({
-  outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })),
-});
 const flash = setting({
   name: "Flash",
   partial: true,

@@ -1,21 +1,11 @@
 import { expect, it } from "vitest";
 import { Ring } from "../data/ring-buffer";
 import type { ChannelInfo } from "../wire/types";
+import { columnInfo } from "../testing/fixtures";
 import { cellsOf } from "./rows";
 
 it('"Signals 6 rows" are the rows of one time, in words and numbers', () => {
-  const column = (name: string, choices = {}) => ({
-    name,
-    dtype: "f8",
-    unit: "",
-    label: "",
-    axis: "",
-    choices,
-    bits: [],
-    decimals: 1,
-    period: 0,
-    doc: "",
-  });
+  const column = (name: string, choices = {}) => columnInfo({ name, dtype: "f8", choices, decimals: 1 });
   const info = { columns: [column("gnss", { "0": "GPS" }), column("cno")] } as unknown as ChannelInfo;
   const ring = new Ring(info.columns.map(({ dtype }) => ({ dtype, period: 0, status: false })));
   const times = Float64Array.from([1, 1, 2, 2, 2]);

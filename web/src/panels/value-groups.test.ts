@@ -1,35 +1,11 @@
 import { describe, expect, it } from "vitest";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
+import { channelInfo, columnInfo } from "../testing/fixtures";
 import { valueGroups } from "./value-groups";
 
-const column = (name: string, more: Partial<ColumnInfo> = {}): ColumnInfo => ({
-  name,
-  dtype: "f4",
-  unit: "",
-  label: "",
-  axis: "",
-  choices: {},
-  bits: [],
-  decimals: -1,
-  period: 0,
-  doc: "",
-  ...more,
-});
-const channel = (name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[]): ChannelInfo => ({
-  id: 1,
-  device: "1",
-  message: "MTData2",
-  name,
-  title: name,
-  kind,
-  unit: "",
-  frame: "",
-  columns,
-  doc: "",
-  source: "",
-  group: "",
-  verified: true,
-});
+const column = (name: string, more: Partial<ColumnInfo> = {}): ColumnInfo => columnInfo({ name, ...more });
+const channel = (name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[]): ChannelInfo =>
+  channelInfo({ name, kind, columns });
 
 describe("groupsOf", () => {
   it("puts measured quantities first and groups single values at the end", () => {

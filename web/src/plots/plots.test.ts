@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
+import { channelInfo, columnInfo } from "../testing/fixtures";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { duration, tickLabel, timeGrid, timeStep } from "./axis";
 import { PixelColumns } from "./pixel-columns";
@@ -152,35 +153,8 @@ describe("chosen plots", () => {
     names: readonly (readonly [string, string])[],
     unit = "",
   ): Channel => {
-    const columns = names.map(
-      ([column, axis]): ColumnInfo => ({
-        name: column,
-        dtype: "f4",
-        unit,
-        label: "",
-        axis: axis as ColumnInfo["axis"],
-        choices: {},
-        bits: [],
-        decimals: -1,
-        period: 0,
-        doc: "",
-      }),
-    );
-    const info = {
-      id: 1,
-      device: "1",
-      message: "",
-      name,
-      title: name,
-      kind,
-      unit,
-      frame: "",
-      columns,
-      doc: "",
-      source: "",
-      group: "",
-      verified: true,
-    };
+    const columns = names.map(([column, axis]) => columnInfo({ name: column, unit, axis: axis as ColumnInfo["axis"] }));
+    const info = channelInfo({ message: "", name, kind, unit, columns });
     return { info, ring: ringOf(info) };
   };
   const xyz = [

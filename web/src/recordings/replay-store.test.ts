@@ -1,36 +1,14 @@
 import { expect, it } from "vitest";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, EventInfo } from "../wire/types";
+import { channelInfo, columnInfo } from "../testing/fixtures";
 import { isBounds, ReplayStore } from "./replay-store";
 
-const column = (name: string) => ({
-  name,
-  dtype: "f8",
-  unit: "m/s²",
-  label: "",
-  axis: name,
-  choices: {},
-  bits: [],
-  decimals: -1,
-  period: 0,
-  doc: "",
-});
-const info = (id: number, kind = "vector") =>
-  ({
-    id,
-    device: "1",
-    message: "M",
-    name: `N${id}`,
-    title: "Acceleration",
-    kind,
-    unit: "m/s²",
-    frame: "",
-    columns: ["x", "y", "z"].map(column),
-    doc: "",
-    source: "",
-    verified: true,
-    group: "",
-  }) as unknown as ChannelInfo;
+const info = (id: number): ChannelInfo =>
+  channelInfo({
+    ...{ id, name: `N${id}`, title: "Acceleration", kind: "vector", unit: "m/s²" },
+    columns: (["x", "y", "z"] as const).map((name) => columnInfo({ name, dtype: "f8", unit: "m/s²", axis: name })),
+  });
 const frame = (channel: number, time: readonly number[], values: readonly number[]): SampleFrame => ({
   channel,
   n: time.length,

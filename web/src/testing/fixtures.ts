@@ -1,5 +1,42 @@
-/** For the tests of the forms: a field, a setting, a command with everything at its plainest. */
+/** For tests: a field, a setting, a command, a channel and its columns with everything at its plainest. */
 import type { CommandForm, FieldForm, Forms, RateRow, RateTable, SettingForm } from "../forms/types";
+import type { ChannelInfo, ColumnInfo } from "../wire/types";
+
+export function columnInfo(part: Partial<ColumnInfo> = {}): ColumnInfo {
+  return {
+    name: "value",
+    dtype: "f4",
+    unit: "",
+    label: "",
+    axis: "",
+    choices: {},
+    bits: [],
+    decimals: -1,
+    period: 0,
+    doc: "",
+    ...part,
+  };
+}
+
+/** A channel with the given columns; its title is its name. */
+export function channelInfo(part: Partial<ChannelInfo> = {}): ChannelInfo {
+  return {
+    id: 1,
+    device: "1",
+    message: "MTData2",
+    name: "N",
+    title: part.name ?? "N",
+    kind: "scalar",
+    unit: "",
+    frame: "",
+    columns: [],
+    doc: "",
+    source: "",
+    group: "",
+    verified: true,
+    ...part,
+  };
+}
 
 export function field(part: Partial<FieldForm> = {}): FieldForm {
   return {
@@ -137,3 +174,21 @@ export const STREAMS: RateTable = {
 export function tableRow(id: number, title: string, part: Partial<RateRow> = {}): RateRow {
   return { id, title, group: "", name: "", rates: [], variants: {}, interval_ms: 0, basic: true, doc: "", ...part };
 }
+
+/** A setting whose only field is a list of outputs with their rates. */
+export const OUTPUT_SETTING = setting({
+  name: "OutputConfiguration",
+  table: OUTPUTS,
+  fields: [
+    field({
+      name: "outputs",
+      editor: "list",
+      fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })],
+    }),
+  ],
+});
+
+/** Its value. */
+export const outputsOf = (...pairs: [number, number][]) => ({
+  outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })),
+});

@@ -13,6 +13,7 @@ import {
   type DeviceInfo,
   type Dtype,
 } from "../wire/types";
+import { channelInfo, columnInfo } from "./fixtures";
 
 const column = (
   name: string,
@@ -20,19 +21,7 @@ const column = (
   unit: string,
   axis: ColumnInfo["axis"] = "",
   more: Partial<ColumnInfo> = {},
-): ColumnInfo => ({
-  name,
-  dtype,
-  unit,
-  label: "",
-  axis,
-  choices: {},
-  bits: [],
-  decimals: -1,
-  period: 0,
-  doc: "",
-  ...more,
-});
+): ColumnInfo => columnInfo({ name, dtype, unit, axis, ...more });
 const bit = (name: string, low: number, more: Partial<BitsInfo> = {}): BitsInfo => ({
   name,
   low,
@@ -51,21 +40,7 @@ const channel = (
   unit: string,
   frame: string,
   columns: ColumnInfo[],
-): ChannelInfo => ({
-  id,
-  device: "1",
-  message: "Synthetic",
-  name,
-  title,
-  kind,
-  unit,
-  frame,
-  columns,
-  doc: "",
-  source: "",
-  group: "",
-  verified: true,
-});
+): ChannelInfo => channelInfo({ id, message: "Synthetic", name, title, kind, unit, frame, columns });
 const xyz = (unit: string): ColumnInfo[] => (["x", "y", "z"] as const).map((axis) => column(axis, "f4", unit, axis));
 
 export const DEVICE: DeviceInfo = {

@@ -1,35 +1,11 @@
 import { describe, expect, it } from "vitest";
 import type { DeviceInfo, DeviceStatus } from "../wire/types";
+import { DEVICE } from "../testing/synthetic";
 import { isHeld, markOf, pageState, shortSource, showsPlots } from "./page-state";
 
 const device = (status: DeviceStatus): DeviceInfo => ({
-  id: "1",
-  name: "MTi",
-  source: "sim:xbus",
-  link: "simulator",
+  ...{ ...DEVICE, name: "MTi", source: "sim:xbus", protocol: "xbus" },
   status,
-  protocol: "xbus",
-  product: "",
-  serial_number: "",
-  firmware: "",
-  protection: "",
-  is_open: true,
-  absent: [],
-  key: "",
-  own_name: "",
-  resume: "",
-  unconfirmed_since: null,
-  baud: null,
-  message: "",
-  hint: "",
-  attempts: [],
-  next_attempt: null,
-  last_arrival: null,
-  notices: [],
-  rearm: [],
-  required_action: "",
-  decode_options: {},
-  parent: "",
 });
 
 describe("pageState", () => {

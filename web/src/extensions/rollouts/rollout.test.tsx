@@ -3,31 +3,11 @@
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import type { Difference, SnapshotBody } from "../../forms/types";
-import { type Opened, openConfigure } from "../../testing/configure-page";
+import { openConfigure } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
 import type { Job } from "../../wire/types";
 import "./index";
-
-const find = (selector: string): HTMLElement => {
-  const found = document.querySelector(selector);
-  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
-  return found;
-};
-const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector));
-/** Found by its words: to look for a role among hundreds of fields takes ten times as long. */
-function button(name: string, place: ParentNode = document): HTMLButtonElement {
-  const found = [...place.querySelectorAll("button")].find(({ textContent }) => textContent?.trim() === name);
-  if (found === undefined) throw new Error(`no button ${name}`);
-  return found;
-}
-const bodiesOf = ({ asked }: Opened, path: string): readonly unknown[] =>
-  asked.filter((one) => one.method === "POST" && one.path === path).map(({ body }) => body);
-
-const job = (id: number, more: Partial<Job> = {}): Job => ({
-  ...{ id, device: "1", title: "Write Output configuration", state: "done", step: "", message: "", hint: "" },
-  ...{ snapshot: "", values: {}, outcomes: [], started: 1, ended: 2 },
-  ...more,
-});
+import { bodiesOf, buttonOf as button, find, job, until } from "../../testing/queries";
 
 const known = recorded("xbus");
 const VALUES = known.answers["GET /api/devices/1/values"] as SnapshotBody;

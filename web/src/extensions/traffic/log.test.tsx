@@ -3,31 +3,11 @@
 import { fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { ConfigurePage } from "../../pages/configure/page";
-import { type Opened, openConfigure } from "../../testing/configure-page";
+import { openConfigure } from "../../testing/configure-page";
 import { newApp } from "../../testing/live-page";
-import type { Job, TrafficEntry } from "../../wire/types";
+import type { TrafficEntry } from "../../wire/types";
 import "./index";
-
-const find = (selector: string): HTMLElement => {
-  const found = document.querySelector(selector);
-  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
-  return found;
-};
-const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector));
-/** Found by its words: to look for a role among hundreds of fields takes ten times as long. */
-function button(name: string, place: ParentNode = document): HTMLButtonElement {
-  const found = [...place.querySelectorAll("button")].find(({ textContent }) => textContent?.trim() === name);
-  if (found === undefined) throw new Error(`no button ${name}`);
-  return found;
-}
-const bodiesOf = ({ asked }: Opened, path: string): readonly unknown[] =>
-  asked.filter((one) => one.method === "POST" && one.path === path).map(({ body }) => body);
-
-const job = (id: number, more: Partial<Job> = {}): Job => ({
-  ...{ id, device: "1", title: "Write Output configuration", state: "done", step: "", message: "", hint: "" },
-  ...{ snapshot: "", values: {}, outcomes: [], started: 1, ended: 2 },
-  ...more,
-});
+import { bodiesOf, buttonOf as button, find, job, until } from "../../testing/queries";
 
 test("bytes by hand are checked, asked about, sent as they are, and found in the log", async () => {
   const message = "GoToConfig: Stop measuring.";

@@ -1,39 +1,19 @@
 // @vitest-environment happy-dom
 /** Workspaces of a server: the default of a family, and a file. */
 import { fireEvent, screen, waitFor } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, it } from "vitest";
+import { expect, it } from "vitest";
 import { openPage } from "../../testing/live-page";
+import { begun, keyOf } from "../../testing/family-workspace";
 import { recorded } from "../../testing/recorded";
-import { startLastState } from "../../workspace/last-state";
 import { sessionOf } from "../../workspace/session";
 import { TEXT as WORKSPACE } from "../../texts/workspace";
 import { currentOf } from "./stored";
 import { TEXT } from "./texts";
 
-const KEY = "imuscope.workspace.xbus";
-const stored = (plots: readonly string[]): object => ({
-  format: "imuscope-workspace",
-  version: 1,
-  parts: { extraPlots: plots },
-});
-const DEFAULT_OF_FAMILY = {
-  "GET /api/workspaces": { workspaces: [], defaults: { xbus: "race" } },
-  "GET /api/workspaces/race": { name: "race", modified: 0, revision: "1", workspace: stored(["Pressure"]) },
-};
-let stop = (): void => undefined;
-
-beforeEach(() => localStorage.clear());
-afterEach(() => stop());
-
-async function begun(isLinked = false) {
-  const { app } = await openPage(recorded("xbus"), { answers: DEFAULT_OF_FAMILY });
-  stop = startLastState(app, isLinked);
-  const plots = () => [...app.viewState.extraPlots.value];
-  return { app, plots };
-}
+const KEY = keyOf("xbus");
 
 it("a page opens with the workspace of the device's family", async () => {
-  const { app, plots } = await begun();
+  const { app, plots } = await begun("xbus");
   await waitFor(() => expect(plots()).toEqual(["Pressure"]));
   expect(currentOf(sessionOf(app, app.viewState)).value?.name).toBe("race");
   expect(sessionOf(app, app.viewState).history.canUndo).toBe(false);

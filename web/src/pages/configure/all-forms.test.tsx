@@ -6,12 +6,7 @@ import { type Opened, openConfigure } from "../../testing/configure-page";
 import type { Family } from "../../testing/recorded";
 import { modelOf } from "./model";
 import { Centre } from "./page";
-
-const find = (selector: string): HTMLElement => {
-  const found = document.querySelector(selector);
-  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
-  return found;
-};
+import { find } from "../../testing/queries";
 
 /** A page keeps what it has drawn of a form, some 2 MB here: after this many forms there is a new one. */
 const AT_ONCE = 60;

@@ -5,13 +5,8 @@ import { type Opened, openConfigure } from "../../testing/configure-page";
 import { newApp } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
 import { ConfigurePage } from "./page";
+import { find, until } from "../../testing/queries";
 
-const find = (selector: string): HTMLElement => {
-  const found = document.querySelector(selector);
-  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
-  return found;
-};
-const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector));
 const gone = (selector: string): Promise<void> => waitFor(() => expect(document.querySelector(selector)).toBeNull());
 const button = (name: string): HTMLButtonElement => screen.getByRole("button", { name });
 const type = (field: HTMLElement, value: string): void => void fireEvent.input(field, { target: { value } });

@@ -3,14 +3,10 @@ import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { type Opened, openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
+import { find } from "../../testing/queries";
 
 const TITLE = "Yard loop";
 
-const find = (selector: string): HTMLElement => {
-  const found = document.querySelector(selector);
-  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
-  return found;
-};
 const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
 const eventually = (check: () => void): Promise<void> => waitFor(check);
 const search = (words: string): void =>

@@ -6,6 +6,7 @@ import type { ReplayController } from "../../recordings/replay-controller";
 import { type Opened, openPage } from "../../testing/live-page";
 import { type Answers, recorded } from "../../testing/recorded";
 import { detailOf, recordingAnswers, samplesOf } from "../../testing/recordings";
+import { find } from "../../testing/queries";
 
 Object.defineProperty(navigator, "webdriver", { value: true }); // the page then shows its controller to tests
 
@@ -14,11 +15,6 @@ const YARD = detailOf("yard");
 const ACCELERATION = samplesOf("yard", "1", "Acceleration");
 const DURATION = YARD.t1 - YARD.t0;
 
-const find = (selector: string): HTMLElement => {
-  const found = document.querySelector(selector);
-  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
-  return found;
-};
 const text = (selector: string): string => find(selector).textContent ?? "";
 const press = (key: string, more: KeyboardEventInit = {}): void =>
   void fireEvent.keyDown(document.body, { key, ...more });

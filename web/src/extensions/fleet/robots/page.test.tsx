@@ -8,14 +8,10 @@ import { recorded } from "../../../testing/recorded";
 import type { FleetRobots, RobotSummary } from "../../../wire/routes";
 import { fleetOf } from "./fleet-state";
 import { serverKind } from "../server-kind";
+import { find } from "../../../testing/queries";
 
 const PATIENCE = { timeout: 30_000 };
 const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
-const find = (selector: string): HTMLElement => {
-  const found = document.querySelector<HTMLElement>(selector);
-  if (!found) throw new Error(`there is no ${selector}`);
-  return found;
-};
 const rows = (): HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".fleet-row")];
 const names = (): string[] => rows().map((row) => row.querySelector("a")?.textContent ?? "");
 const numbered = (n: number, part: Partial<RobotSummary> = {}): RobotSummary =>
