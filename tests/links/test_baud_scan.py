@@ -18,10 +18,6 @@ from tests.links.link_fixtures import device, fails, frame, gather, joined, left
 SHORT = ScanWindows(0.02, 0.05)
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 @each_row("baud", [115_200, 921_600, 460_800, 57_600])
 async def test_the_rate_is_found_and_every_attempt_reported(baud: int) -> None:
     with device(baud) as bench:
@@ -114,7 +110,7 @@ def test_a_starting_device_is_found_at_a_rate_where_it_was_silent(monkeypatch: p
 
     joined_frames = b"".join(frame(i, i) for i in range(40))
     monkeypatch.setattr("imuscope.server.links.baud_scan._read", read)
-    found = run(scan(port, (115_200, 57_600, 9_600), windows=SHORT))
+    found = asyncio.run(scan(port, (115_200, 57_600, 9_600), windows=SHORT))
     assert [(one.baud, one.result.recognised) for one in found] == [
         (115_200, False),
         (57_600, False),

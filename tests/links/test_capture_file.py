@@ -6,7 +6,6 @@ import asyncio
 import io
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,10 +26,6 @@ from imuscope.server.links.capture_file import FileLink
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, frame, gather, joined, left_behind, opened, settings
 from tests.timeouts import PATIENCE_S
-
-
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
 
 
 def pieces_of(data: bytes) -> list[TimedBytes]:
@@ -231,7 +226,7 @@ async def test_a_file_of_unknown_bytes_reports_its_playback_rate(tmp_path: Path)
 def test_files_that_cannot_be_played(tmp_path: Path) -> None:
     (tmp_path / "empty.bin").touch()
     for name, kind in (("absent.bin", "not-found"), (".", "not-found"), ("empty.bin", "ended")):
-        error = run(fails(open_link(f"file://{tmp_path}/{name}", settings()).open()))
+        error = asyncio.run(fails(open_link(f"file://{tmp_path}/{name}", settings()).open()))
         assert error.kind == kind
 
 
@@ -240,7 +235,7 @@ def test_a_file_without_permission(capture: Path, monkeypatch: pytest.MonkeyPatc
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "open", refuse)
-    error = run(fails(open_link(str(capture), settings()).open()))
+    error = asyncio.run(fails(open_link(str(capture), settings()).open()))
     assert error.kind == "denied"
     assert "chmod" in error.hint
 

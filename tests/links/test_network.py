@@ -17,10 +17,6 @@ from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, 
 from tests.timeouts import PATIENCE_S
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 class TcpServer:
     """A device server with one client."""
 
@@ -77,7 +73,7 @@ def test_tcp_connection_refused() -> None:
         port = listener.getsockname()[1]
     attempts: list[str] = []
     link = open_link(f"tcp://127.0.0.1:{port}", settings())
-    error = run(fails(link.open(lambda one: attempts.append(one.outcome))))
+    error = asyncio.run(fails(link.open(lambda one: attempts.append(one.outcome))))
     assert error.kind == "refused"
     assert f"127.0.0.1:{port}" in error.message
     assert attempts == [error.message]
@@ -101,7 +97,7 @@ def test_tcp_unknown_host(monkeypatch: pytest.MonkeyPatch) -> None:
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
-    error = run(fails(open_link("tcp://no-such-robot:4001", settings()).open()))
+    error = asyncio.run(fails(open_link("tcp://no-such-robot:4001", settings()).open()))
     assert error.kind == "not-found"
     assert "no-such-robot" in error.message
 
@@ -167,7 +163,7 @@ def test_a_port_in_use(scheme: str) -> None:
         if kind == socket.SOCK_STREAM:
             taken.listen()
         port = taken.getsockname()[1]
-        error = run(fails(open_link(f"{scheme}://127.0.0.1:{port}", settings()).open()))
+        error = asyncio.run(fails(open_link(f"{scheme}://127.0.0.1:{port}", settings()).open()))
     assert error.kind == "busy"
     assert str(port) in error.message
     assert "in use by this server itself" in error.message, "it said: another program"
@@ -179,7 +175,7 @@ def test_a_port_of_another_program() -> None:
 
 @each_row("scheme", ["tcp-listen", "udp"])
 def test_an_address_of_another_host(scheme: str) -> None:
-    error = run(fails(open_link(f"{scheme}://192.0.2.1:0", settings()).open()))
+    error = asyncio.run(fails(open_link(f"{scheme}://192.0.2.1:0", settings()).open()))
     assert error.kind == "not-found"
     assert f"{scheme}://:0" in error.hint
 

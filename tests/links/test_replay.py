@@ -23,10 +23,6 @@ from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 async def drained(link: Link) -> tuple[list[Chunk], LinkError]:
     """Remaining bytes of a link, and its final error."""
     chunks: list[Chunk] = []
@@ -47,7 +43,7 @@ async def to_the_end(source: str) -> tuple[list[Chunk], LinkError]:
 def test_a_recording_is_played_byte_for_byte(tmp_path: Path) -> None:
     path = recording(tmp_path, devices=1)
     before = left_behind()
-    chunks, error = run(to_the_end(f"{path}?speed=10"))
+    chunks, error = asyncio.run(to_the_end(f"{path}?speed=10"))
     assert joined(chunks) == of(1)
     assert len(chunks) == 100  # as received, not joined
     assert error.kind == "ended"
@@ -58,7 +54,7 @@ def test_the_pace_is_that_of_the_recording(tmp_path: Path) -> None:
     """Not quicker than from its opening; how much later depends on the machine, for the first piece as for the last."""
     path = recording(tmp_path, devices=1)
     opening = steady_clock()()
-    chunks, _ = run(to_the_end(f"{path}?speed=2"))
+    chunks, _ = asyncio.run(to_the_end(f"{path}?speed=2"))
     took = (chunks[-1].arrival_ns - opening) / 1e9
     assert took >= 0.99 / 2 - 0.001
 
@@ -72,13 +68,13 @@ def test_each_device_of_a_recording_is_a_source(tmp_path: Path) -> None:
     assert split_devices(f"{path}?device=2") == [f"{path}?device=2"]
     assert split_devices("/dev/ttyUSB0") == ["/dev/ttyUSB0"]
     assert split_devices("sim:xbus") == ["sim:xbus"]
-    chunks, _ = run(to_the_end(f"{path}?speed=20&device=2"))
+    chunks, _ = asyncio.run(to_the_end(f"{path}?speed=20&device=2"))
     assert joined(chunks) == of(2)
 
 
 def test_a_stretch_and_a_loop(tmp_path: Path) -> None:
     path = recording(tmp_path, devices=1)
-    chunks, _ = run(to_the_end(f"{path}?speed=10&from=0.2&to=0.3"))
+    chunks, _ = asyncio.run(to_the_end(f"{path}?speed=10&from=0.2&to=0.3"))
     assert joined(chunks) == of(1, 20, 30)
 
     async def looped() -> list[Chunk]:
@@ -89,7 +85,7 @@ def test_a_stretch_and_a_loop(tmp_path: Path) -> None:
                     chunks += await link.read()
         return chunks
 
-    chunks = run(looped())
+    chunks = asyncio.run(looped())
     assert joined(chunks[:20]) == of(1, 20, 30) * 2
     assert [chunk.restart for chunk in chunks[:21]] == [False] * 10 + [True] + [False] * 9 + [True]
 
@@ -104,7 +100,7 @@ def test_devices_that_are_opened_together_keep_step(tmp_path: Path) -> None:
             async with opened(second):
                 return [(await drained(link))[0] for link in (first, second)]
 
-    one, two = run(both())
+    one, two = asyncio.run(both())
     assert (joined(one), joined(two)) == (of(1, 0, 30), of(2, 0, 30))
     late = [b.arrival_ns - a.arrival_ns for a, b in zip(one, two, strict=True)]
     assert late[0] > 100_000_000
@@ -127,7 +123,7 @@ def test_unplayable_sources_are_reported(tmp_path: Path, options: str, words: st
     async def check() -> None:
         await open_link(f"{path}{options}", settings()).open()
 
-    error = run(fails(check()))
+    error = asyncio.run(fails(check()))
     assert words in error.message
     assert error.kind == "bad-source"
 
@@ -135,11 +131,11 @@ def test_unplayable_sources_are_reported(tmp_path: Path, options: str, words: st
 def test_a_recording_without_bytes_has_ended(tmp_path: Path) -> None:
     path = tmp_path / "nothing.mcap"
     McapWriter(path, {}).close()
-    error = run(fails(open_link(str(path), settings()).open()))
+    error = asyncio.run(fails(open_link(str(path), settings()).open()))
     assert error.kind == "ended"
     gone = open_link(f"{path}?from=1", settings())
     path.unlink()
-    assert run(fails(gone.open())).kind == "not-found"
+    assert asyncio.run(fails(gone.open())).kind == "not-found"
 
 
 def test_a_capture_can_be_played_from_somewhere_too(tmp_path: Path) -> None:
@@ -147,7 +143,7 @@ def test_a_capture_can_be_played_from_somewhere_too(tmp_path: Path) -> None:
     path.write_bytes(of(1))
     link = open_link(f"{path}?speed=10&from=0.5", settings())
     assert isinstance(link, ReplayLink)
-    chunks, _ = run(to_the_end(f"{path}?speed=10&from=0.5"))
+    chunks, _ = asyncio.run(to_the_end(f"{path}?speed=10&from=0.5"))
     assert of(1).endswith(joined(chunks))
     assert 45 <= len(chunks) <= 51
 

@@ -23,10 +23,6 @@ from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 async def test_bytes_arrive_whole_in_order_and_stamped() -> None:
     with pty() as port:
         link = open_link(f"serial://{port.path}?baud=921600", settings())
@@ -131,14 +127,14 @@ async def test_no_threads_or_descriptors_are_left() -> None:
 
 
 def test_a_missing_port_lists_the_available_ports() -> None:
-    error = run(fails(open_link("/dev/ttyNope?baud=9600", settings()).open()))
+    error = asyncio.run(fails(open_link("/dev/ttyNope?baud=9600", settings()).open()))
     assert error.kind == "not-found"
     assert "/dev/ttyNope" in error.message
     assert "plugged in" in error.hint
 
 
 def test_a_path_that_is_not_a_port_is_refused() -> None:
-    error = run(fails(open_link("/dev/null?baud=9600", settings()).open()))
+    error = asyncio.run(fails(open_link("/dev/null?baud=9600", settings()).open()))
     assert error.kind == "refused"
     assert "not a serial port" in error.message
 
@@ -184,7 +180,7 @@ def test_missing_permission_names_the_group_and_the_command(number: int, monkeyp
     with pty() as port:
         os.chown(port.path, -1, 20)
         os.chmod(port.path, 0o660)
-        error = run(fails(open_link(port.path, settings()).open()))
+        error = asyncio.run(fails(open_link(port.path, settings()).open()))
     assert error.kind == "denied"
     assert port.path in error.message
     assert "dialout" in error.message

@@ -39,10 +39,6 @@ from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 def simulator(query: str = "", rate: float = 200.0) -> SimulatorLink:
     options = open_link(f"sim:xbus?{query}")
     assert isinstance(options, SimulatorLink)
@@ -198,7 +194,7 @@ def test_a_fault_in_a_simulator_looks_like_a_pulled_plug(caplog: pytest.LogCaptu
         await link.close()
         assert left_behind() == before
 
-    run(check())
+    asyncio.run(check())
     assert "broken" in caplog.text
 
 
@@ -207,7 +203,7 @@ def test_no_pseudo_terminal_available(monkeypatch: pytest.MonkeyPatch) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "openpty", none_left)
-    error = run(fails(simulator().open()))
+    error = asyncio.run(fails(simulator().open()))
     assert error.kind == "refused"
     assert "/dev/ptmx" in error.hint
 
@@ -286,7 +282,7 @@ def test_faults_cut_whole_frames_of_any_family() -> None:
         assert not [event for event in decoder.drain() if isinstance(event, RejectedFrame)]
 
     for protocol in ("isb", "idtp"):
-        run(check(protocol))
+        asyncio.run(check(protocol))
 
 
 @each_row("source", ["sim:isb?mode=lite", "sim:idtp?product=MTi-630", "sim:isb?product=MTi-630"])

@@ -29,10 +29,6 @@ FAST = 0x80  # the code of 921 600 Bd
 SOURCE = "sim:xbus?baud=115200&rate=20"
 
 
-def run(coroutine: Any) -> Any:
-    return asyncio.run(coroutine)
-
-
 async def faster(here: ControlHarness, desk: DeviceController) -> Any:
     """Apply 921 600 Bd, to be confirmed; the task."""
     await here.read(desk)
@@ -127,7 +123,7 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
             desk.session.listeners.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
             await over(await faster(here, desk))
 
-    run(check())
+    asyncio.run(check())
     assert steps.index("disk applying") < steps.index("sent 8c", steps.index("disk applying"))
     record = steps[: steps.index("disk applying")]
     assert "disk asking" not in record
@@ -298,7 +294,7 @@ def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again
         assert there.device.baud == 115_200
         assert files(tmp_path) == []
 
-    run(check())
+    asyncio.run(check())
 
 
 def rollback_state(http: Client) -> str:
