@@ -87,6 +87,14 @@ def find() -> Path | None:
     return next((path for path in _candidates() if version(path)), None)
 
 
+def required() -> Path:
+    """A Chromium that is on this machine; the program ends if there is none."""
+    path = find()
+    if path is None:
+        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    return path
+
+
 def provide(say: Callable[[str], None]) -> Path | None:
     """A Chromium, downloaded if necessary; `say` is called with one line per step."""
     if path := find():

@@ -14,7 +14,6 @@ Safety (idtp_mixed.py writes a file). A frame alone, as a live stream has them, 
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 import zlib
@@ -27,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 
 from imuscope.protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
 from imuscope.protocols.registry import PROTOCOLS  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 CHUNK = 1 << 20
 PASSES = 25
@@ -85,10 +84,9 @@ def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--protocol", required=True, choices=sorted(PROTOCOLS))
     parser.add_argument("--size", type=float, default=16, help="megabytes to decode in a pass")
-    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
     parser.add_argument("file", type=Path)
     arguments = parser.parse_args()
     figures = measure(arguments.protocol, arguments.file, int(arguments.size * 1e6))

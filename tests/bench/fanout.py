@@ -31,7 +31,7 @@ sys.path.insert(0, str(ROOT))
 
 from imuscope.server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
-from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.report import options_of, percentile, report  # noqa: E402
 from tests.bench.serial_device import Feed, must_be_live  # noqa: E402
 from tests.server_process import ServerProcess, tied  # noqa: E402
 
@@ -168,11 +168,10 @@ async def measure(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Fan-out to many browsers, against a bare relay.")
+    parser = options_of("Fan-out to many browsers, against a bare relay.")
     parser.add_argument("--clients", type=int, default=50)
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--seconds", type=float, default=15)
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     report("fanout", asyncio.run(measure(parser.parse_args())))
 
 

@@ -11,7 +11,6 @@ must be 1, 2, 3 … without a hole and without a repetition. With --sessions 100
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import os
 import signal
@@ -29,7 +28,7 @@ import zenoh
 
 from imuscope.server.extensions.fleet.access import RouterSettings
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
-from tests.bench.report import report
+from tests.bench.report import options_of, report
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
@@ -180,11 +179,10 @@ def metric(url: str, name: str) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = options_of(__doc__.split("\n")[0])
     parser.add_argument("--robots", type=int, default=1000)
     parser.add_argument("--sessions", type=int, default=1000, help="of Zenoh, shared by the robots")
     parser.add_argument("--seconds", type=float, default=30.0, help="of the steady part")
-    parser.add_argument("--save", action="store_true", help="store the figures in results/")
     options = parser.parse_args()
     address = f"tcp/127.0.0.1:{free_port()}"
     found: dict[str, Any] = {"robots": options.robots, "sessions": options.sessions}

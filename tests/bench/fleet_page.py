@@ -27,7 +27,6 @@ it gives to a page that shows nothing, at the same time.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -39,7 +38,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 from tests.bench.ten_panels import processor_time  # noqa: E402
 from tests.server_process import tied  # noqa: E402
 
@@ -111,14 +110,11 @@ def measured(page: Page, seconds: float, script: str) -> dict[str, float]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Frames of the fleet page.")
+    parser = options_of("Frames of the fleet page.")
     parser.add_argument("--robots", type=int, default=1000)
     parser.add_argument("--seconds", type=float, default=10.0, help="length of each measurement")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     command = tied([sys.executable, "-m", "tests.extensions.fleet.synthetic_fleet", "--robots", str(options.robots)])
     found: dict[str, dict[str, float]] = {}
     with (

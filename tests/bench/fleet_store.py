@@ -49,7 +49,7 @@ from imuscope.server.extensions.fleet.query import run_query  # noqa: E402
 from imuscope.server.extensions.fleet.store import location  # noqa: E402
 from imuscope.server.extensions.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
 from imuscope.server.extensions.fleet.upload import upload  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 DAYS, MONTH = 365, 31
 START = dt.date(2025, 1, 1)
@@ -157,10 +157,9 @@ def commanded(folder: Path) -> None:
 
 def main() -> None:
     """Measure, and report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options_of(__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=int, default=100_000)
     parser.add_argument("--record-s", type=float, default=300.0, help="length of the recording that is uploaded")
-    parser.add_argument("--save", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="imuscope-") as name:
         folder = Path(name)

@@ -33,7 +33,7 @@ from imuscope.server.wire import HEADER, SUBPROTOCOL
 from imuscope.server.wire.frames import OPCODE_SAMPLES
 from tests.bench.cpu import seconds_of
 from tests.bench.fanout import FanoutReader, bare
-from tests.bench.report import percentile, report
+from tests.bench.report import options_of, percentile, report
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
@@ -176,12 +176,11 @@ async def measure(options: argparse.Namespace) -> dict[str, Any]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = options_of(__doc__.split("\n")[0])
     parser.add_argument("--robots", type=int, default=50)
     parser.add_argument("--browsers", type=int, default=20)
     parser.add_argument("--rate", type=float, default=1000, help="samples/s of each robot")
     parser.add_argument("--seconds", type=float, default=15)
-    parser.add_argument("--save", action="store_true", help="store the figures in results/")
     report("fleet-streams", asyncio.run(measure(parser.parse_args())))
 
 

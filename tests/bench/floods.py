@@ -12,7 +12,6 @@ would alone. Budget: an answer within a second of a machine that nobody else use
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -26,7 +25,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests.bench.flood_latency import WITHIN_S, FloodLatency, lateness_s  # noqa: E402
 from tests.bench.memory import resident_mb  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 from tests.fault_injection.beside import Watched, watched  # noqa: E402
 from tests.fault_injection.floods import FLOODS  # noqa: E402
 
@@ -54,10 +53,9 @@ def measure(there: Watched, name: str) -> dict[str, Any]:
 
 def main() -> int:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Beside each flood: answers, and the recording of another device.")
+    parser = options_of("Beside each flood: answers, and the recording of another device.")
     parser.add_argument("--seconds", type=float, default=20, help="of each flood")
     parser.add_argument("--only", nargs="*", choices=FLOODS, default=list(FLOODS), help="these floods")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
     floods = {}
     with tempfile.TemporaryDirectory() as folder, watched(Path(folder)) as there:

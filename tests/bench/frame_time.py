@@ -10,7 +10,6 @@ Budget: script p95 at most 3 ms, at least 45 frames/s in software rendering.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import re
@@ -26,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 YARDSTICK = """async () => {
   const [charts, series, points, frames] = [6, 3, 100_000, 40];
@@ -83,12 +82,9 @@ def vite() -> Iterator[str]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Cost of a frame with 1.8 million points in view.")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    parser = options_of("Cost of a frame with 1.8 million points in view.")
     parser.parse_args()
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     with vite() as address, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
         page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()

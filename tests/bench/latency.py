@@ -14,7 +14,6 @@ Budget: p99 at most 20 ms at 2 kHz, for one to four clients.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import pty
@@ -35,7 +34,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
 from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.report import options_of, percentile, report  # noqa: E402
 from tests.server_process import ServerProcess, tied  # noqa: E402
 
 SETTLE_S = 4.0
@@ -157,16 +156,13 @@ def bare(rate: float, seconds: float) -> dict[str, float]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Latency from a pseudo-terminal to the page's worker.")
+    parser = options_of("Latency from a pseudo-terminal to the page's worker.")
     parser.add_argument("--clients", type=int, nargs="*", default=[1, 2, 4])
     parser.add_argument("--pages", type=int, default=1, help="so many of the clients are pages on this machine")
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--seconds", type=float, default=10)
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
         rows = []

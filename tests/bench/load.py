@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import sys
 import tempfile
 import time
@@ -40,7 +39,7 @@ from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from tests import load_clients  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import Memory  # noqa: E402
-from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.report import options_of, percentile, report, status_of  # noqa: E402
 from tests.bench.serial_devices import Speakers, frames, heard_in, numbered  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
@@ -230,23 +229,20 @@ def verdict(out: dict[str, Any]) -> dict[str, bool]:
 
 def main() -> int:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Devices, browsers, a recording and an export at once.")
+    parser = options_of("Devices, browsers, a recording and an export at once.")
     parser.add_argument("--devices", type=int, default=4)
     parser.add_argument("--clients", type=int, default=20)
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--memory-mb", type=int, default=64, help="of history; full after a minute at 4 × 2 kHz")
     parser.add_argument("--disturb", action="store_true", help="a stalled, a slow and a flooding client")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
     out = measure(options)
     kept = verdict(out)
     asked = {name: getattr(options, name) for name in ("devices", "clients", "rate", "minutes", "memory_mb", "disturb")}
     name = "load-disturbed" if options.disturb else "load" if options.clients == 20 else f"load-{options.clients}"
     report(name, {**asked, **out, "budget": BUDGET, "verdict": kept})
-    if not all(kept.values()):
-        print(json.dumps([promise for promise, ok in kept.items() if not ok]), file=sys.stderr)
-    return int(not all(kept.values()))
+    return status_of(kept)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench.load import Api  # noqa: E402
-from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.report import options_of, percentile, report, status_of  # noqa: E402
 from tests.bench.serial_devices import Speakers, heard_in  # noqa: E402
 from tests.load_clients import Good  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
@@ -152,21 +152,18 @@ def verdict(out: dict[str, Any]) -> dict[str, bool]:
 
 def main() -> int:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Devices, a recording and a page beside busy loops.")
+    parser = options_of("Devices, a recording and a page beside busy loops.")
     parser.add_argument("--devices", type=int, default=3)
     parser.add_argument("--rate", type=float, default=400)
     parser.add_argument("--loops", type=int, default=5)
     parser.add_argument("--cores", type=int, default=0, help="everything on so many cores; 0: all")
     parser.add_argument("--minutes", type=float, default=10)
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
     out = measure(options)
     kept = verdict(out)
     asked = {name: getattr(options, name) for name in ("devices", "rate", "loops", "cores", "minutes")}
     report("overload", {**asked, **out, "budget": BUDGET, "verdict": kept})
-    if not all(kept.values()):
-        print(json.dumps([promise for promise, ok in kept.items() if not ok]), file=sys.stderr)
-    return int(not all(kept.values()))
+    return status_of(kept)
 
 
 if __name__ == "__main__":

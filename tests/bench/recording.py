@@ -15,7 +15,6 @@ Budget: at most 3 % of a core at 2 kHz; at most 20 ms lost.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import signal
@@ -31,7 +30,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests.bench import serial_device as feeding  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 from tests.bench.tcp_device import TcpDevice  # noqa: E402
 from tests.server.recorder_harness import chunks, flowing, recorded  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
@@ -119,12 +118,11 @@ def killed(times: int) -> list[float]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = options_of(__doc__.splitlines()[0])
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--seconds", type=float, default=4)
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--kills", type=int, default=5)
-    parser.add_argument("--save", action="store_true")
     given = parser.parse_args()
     found = cost(given.rate, given.seconds, given.turns)
     yardstick = bare(given.rate, given.seconds)

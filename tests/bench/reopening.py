@@ -22,7 +22,6 @@ Budgets (design, section 9): first ≤ 4 s, started, again and pointed ≤ 0.3 s
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import tempfile
@@ -38,7 +37,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
 from tests.bench.opening import make  # noqa: E402
-from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.report import options_of, percentile, report  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
 NAME = "hour"
@@ -188,18 +187,15 @@ def measure(data: Path, times: int, open_page: Callable[[ServerProcess], Page]) 
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Opening a long recording again, as a person sees it.")
+    parser = options_of("Opening a long recording again, as a person sees it.")
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--times", type=int, default=7)
     parser.add_argument(
         "--data", type=Path, help="a data folder to use again, with hour.mcap in its library or without"
     )
     parser.add_argument("--requests", action="store_true", help="tell the requests of the last opening, too")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     wish = parser.parse_args()
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         data = wish.data or Path(folder)
         file = data / "recordings" / f"{NAME}.mcap"

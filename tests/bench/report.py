@@ -6,6 +6,7 @@ a reader needs to judge it: the kind of machine, the date, the versions of what 
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
@@ -48,6 +49,20 @@ def versions(extra: Mapping[str, str] | None = None) -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return {**found, **(extra or {})}
+
+
+def options_of(description: str, **more: Any) -> argparse.ArgumentParser:
+    """The command line of a benchmark, with `--save`."""
+    parser = argparse.ArgumentParser(description=description, **more)
+    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    return parser
+
+
+def status_of(kept: Mapping[str, bool]) -> int:
+    """Exit status of a benchmark: 1 if a promise was not kept, each of which is printed."""
+    if broken := [promise for promise, ok in kept.items() if not ok]:
+        print(json.dumps(broken), file=sys.stderr)
+    return int(bool(broken))
 
 
 def report(name: str, figures: Mapping[str, Any], *, extra_versions: Mapping[str, str] | None = None) -> None:

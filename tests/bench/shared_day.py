@@ -12,7 +12,6 @@ the holder ends.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import os
@@ -37,7 +36,7 @@ from imuscope.server.holder.settings import HolderSettings  # noqa: E402
 from imuscope.server.holder.shares import ShareAddress  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import resident_mb  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 from tests.bench.shared_port import Terminal  # noqa: E402
 from tests.free_ports import free_port  # noqa: E402
 
@@ -209,11 +208,10 @@ def descriptors(pid: int) -> int:
 
 def main() -> int:
     """The command line; exit status 1 if something was lost or has grown."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--minutes", type=float, default=5.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
     options = parser.parse_args()
     seen: Counter[str] = Counter()
     faults: list[str] = []

@@ -37,7 +37,7 @@ from imuscope.server.holder.settings import HolderSettings  # noqa: E402
 from imuscope.server.holder.shares import ShareAddress  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import resident_mb  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 SIZE = 60  # bytes of a frame
 STAMP = struct.Struct("<q")
@@ -131,10 +131,9 @@ def figures(device: Terminal, pid: int, driver: int, options: argparse.Namespace
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--rate", type=float, default=2000.0)
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
     options = parser.parse_args()
     found: dict[str, Any] = {"rate": options.rate}
     with tempfile.TemporaryDirectory() as folder:

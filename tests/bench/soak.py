@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import os
 import re
 import subprocess
@@ -38,7 +37,7 @@ from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Pro
 from tests import load_clients  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import curve, resident_mb  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report, status_of  # noqa: E402
 from tests.bench.serial_devices import frames, numbered  # noqa: E402
 from tests.server_process import tied  # noqa: E402
 
@@ -208,9 +207,7 @@ async def page_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> 
 
     from tests import chromium
 
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     rss: list[tuple[float, float]] = []
     heap: list[tuple[float, float]] = []
     nodes: list[int] = []
@@ -275,7 +272,7 @@ def renderers() -> list[int]:
 
 def main() -> int:
     """The command line."""
-    parser = argparse.ArgumentParser(description="A day of 2 kHz, in minutes.")
+    parser = options_of("A day of 2 kHz, in minutes.")
     parser.add_argument("what", choices=("server", "page"))
     parser.add_argument("--hours", type=float, default=24)
     parser.add_argument("--minutes", type=float, default=10, help="at most, of our time")
@@ -283,7 +280,6 @@ def main() -> int:
         "--speed", type=float, default=0, help="at most so many times faster than our time; 0: no bound"
     )
     parser.add_argument("--memory-mb", type=int, default=64, help="of history")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     parser.add_argument("--serve", dest="data", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.data is not None:
@@ -301,9 +297,7 @@ def main() -> int:
     flat = flat and out.get("heap", {}).get("mb_per_h", 0.0) <= FLAT_MB_PER_H["heap"]
     kept = {"flat": flat, "nothing_lost": out["lost_samples"] == 0, "no_page_errors": not out.get("page_errors")}
     report(f"soak-{options.what}", {"rate_hz": RATE, **out, "budget": {"mb_per_h": FLAT_MB_PER_H}, "verdict": kept})
-    if not all(kept.values()):
-        print(json.dumps([promise for promise, ok in kept.items() if not ok]), file=sys.stderr)
-    return int(not all(kept.values()))
+    return status_of(kept)
 
 
 if __name__ == "__main__":

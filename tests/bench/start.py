@@ -11,7 +11,6 @@ Budget: 2 s; the very first start 3 s until the page is served and 12 s until th
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -26,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
 USABLE = "window.imuscope?.store.channels.value.some(channel => channel.ring.length > 10)"
@@ -60,12 +59,9 @@ def importing() -> float:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Start to page usable, and the page's weight.")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    parser = options_of("Start to page usable, and the page's weight.")
     parser.parse_args()
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # as on a machine that is not set up to build images
     with tempfile.TemporaryDirectory() as data, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)

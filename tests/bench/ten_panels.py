@@ -15,7 +15,6 @@ Budget: at least 45 frames/s on a machine that does nothing else. `load` says ho
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -32,7 +31,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
 from tests.bench.opening import make  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
 PANELS = ("xy", "histogram", "spectrum", "notes")
@@ -111,14 +110,11 @@ def of_live(page: Page, url: str, seconds: float) -> dict[str, Any]:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Frames of a page with ten panels.")
+    parser = options_of("Frames of a page with ten panels.")
     parser.add_argument("--minutes", type=float, default=60.0, help="length of the recording")
     parser.add_argument("--seconds", type=float, default=15.0, help="length of each measurement")
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         (Path(folder) / "recordings").mkdir()
         make(Path(folder) / "recordings" / "hour.mcap", options.minutes)

@@ -31,7 +31,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests.bench import serial_device as feeding  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
-from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.report import options_of, percentile, report  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 from tests.viser_client import looking, turns  # noqa: E402
 
@@ -95,9 +95,8 @@ async def watched(url: str, viewers: int, server: int, seconds: float) -> dict[s
 
 def main() -> None:
     """Measure, print, keep."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = options_of(__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--seconds", type=float, default=10.0)
-    options.add_argument("--save", action="store_true")
     seconds = options.parse_args().seconds
     whole = 3 * (seconds + SETTLE_S) + 40
     with (

@@ -438,9 +438,7 @@ def questions(studio: Studio) -> None:
 
 def main() -> None:
     """The command line."""
-    path = chromium.find()
-    if path is None:
-        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    path = chromium.required()
     wanted = sys.argv[1:] or list(PAINTERS)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
