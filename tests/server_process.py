@@ -6,6 +6,7 @@ and so takes the next run's pseudo-terminal, which has the same name, before the
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import ssl
@@ -19,6 +20,7 @@ from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from tests.fork_server import Child, ForkServer
 from tests.timeouts import PATIENCE_S
@@ -177,6 +179,13 @@ class ServerProcess:
     def log(self) -> str:
         """Everything printed so far."""
         return "".join(self.lines)
+
+    def ask(self, method: str, path: str, body: Any = None) -> Any:
+        """One request to its API, the answer read from JSON."""
+        content, head = None if body is None else json.dumps(body).encode(), {"content-type": "application/json"}
+        request = urllib.request.Request(f"{self.url.rstrip('/')}{path}", content, head, method=method)
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            return json.loads(answer.read() or b"null")
 
     def stop(self) -> int:
         """End the process, kindly first. Returns its exit status."""

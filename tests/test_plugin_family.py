@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -97,13 +96,6 @@ def run(own: ForkServer | None) -> Run:
     return run
 
 
-def ask(server: ServerProcess, path: str, body: Any = None) -> Any:
-    data = None if body is None else json.dumps(body).encode()
-    request = urllib.request.Request(f"{server.url.rstrip('/')}{path}", data, {"content-type": "application/json"})
-    with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
-        return json.load(answer)
-
-
 def eventually(look: Callable[[], Any]) -> Any:
     """Result of `look` once it is true."""
     return block_until(look, "a result")
@@ -123,11 +115,13 @@ def test_packets_of_others_are_read_and_made_again(family: ProtocolInfo, vector:
 
 def test_it_is_shown_live_and_identified(server: ServerProcess) -> None:
     device = eventually(
-        lambda: next((one for one in ask(server, "/api/devices") if one["product"] and one["status"] == "live"), None)
+        lambda: next(
+            (one for one in server.ask("GET", "/api/devices") if one["product"] and one["status"] == "live"), None
+        )
     )
     assert (device["protocol"], device["product"]) == ("mip", "3DM-GX5-45")
     assert (device["serial_number"], device["firmware"]) == ("6251.70000", "1.1.21")
-    [told] = [one for one in ask(server, "/api/capabilities")["protocols"] if one["name"] == "mip"]
+    [told] = [one for one in server.ask("GET", "/api/capabilities")["protocols"] if one["name"] == "mip"]
     assert (told["short"], told["simulator"], told["plots"][0]) == ("MIP", True, "Acceleration")
     channels: set[str] = set()
     with connect(f"{server.url.rstrip('/').replace('http', 'ws', 1)}/ws", subprotocols=["imuscope.v1"]) as connection:  # type: ignore[list-item]
@@ -138,8 +132,8 @@ def test_it_is_shown_live_and_identified(server: ServerProcess) -> None:
 
 
 def test_its_frames_are_shown_byte_by_byte(server: ServerProcess) -> None:
-    [held] = eventually(lambda: [one for one in ask(server, "/api/recorder/memory") if one["t1"] - one["t0"] > 1])
-    view = ask(server, f"/api/devices/1/frames?time={held['t1'] - 0.5}&kind=frame")
+    [held] = eventually(lambda: [one for one in server.ask("GET", "/api/recorder/memory") if one["t1"] - one["t0"] > 1])
+    view = server.ask("GET", f"/api/devices/1/frames?time={held['t1'] - 0.5}&kind=frame")
     frame = view["packets"][view["at"]]
     assert (view["protocol"], frame["hex"][:4]) == ("mip", "7565")
     assert [part["label"] for part in frame["spans"]][:1] == ["sync"]
@@ -150,28 +144,28 @@ def test_its_frames_are_shown_byte_by_byte(server: ServerProcess) -> None:
 
 
 def test_a_setting_is_written_and_read_back_on_the_page(server: ServerProcess) -> None:
-    eventually(lambda: [one for one in ask(server, "/api/devices") if one["status"] == "live"])
-    forms = ask(server, "/api/devices/1/forms")
+    eventually(lambda: [one for one in server.ask("GET", "/api/devices") if one["status"] == "live"])
+    forms = server.ask("GET", "/api/devices/1/forms")
     assert [setting["name"] for setting in forms["settings"]] == [SETTING]
     wanted = {"roll": 0.5, "pitch": -0.25, "yaw": 1.0}
-    ask(server, "/api/devices/1/apply", {"changes": {SETTING: wanted}, "confirmed": True})
-    eventually(lambda: ask(server, "/api/devices/1/values")["values"].get(SETTING) == wanted)
+    server.ask("POST", "/api/devices/1/apply", {"changes": {SETTING: wanted}, "confirmed": True})
+    eventually(lambda: server.ask("GET", "/api/devices/1/values")["values"].get(SETTING) == wanted)
 
 
 def test_an_option_of_its_own_is_offered_wherever_options_are(server: ServerProcess, run: Run) -> None:
-    [told] = [one for one in ask(server, "/api/capabilities")["protocols"] if one["name"] == "mip"]
+    [told] = [one for one in server.ask("GET", "/api/capabilities")["protocols"] if one["name"] == "mip"]
     [offered] = told["options"]
     assert (offered["name"], offered["kind"], offered["default"]) == ("timestamps", "choice", "device")
     assert [choice["value"] for choice in offered["choices"]] == ["device", "arrival"]
-    fields = ask(server, "/openapi.json")["components"]["schemas"]["AddDeviceRequest"]["properties"]
+    fields = server.ask("GET", "/openapi.json")["components"]["schemas"]["AddDeviceRequest"]["properties"]
     assert fields["timestamps"]["enum"] == ["", "device", "arrival"]
     assert "--timestamps {device,arrival}" in run("decode", "--help")
     assert "timestamps=" in run("serve", "--help")
-    changed = ask(server, "/api/devices/1/decode-options", {"timestamps": "arrival"})
+    changed = server.ask("POST", "/api/devices/1/decode-options", {"timestamps": "arrival"})
     assert changed["decode_options"] == {"timestamps": "arrival"}
     with pytest.raises(HTTPError, match="422"):
-        ask(server, "/api/devices/1/decode-options", {"timestamps": "moon"})
-    assert ask(server, "/api/devices/1/decode-options", {"timestamps": ""})["decode_options"] == {}
+        server.ask("POST", "/api/devices/1/decode-options", {"timestamps": "moon"})
+    assert server.ask("POST", "/api/devices/1/decode-options", {"timestamps": ""})["decode_options"] == {}
 
 
 def test_its_decoder_has_the_option_of_a_source_and_of_a_recording(

@@ -132,11 +132,6 @@ def run(own: ForkServer | None) -> Callable[..., str]:
     return run
 
 
-def ask(server: ServerProcess, path: str) -> Any:
-    with urllib.request.urlopen(f"{server.url.rstrip('/')}{path}", timeout=PATIENCE_S) as answer:
-        return json.load(answer)
-
-
 def test_the_command_line_lists_and_writes_the_format(run: Callable[..., str], tmp_path: Path) -> None:
     assert ".names (Names)" in " ".join(run("decode", "--help").split())
     capture = tmp_path / "capture.bin"
@@ -151,7 +146,7 @@ def test_the_command_line_lists_the_link(run: Callable[..., str]) -> None:
 
 
 def test_the_server_offers_both_and_the_page_is_told(server: ServerProcess) -> None:
-    told = ask(server, "/api/capabilities")
+    told = server.ask("GET", "/api/capabilities")
     [names] = [one for one in told["exports"] if one["name"] == "names"]
     assert (names["title"], names["words"], names["single"]) == ("Names", "names of the channels", False)
     [repeat] = [one for one in told["links"] if one["name"] == "repeat"]
@@ -168,11 +163,11 @@ def test_the_command_line_lists_and_runs_the_analysis(run: Callable[..., str], t
 
 
 def test_the_server_runs_the_analysis(server: ServerProcess) -> None:
-    assert [one["name"] for one in ask(server, "/api/analysis")] == [
+    assert [one["name"] for one in server.ask("GET", "/api/analysis")] == [
         *("statistics", "histogram", "expression", "intervals", "psd", "spectrogram", "allan"),
         "above",
     ]
-    block_until(lambda: ask(server, "/api/devices")[0]["status"] == "live", "a live device")
+    block_until(lambda: server.ask("GET", "/api/devices")[0]["status"] == "live", "a live device")
     body = json.dumps({"source": "1", "signals": ["PacketCounter"], "options": {"level": -1}}).encode()
     request = urllib.request.Request(
         f"{server.url.rstrip('/')}/api/analysis/above", body, {"content-type": "application/json"}
@@ -193,7 +188,7 @@ def test_the_server_runs_the_analysis(server: ServerProcess) -> None:
 def test_a_device_is_live_over_the_link(server: ServerProcess) -> None:
 
     def device() -> Any:
-        return next((one for one in ask(server, "/api/devices") if one["status"] == "live"), None)
+        return next((one for one in server.ask("GET", "/api/devices") if one["status"] == "live"), None)
 
     found = block_until(device, "a live device")
     assert (found["link"], found["protocol"]) == ("repeat", "xbus")

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-import urllib.request
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,7 +21,6 @@ from tests.browser.page_checks import DESKTOP, PHONE, SILENT, show
 from tests.chromium import until
 from tests.conftest import READY
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
 from tests.wire_scenes import RATE, yard_loop
 
 OPEN = "window.imuscopeReplay !== undefined"
@@ -33,14 +30,6 @@ NOTES = "document.querySelector('[data-panel=notes]')"
 NOTES_TEXT = f"{NOTES}?.querySelector('.notes-text')?.innerText"
 CURVES = "document.querySelectorAll('dialog[open] path.trace').length"
 FIRST = "document.querySelector('.recording-list tbody tr b a')"
-
-
-def ask(server: ServerProcess, method: str, path: str, body: Any = None) -> Any:
-    """One request to the server's API, its answer read from JSON."""
-    content = None if body is None else json.dumps(body).encode()
-    request = urllib.request.Request(server.url + path, content, {"content-type": "application/json"}, method=method)
-    with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
-        return json.loads(answer.read() or b"null")
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +81,7 @@ def test_from_the_record_button_to_the_list(
     assert page.evaluate("window.imuscope.store.recorder.value.running")  # another page stops nothing
     page.keyboard.press("Shift+R")
     until(page, f"!window.imuscope.store.recorder.value.running && {FIRST} !== null")
-    [info] = ask(server, "GET", "/api/recordings")
+    [info] = server.ask("GET", "/api/recordings")
     assert info["markers"] == 1
     assert info["notes"].startswith("Start of the run [")
     page.evaluate(f"{FIRST}.click()")
@@ -138,12 +127,12 @@ def zoom_and_scrub(recorded: ServerProcess, page: Page) -> None:
 
 
 def read_at_every_zoom(recorded: ServerProcess, page: Page) -> None:
-    [info, *_] = ask(recorded, "GET", "/api/recordings")
-    detail = ask(recorded, "GET", f"/api/recordings/{info['id']}")
+    [info, *_] = recorded.ask("GET", "/api/recordings")
+    detail = recorded.ask("GET", f"/api/recordings/{info['id']}")
     t = detail["t0"] + 0.6 * (detail["t1"] - detail["t0"])
     channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
     path = f"/api/recordings/{info['id']}/query?channel={channel['id']}&t0={t - 0.05}&t1={t}&format=json"
-    table = ask(recorded, "GET", path)["columns"]
+    table = recorded.ask("GET", path)["columns"]
     want = table["x"][-1]
     page.evaluate("t => window.imuscopeReplay.seek(t)", t)
     read = """() => {
@@ -206,10 +195,10 @@ def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
     until(page, "document.querySelector('.plot .legend .series-value').textContent.match(/^Δ [−0-9.]+$/) !== null")
     mean = "[...document.querySelectorAll('.values-table td.num')].slice(0, 12).map(cell => cell.textContent)"
     until(page, f"{mean}.every(text => /[0-9]/.test(text))")
-    [info, *_] = ask(recorded, "GET", "/api/recordings")
-    detail = ask(recorded, "GET", f"/api/recordings/{info['id']}")
+    [info, *_] = recorded.ask("GET", "/api/recordings")
+    detail = recorded.ask("GET", f"/api/recordings/{info['id']}")
     channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
-    columns = ask(recorded, "GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")["columns"]
+    columns = recorded.ask("GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")["columns"]
     x, z = (sum(columns[axis]) / len(columns[axis]) for axis in "xz")
     shown = [float(text.replace("−", "-")) for text in page.evaluate(mean)]
     assert shown[1] == pytest.approx(x, abs=0.01)
@@ -274,9 +263,9 @@ def play_as_a_device(recorded: ServerProcess, page: Page) -> None:
     until(page, "!location.hash.includes('recordings') && window.imuscope.store.devices.value.length > 1")
     until(page, READY)
     page.context.close()  # it may still be requesting the previous range
-    for one in ask(recorded, "GET", "/api/devices"):
+    for one in recorded.ask("GET", "/api/devices"):
         if not one["parent"] and one["source"] != SILENT:
-            ask(recorded, "DELETE", f"/api/devices/{one['id']}")
+            recorded.ask("DELETE", f"/api/devices/{one['id']}")
 
 
 def test_files_are_downloaded_added_refused_and_renamed(
@@ -305,13 +294,13 @@ def test_files_are_downloaded_added_refused_and_renamed(
     field.fill("battery pulled")
     field.press("Enter")
     until(page, "document.querySelector('.recording-list').innerText.includes('battery pulled')")
-    assert any(one["file"] == "battery pulled.mcap" for one in ask(recorded, "GET", "/api/recordings"))
+    assert any(one["file"] == "battery pulled.mcap" for one in recorded.ask("GET", "/api/recordings"))
     page.evaluate("location.hash = '#/recordings/battery%20pulled'")
     until(page, DRAWN)
     until(page, "document.querySelector('.band.warning')?.innerText.includes('torn off')")
     page.context.close()  # before it would miss what is deleted
     for name in ("battery%20pulled", "other"):
-        ask(recorded, "DELETE", f"/api/recordings/{name}")
+        recorded.ask("DELETE", f"/api/recordings/{name}")
 
 
 def download_the_whole(page: Page) -> bytes:

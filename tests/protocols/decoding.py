@@ -10,6 +10,12 @@ import numpy as np
 from imuscope.protocols.events import Batch, Event
 
 
+def run(device: Any, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
+    """Everything that a simulated device sends in some seconds."""
+    times = range(int(begin * 1e9), int((begin + seconds) * 1e9) + 1, tick_ns)
+    return b"".join(device.advance(now) for now in times)
+
+
 def decode_chunks(decoder: Any, chunks: Iterable[tuple[int, bytes]], *, stalled: bool = True) -> list[Event]:
     """All events of chunks.
 

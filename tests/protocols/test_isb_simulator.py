@@ -21,14 +21,9 @@ from imuscope.protocols.isb.simulator.device import BOOT_NS, IsbSimulator
 from imuscope.protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
 from imuscope.protocols.simulator import trajectory
 from tests.each_row import each_row
-from tests.protocols.decoding import column, decode_chunks
+from tests.protocols.decoding import column, decode_chunks, run
 
 S = 10**9
-
-
-def run(device: IsbSimulator, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
-    times = range(int(begin * S), int((begin + seconds) * S) + 1, tick_ns)
-    return b"".join(device.advance(now) for now in times)
 
 
 def decode(data: bytes) -> list[Event]:

@@ -11,15 +11,9 @@ from imuscope.protocols.events import Event
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from tests.protocols.decoding import decode_chunks
+from tests.protocols.decoding import decode_chunks, run
 
 S = 10**9
-
-
-def run(device: XbusSimulator, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
-    """Everything that the device sends in some seconds."""
-    times = range(int(begin * S), int((begin + seconds) * S) + 1, tick_ns)
-    return b"".join(device.advance(now) for now in times)
 
 
 def decode(data: bytes) -> list[Event]:
