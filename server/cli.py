@@ -253,7 +253,7 @@ def _decode(options: argparse.Namespace) -> None:
 def _time(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
-    prepare_decoders(options.data, size_of(file))
+    warn_if_interpreted(size_of(file))
     from imuscope.server.commands.decoded import DecodedFileError
     from imuscope.server.commands.time import print_clocks
 

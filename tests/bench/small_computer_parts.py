@@ -32,7 +32,6 @@ SETTLE_S = 3.0  # after the first samples: detection, the device's identity, the
 RATE, DEVICES = 400.0, 3
 HOLDER_RATE, TOO_FAST = 2000.0, 2000.0
 HISTORY_S, HISTORY_SPEED = 600.0, 40.0
-CACHES = ("NUMBA_CACHE_DIR", "IMUSCOPE_NATIVE_CACHE")  # where compiled code would be found on the first start ever
 
 
 @dataclass(slots=True)
@@ -275,7 +274,7 @@ def holder(where: Place, seconds: float) -> dict[str, Any]:
 
 def start(where: Place, seconds: float) -> dict[str, Any]:
     """The first start ever: nothing compiled, an empty data folder."""
-    saved = {name: os.environ.pop(name, None) for name in (*CACHES, "PYTHONDONTWRITEBYTECODE")}
+    saved = {name: os.environ.pop(name, None) for name in ("PYTHONDONTWRITEBYTECODE",)}
     try:
         return asyncio.run(_start(where, seconds))
     finally:
