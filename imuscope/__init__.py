@@ -1,5 +1,53 @@
-"""imuscope: inertial sensors in a browser.
+"""imuscope: inertial sensors in a browser, and their recordings in Python.
 
-The folders of this package are links to those at the top level of the source: imuscope.server is server/. Nothing
-imports the bare names, which are too common: a robot has a `server` of its own.
+    import imuscope
+
+    with imuscope.open("drive.mcap") as recording:
+        rate = recording["Rate of turn"]
+        rate.time, rate.values                 # NumPy: unix s, (n, 3)
+        rate.to_pandas()                       # or to_arrow(), to_polars()
+        recording.analyse("allan", "Rate of turn")
+        recording.export("drive.csv")
+
+    with imuscope.connect("http://robot.local:8080") as live:
+        for batch in live.stream("Rate of turn"):
+            print(batch.time[-1], batch.values[-1])
+
+`imuscope.plugin` has the names for plug-ins. The folders of this package are links to those at the top level of the
+source: imuscope.server is server/. Nothing imports the bare names, which are too common: a robot has a `server` of its
+own.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from imuscope.live import Batch, LiveSignal, Server, connect
+    from imuscope.recording import Device, Event, ImuscopeError, Recording, Signal, open
+
+__all__ = [
+    "Batch",
+    "Device",
+    "Event",
+    "ImuscopeError",
+    "LiveSignal",
+    "Recording",
+    "Server",
+    "Signal",
+    "connect",
+    "open",
+]
+_OF_LIVE = ("Batch", "LiveSignal", "Server", "connect")
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is used: `imuscope --version` needs none of them."""
+    if name not in __all__:
+        raise AttributeError(f"module 'imuscope' has no attribute {name!r}")
+    return getattr(import_module("imuscope.live" if name in _OF_LIVE else "imuscope.recording"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "plugin"]

@@ -11,6 +11,7 @@ import difflib
 import math
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -93,11 +94,7 @@ def decode_file(
     Raises:
         DecodeError: decoding failed; no files are left behind.
     """
-    format, output = _format_of(out, with_position=part.with_position)
-    if not out.parent.is_dir():
-        raise DecodeError(f"folder not found: {out.parent}")
-    if out.exists() and out.samefile(path):
-        raise DecodeError("OUT is the input file; give another name")
+    _check_output(out, path, part)
     bar, rejected, clocks = Bar(notes), list[str](), list[str]()
     try:
         with tempfile.TemporaryDirectory(prefix=".decode-", dir=out.parent) as folder:
@@ -108,13 +105,7 @@ def decode_file(
             )
             clocks = time_sentences(columns)
             rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
-            request = _export_request(columns, path, part)
-            step = lambda share: bar.show(0.5 + share / 2)  # noqa: E731
-            if output is not None:
-                written = output.write(request, out, step, with_position=part.with_position)
-            else:
-                assert format is not None  # the suffix was checked
-                written = export(format, request, out, step)
+            written = _written(columns, path, out, part, lambda share: bar.show(0.5 + share / 2))
     except RecordingError as error:
         if rejected:
             raise DecodeError(rejected[0]) from None
@@ -126,6 +117,40 @@ def decode_file(
     for words in [*clocks, *rejected, *(damage.words for damage in source.damage[:5])]:
         print(f"imuscope: {printable(words)}", file=notes)
     return written
+
+
+def export_columns(columns: ColumnStore, path: Path, out: Path, part: DecodedPart) -> list[Path]:
+    """Write a part of an opened file; see `decode_file`.
+
+    Raises:
+        DecodeError: it is not possible; no files are left behind.
+    """
+    _check_output(out, path, part)
+    try:
+        return _written(columns, path, out, part, lambda _: None)
+    except RecordingError as error:
+        raise DecodeError(f"{error.message} {error.hint}".strip()) from None
+    except OSError as error:
+        raise DecodeError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
+
+
+def _check_output(out: Path, path: Path, part: DecodedPart) -> None:
+    _format_of(out, with_position=part.with_position)
+    if not out.parent.is_dir():
+        raise DecodeError(f"folder not found: {out.parent}")
+    if out.exists() and out.samefile(path):
+        raise DecodeError("OUT is the input file; give another name")
+
+
+def _written(
+    columns: ColumnStore, path: Path, out: Path, part: DecodedPart, step: Callable[[float], None]
+) -> list[Path]:
+    format, output = _format_of(out, with_position=part.with_position)
+    request = _export_request(columns, path, part)
+    if output is not None:
+        return output.write(request, out, step, with_position=part.with_position)
+    assert format is not None  # the suffix was checked
+    return export(format, request, out, step)
 
 
 def time_sentences(columns: ColumnStore) -> list[str]:

@@ -67,12 +67,21 @@ def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, no
     """
     try:
         with decoded(path, reading, notes) as store:
-            return _reports(store, path.name, request)
+            return reports_of(store, path.name, request)
     except DecodedFileError as error:
         raise AnalyseError(str(error)) from None
 
 
-def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:
+def reports_of(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:
+    """Analyse signals of an opened file.
+
+    Args:
+        name: of the file, for messages.
+
+    Raises:
+        AnalyseError: an option is not NAME=VALUE.
+        DecodedFileError, DomainError: the request cannot be fulfilled.
+    """
     analysis = analysis_named(request.analysis)
     chosen = {}
     for option in request.options:

@@ -1,0 +1,404 @@
+"""A recording, or any other file that imuscope opens, as arrays: `imuscope.open`.
+
+The file is decoded once into columns on disk, in a temporary folder that goes when the recording is closed; a signal
+reads no more of them than is asked of it.
+
+Times are unix s. Values have the type in which the device sent them; units and frames are beside them, not in the
+values. Nothing is interpolated, and nothing runs across a step of the clock unless you do that: `Signal.segments`.
+"""
+
+from __future__ import annotations
+
+import functools
+import shutil
+import tempfile
+import weakref
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
+    import pyarrow
+
+    from imuscope.recordings.column_store import ColumnStore
+
+Floats = NDArray[np.float64]
+
+
+class ImuscopeError(Exception):
+    """Something that cannot be opened, found, analysed or exported: one sentence, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """A device of a recording.
+
+    Args:
+        id: unique in the recording.
+        protocol: "xbus", "isb", "idtp", or "" of a file that is not of a device's bytes.
+    """
+
+    id: str
+    name: str
+    protocol: str
+    product: str
+    serial_number: str
+    firmware: str
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An event of a recording: a loss, a step of a clock, a reset, a note.
+
+    Args:
+        time: unix s.
+        device: id of the device; "" of the recording.
+        kind: one word: "gap", "clock", "reset" …
+        level: "info", "warning" or "error".
+        data: figures of it, by name.
+    """
+
+    time: float
+    device: str
+    kind: str
+    level: str
+    text: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Samples of one quantity of one device: all of them, or a range.
+
+    Args:
+        name: as the protocol's document has it, "RateOfTurn".
+        title: as the page shows it, "Rate of turn".
+        message: that carries it, "MTData2".
+        columns: a name for each column, ("x", "y", "z").
+        units: of each column; "" where it has none.
+        frame: of reference, "ENU from body"; "" where it has none or it is not known.
+        kind: "vector", "scalar", "quaternion", "status", "counter", "table" …
+        doc: what it is; source: the section of the document.
+        start, stop: rows of the recording.
+    """
+
+    device: Device
+    name: str
+    title: str
+    message: str
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    frame: str
+    kind: str
+    doc: str
+    source: str
+    start: int
+    stop: int
+    _store: ColumnStore
+    _channel: int
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    def __repr__(self) -> str:
+        units = ", ".join(dict.fromkeys(filter(None, self.units)))
+        return f"<Signal {self.title!r} of {self.device.name}: {len(self)} × {len(self.columns)} {units}".rstrip() + ">"
+
+    @functools.cached_property
+    def time(self) -> Floats:
+        """(n,) unix s: the device's clock, mapped to the host's; the arrival where a message has no device time."""
+        times = self._store.clock(self._channel, self.start, self.stop, "time")
+        return np.where(np.isnan(times), self.arrival, times)
+
+    @functools.cached_property
+    def arrival(self) -> Floats:
+        """(n,) unix s: when the bytes arrived at the host."""
+        return self._store.clock(self._channel, self.start, self.stop, "arrival")
+
+    @functools.cached_property
+    def values(self) -> NDArray[Any]:
+        """(n,) of one column, (n, columns) of several of one type; use `column` for those of different types."""
+        columns = [self.column(name) for name in self.columns]
+        return columns[0] if len(columns) == 1 else np.column_stack(columns)
+
+    def column(self, name: str | int) -> NDArray[Any]:
+        """(n,) one column, by its name or number.
+
+        Raises:
+            ImuscopeError: there is none of that name.
+        """
+        if name not in self.columns and not isinstance(name, int):
+            raise ImuscopeError(f"{self.title} has no column {name!r}; it has: {', '.join(self.columns)}")
+        at = name if isinstance(name, int) else self.columns.index(name)
+        parts = list(self._store.values(self._channel, at, self.start, self.stop))
+        return np.concatenate(parts) if parts else np.empty(0, self._store.shapes[self._channel].dtypes[at])
+
+    def between(self, begin_s: float, end_s: float) -> Signal:
+        """The samples from `begin_s` to `end_s`, seconds from the beginning of the recording, both included."""
+        origin = self._store.manifest["started"] or 0.0
+        lo, hi = self._store.between(self._channel, origin + begin_s, origin + end_s)
+        return self._part(max(lo, self.start), min(hi, self.stop))
+
+    def segments(self) -> list[Signal]:
+        """The signal in parts, cut where the clock was set or the device restarted: times rise within each."""
+        starts = self._store.manifest.get("segments", {}).get(self.device.id, ())
+        time = self._store.clock(self._channel, self.start, self.stop, "key")
+        cuts = [int(at) for at in np.searchsorted(time, starts)]
+        edges = [0, *sorted({cut for cut in cuts if 0 < cut < len(self)}), len(self)]
+        return [self._part(self.start + a, self.start + b) for a, b in pairwise(edges) if b > a]
+
+    def to_arrow(self) -> pyarrow.Table:
+        """A table with `time`, `arrival` and a column for each of this signal's; units and frame in its metadata."""
+        import pyarrow as pa
+
+        arrays = [self.time, self.arrival, *(self.column(k) for k in range(len(self.columns)))]
+        units = ("s", "s", *self.units)
+        names = ("time", "arrival", *_distinct(self.columns))
+        fields = [
+            pa.field(name, pa.from_numpy_dtype(array.dtype), metadata={"unit": unit} if unit else None)
+            for name, array, unit in zip(names, arrays, units, strict=True)
+        ]
+        about = {"name": self.name, "title": self.title, "device": self.device.name, "frame": self.frame}
+        schema = pa.schema(fields, metadata={key: value for key, value in about.items() if value})
+        return pa.table([pa.array(array) for array in arrays], schema=schema)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table in pandas, with the time as its index, UTC."""
+        frame = self.to_arrow().to_pandas()
+        frame.index = _pandas().to_datetime(frame.pop("time"), unit="s", utc=True)
+        return frame
+
+    def to_polars(self) -> polars.DataFrame:
+        """The table in Polars."""
+        try:
+            import polars
+        except ImportError:
+            raise ImuscopeError("Polars is not installed: pip install polars.") from None
+        return polars.from_arrow(self.to_arrow())
+
+    def _part(self, start: int, stop: int) -> Signal:
+        fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return Signal(**{**fields, "start": start, "stop": max(start, stop)})
+
+
+class Recording:
+    """An opened file. Close it, or use it in `with`: its columns are in a temporary folder.
+
+    Attributes:
+        path: of the file.
+        devices: in the order of the file.
+        signals: of all devices.
+        events: in the order of time.
+        start, end: unix s of the first and the last sample; None in a file without samples.
+        clock: which clock is the time axis of a file that imuscope did not record, why, and how sure that is; {} of a
+            device's bytes, whose clock is known.
+    """
+
+    def __init__(self, path: Path, store: ColumnStore, folder: Path) -> None:
+        self.path = path
+        self._store = store
+        self._finalizer = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        manifest = store.manifest
+        self.start: float | None = manifest["started"]
+        self.end: float | None = manifest["ended"]
+        self.clock: Mapping[str, Any] = manifest.get("time") or {}
+        fields = ("id", "name", "protocol", "product", "serial_number", "firmware")
+        self.devices = tuple(Device(**{name: one[name] for name in fields}) for one in manifest["devices"])
+        by_id = {one.id: one for one in self.devices}
+        self.signals = tuple(
+            self._signal(info, by_id[info["device"]]) for info in manifest["channels"] if store.rows(info["id"])
+        )
+        self.events = tuple(
+            Event(one["time"], one["device"], one["kind"], one["level"], one["text"], one["data"])
+            for one in manifest["events"]
+            if "text" in one
+        )
+
+    def _signal(self, info: Mapping[str, Any], device: Device) -> Signal:
+        columns = info["columns"]
+        return Signal(
+            device=device,
+            name=info["name"],
+            title=info["title"],
+            message=info["message"],
+            columns=tuple(one["axis"] or one["name"] for one in columns),
+            units=tuple(one["unit"] for one in columns),
+            frame=info["frame"],
+            kind=info["kind"],
+            doc=info["doc"],
+            source=info["source"],
+            start=0,
+            stop=self._store.rows(info["id"]),
+            _store=self._store,
+            _channel=info["id"],
+        )
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[Signal]:
+        return iter(self.signals)
+
+    def __repr__(self) -> str:
+        lasts = f"{self.end - self.start:.3f} s" if self.start is not None and self.end is not None else "no samples"
+        devices = ", ".join(one.name for one in self.devices)
+        return f"<Recording {self.path.name}: {devices}; {len(self.signals)} signals, {lasts}>"
+
+    def __getitem__(self, name: str) -> Signal:
+        """The signal of this name or title; "DEVICE/NAME" where several devices have it.
+
+        Raises:
+            ImuscopeError: there is none, or several; the message lists them.
+        """
+        device, slash, own = name.rpartition("/")
+        named = [one for one in self.signals if name in (one.name, one.title)]
+        if not named and slash:
+            named = [one for one in self.signals if own in (one.name, one.title)]
+            named = [one for one in named if device in (one.device.id, one.device.name)]
+        if len(named) == 1:
+            return named[0]
+        if named:
+            several = ", ".join(f"{one.device.name}/{one.name}" for one in named)
+            messages = ", ".join(f"{one.message} of {one.device.name}" for one in named)
+            words = several if len({one.device.id for one in named}) == len(named) else f"from {messages}"
+            raise ImuscopeError(f"{self.path.name} has several signals {name!r}: {words}. Use `signals` to choose one.")
+        known = ", ".join(dict.fromkeys(one.title for one in self.signals))
+        raise ImuscopeError(f"{self.path.name} has no signal {name!r}; it has: {known or 'none'}")
+
+    def analyse(
+        self, analysis: str, *signals: str, begin_s: float = 0.0, end_s: float | None = None, **options: float | str
+    ) -> dict[str, dict[str, Any]]:
+        """Run an analysis of the page: "statistics", "psd", "allan" …; `imuscope analyse --help` lists them.
+
+        Args:
+            signals: names; none for all that it can be applied to.
+            begin_s, end_s: seconds from the beginning of the recording.
+            options: of the analysis, by name.
+
+        Returns:
+            figures by name of the signal, as `imuscope analyse --format json` has them.
+
+        Raises:
+            ImuscopeError: it is unknown, or does not apply.
+        """
+        from imuscope.server.commands.decoded import DecodedFileError
+        from imuscope.server.errors import DomainError
+        from imuscope.server.extensions.analysis.analyse import AnalyseError, AnalyseRequest, reports_of
+
+        texts = tuple(f"{name}={value}" for name, value in options.items())
+        request = AnalyseRequest(analysis, signals, begin_s, end_s, texts)
+        try:
+            return {report.name: dict(report.figures) for report in reports_of(self._store, self.path.name, request)}
+        except (AnalyseError, DecodedFileError) as error:
+            raise ImuscopeError(str(error)) from None
+        except DomainError as error:
+            raise ImuscopeError(f"{error.message} {error.hint}".strip()) from None
+
+    def export(
+        self,
+        out: str | Path,
+        *,
+        signals: Sequence[str] = (),
+        device: str = "",
+        begin_s: float = 0.0,
+        end_s: float | None = None,
+    ) -> list[Path]:
+        """Write a file that other programs read; its suffix selects the format, as of `imuscope decode`.
+
+        Args:
+            signals: names; none for all.
+            device: id; "" for all.
+            begin_s, end_s: seconds from the beginning of the recording.
+
+        Returns:
+            the files.
+
+        Raises:
+            ImuscopeError: the format is unknown, or the part is empty.
+        """
+        from imuscope.server.commands.decode import DecodedPart, DecodeError, export_columns
+
+        try:
+            part = DecodedPart(begin_s, end_s, device, tuple(self[name].name for name in signals))
+            return export_columns(self._store, self.path, Path(out), part)
+        except DecodeError as error:
+            raise ImuscopeError(str(error)) from None
+
+    def close(self) -> None:
+        """Remove the columns. Arrays that were read stay."""
+        self._finalizer()
+
+
+def open(
+    path: str | Path,
+    *,
+    protocol: str = "",
+    time_column: str = "",
+    time_unit: str = "",
+    rate: float = 0.0,
+    columns: Mapping[str, str] | None = None,
+    **options: str,
+) -> Recording:
+    """Open a recording of imuscope, a capture of a device's bytes, a table or a log of another program.
+
+    Args:
+        protocol: of a capture; "" to detect it.
+        time_column, time_unit, rate, columns: of a table, where the file does not say it: heading of the times; "ns",
+            "us", "ms" or "s"; samples a second where there are no times; headings in place of the file's.
+        options: decode options of the protocol, as on the command line.
+
+    Raises:
+        ImuscopeError: it cannot be opened; where its times can be read in two ways the message names the option.
+    """
+    from imuscope.recordings.importers import open_file
+    from imuscope.recordings.mcap_writer import RecordingError
+    from imuscope.recordings.table_options import TableOptions
+    from imuscope.server.devices.decode_options import DecodeOptions
+    from imuscope.server.devices.protocol_set import all_protocols
+    from imuscope.server.errors import DomainError
+    from imuscope.server.library.computed_signals import compute_signals
+    from imuscope.server.library.decode import decode
+
+    file = Path(path).expanduser()
+    if not file.exists():
+        raise ImuscopeError(f"{file} does not exist.")
+    reading = DecodeOptions(protocol, options, TableOptions(time_column, time_unit, None, rate, columns or {}))
+    folder = Path(tempfile.mkdtemp(prefix="imuscope-"))
+    try:
+        source = open_file(file, protocol, reading.table)
+        store = decode(source, folder / "columns", all_protocols(), reading, lambda _: None, compute=compute_signals)
+        return Recording(file, store, folder)
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if isinstance(error, RecordingError | DomainError):
+            raise ImuscopeError(f"{error.message} {error.hint}".strip()) from None
+        if isinstance(error, OSError):
+            raise ImuscopeError(f"{file}: {(error.strerror or 'it cannot be read').lower()}.") from None
+        raise
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """The names, numbered where two are the same."""
+    result: list[str] = []
+    for name in names:
+        count = sum(other == name or other.startswith(f"{name} (") for other in result)
+        result.append(f"{name} ({count + 1})" if count else name)
+    return result
+
+
+def _pandas() -> Any:
+    try:
+        import pandas
+    except ImportError:
+        raise ImuscopeError("pandas is not installed: pip install pandas.") from None
+    return pandas
