@@ -36,7 +36,7 @@ from imuscope.recordings.mcap_writer import Direction, McapWriter, RecordingErro
 
 log = logging.getLogger("imuscope.recording")
 
-GATHER_S = 0.005  # between two writes, at least; a killed process may lose 20 ms, 9 of them in its link
+GATHER_S = 0.005  # between two writes, at least; a killed process may lose 20 ms, 12 of them in its link
 SYNC_S = 1.0
 CHECK_S = 1.0  # at most, between two checks of the file
 MAX_WAITING = 256 << 20  # bytes

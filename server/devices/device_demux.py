@@ -340,6 +340,7 @@ class LinkDecoder:
         self._traits = about
         self._on_events = on_events
         self._fed = False
+        self._accounting = decoder if isinstance(decoder, AccountsForBytes) else None  # slow, so not in every turn
         self._skipped = 0
         self._tail = bytearray()
         self._end = 0
@@ -351,6 +352,11 @@ class LinkDecoder:
     @property
     def buffered(self) -> int:
         return self._decoder.buffered
+
+    @property
+    def unclaimed(self) -> int | None:
+        """Bytes so far that belong to no message that the decoder knows; None if it does not count them."""
+        return None if self._accounting is None else self._skipped
 
     @property
     def identity(self) -> DeviceIdentity:
@@ -414,8 +420,8 @@ class LinkDecoder:
         events = self._decoder.drain(stalled=stalled)
         if events:
             self._decode(events)
-        if isinstance(self._decoder, AccountsForBytes):
-            skipped = self._decoder.skipped
+        if self._accounting is not None:
+            skipped = self._accounting.skipped
             self._devices.own.stats.unclaimed += skipped - self._skipped
             self._skipped = skipped
         self._boundaries.forget(self._end - self._decoder.buffered)

@@ -357,7 +357,10 @@ class Session:
         live = self.info.status == "live"
         samples = self._pipeline.samples
         new = self._diagnostics.refused(self._stats.rejects_by, live=live)
-        new |= self._diagnostics.update(self._sink.now(), self.info.protocol, samples=samples, at_once=at_once)
+        stream = self._pipeline.stream
+        unclaimed = stream.unclaimed if stream is not None else None
+        now, protocol = self._sink.now(), self.info.protocol
+        new |= self._diagnostics.update(now, protocol, samples=samples, unclaimed=unclaimed, at_once=at_once)
         waiting = self.restarts.waiting
         new |= self._diagnostics.restarted(waiting) | self._diagnostics.exposed(self._link.kind, self.infos)
         if new:

@@ -96,6 +96,7 @@ class StreamDiagnostics:
         self._title = title
         self._recent: deque[bytes] = deque(maxlen=RECENT_CHUNKS)
         self._checked_at = 0.0
+        self._unclaimed: int | None = 0  # at the last check
         self._reported: set[str] = set()
         self.notices: list[str] = []
         self.message = self.hint = ""
@@ -179,16 +180,24 @@ class StreamDiagnostics:
         self._report("warning", words, {"reason": "unit", "unit": doubt.value})
         return True
 
-    def update(self, now: float, protocol: str, *, samples: int, at_once: bool = False) -> bool:
+    def update(
+        self, now: float, protocol: str, *, samples: int, unclaimed: int | None = None, at_once: bool = False
+    ) -> bool:
         """Search the last bytes for other protocols at intervals; True if there is something new to show.
 
         Args:
             protocol: protocol used for decoding.
             samples: samples decoded since the link was opened.
+            unclaimed: bytes so far that belong to no message of this protocol; without new ones there is nothing to
+                search. None if that is unknown.
         """
         if "mixed" in self._reported or not self._recent or (now - self._checked_at < CHECK_INTERVAL_S and not at_once):
             return False
         self._checked_at = now
+        before, self._unclaimed = self._unclaimed, unclaimed
+        if samples and unclaimed is not None and unclaimed == before:
+            self._recent.clear()
+            return False
         counts = self._count_messages(b"".join(self._recent)[-RECENT_BYTES:])
         self._recent.clear()
         others = [name for name, count in counts.items() if count >= FEW and name != protocol]

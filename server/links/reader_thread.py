@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 WAKE_NS = 9_000_000  # longer than the flush interval of a browser, 8 ms, so that a flush comes first
 POLL_SLACK_NS = 4_000_000  # a session that takes chunks on its own may be late by this
 GATHER_NS = 2_000_000  # a tenth of the time that bytes may take to the page
-LONGEST_GATHER_NS = 9_000_000  # of the 20 ms that a killed process may lose of a recording; see recording_writer.py
+LONGEST_GATHER_NS = 12_000_000  # of the 20 ms that a killed process may lose of a recording; see recording_writer.py
 EARLY_NS = 500_000  # gathered chunks are queued so long before the session takes them
 ANSWER_NS, AWAITED_NS = 2_000_000, 1_000_000_000  # wake-up interval while an answer is expected, and for how long
 HOLD_S = 0.005  # between two checks whether a sender must still be held back
@@ -131,11 +131,12 @@ class ChunkQueue:
         if now_ns < self._awaited_until_ns:
             return 0
         polled_ns = self._link.flow.polled_ns
-        next_ns = self._taken_ns + polled_ns - EARLY_NS if polled_ns else now_ns + GATHER_NS
+        next_ns = self._taken_ns + polled_ns - EARLY_NS
+        if next_ns <= now_ns:
+            return now_ns + GATHER_NS
         until_ns = min(next_ns, now_ns + LONGEST_GATHER_NS)
-        if self._spacing_ns >= 2 * GATHER_NS:
-            return until_ns
-        return max(until_ns - self._spacing_ns, now_ns + GATHER_NS)  # it ends with the first read after that
+        early_ns = until_ns - self._spacing_ns  # gathering ends with the first read after that, without a time-out
+        return early_ns if early_ns > now_ns else until_ns
 
     def wait(self, most: int, stopped: Callable[[float], bool]) -> None:
         """Hold the sender back while more than `most` bytes are queued.
