@@ -18,7 +18,7 @@ from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, s
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import DAY, dated_name, unix_seconds
 from imuscope.recordings.table_format import TableFormat
-from imuscope.recordings.time_units import rate_text, usual_step
+from imuscope.recordings.time_units import CLOSE, rate_text, usual_step
 
 AHEAD, AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
@@ -46,6 +46,7 @@ class TimeAxis:
         others: clocks that stay columns.
         origin: added to the clock's times, s.
         dated_by: what the origin comes from; "" for a clock that has the date itself.
+        head_rate: sampling rate in the head of the file, Hz; 0 if there is none.
     """
 
     clock: TableClock
@@ -53,6 +54,7 @@ class TimeAxis:
     origin: float
     dated_by: str
     usual_s: float
+    head_rate: float = 0.0
     watch: ClockWatch | None = None
 
     @property
@@ -88,6 +90,8 @@ class TimeAxis:
             texts = [f"The time axis counts the rows{rate} ({clock.why})."]
         else:
             texts = [f"The time axis is {self.name}{unit}, {EPOCHS[clock.epoch]}{rate}{why}."]
+        if self.head_rate and self.usual_s and abs(self.head_rate * self.usual_s - 1) > CLOSE:
+            texts.append(f"The head of the file names another rate, {rate_text(self.head_rate)}.")
         if self.dated_by:
             texts.append(f"Its date is that of {self.dated_by}.")
         if self.others:

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from imuscope.protocols.registry import remedies
 from imuscope.recordings.column_store import ColumnStore
@@ -155,12 +155,15 @@ def _written(
 
 def time_sentences(columns: ColumnStore) -> list[str]:
     """The clock that is the time axis of a file that imuscope did not record, why, and its steps; and remarks on it."""
-    kinds = ("clock",) if columns.manifest.get("time") else ()
-    events = [
-        one["text"] for one in columns.manifest["events"] if one["kind"] in kinds or one["data"].get("reason") == REMARK
-    ]
+    has_axis = bool(columns.manifest.get("time"))
+    events = [one["text"] for one in columns.manifest["events"] if _concerns_time(one, has_axis)]
     more = [f"… and {len(events) - MOST_SENTENCES} more events of its clock."] if len(events) > MOST_SENTENCES else []
     return [*events[:MOST_SENTENCES], *more]
+
+
+def _concerns_time(event: dict[str, Any], has_axis: bool) -> bool:
+    is_guess = event["data"].get("kind") == "guessed"
+    return (event["kind"] == "clock" and (has_axis or is_guess)) or event["data"].get("reason") == REMARK
 
 
 def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutput | None]:

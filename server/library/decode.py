@@ -317,6 +317,8 @@ def decode(
             for name in devices:
                 sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
         axis = _axis_words(devices) if isinstance(source, MessageSource) else ""
+        if isinstance(source, CaptureSource) and source.by_gnss:
+            axis = "The time axis is the time in the messages of the GNSS receiver."
         if axis:
             sink.event(next(iter(devices)), "clock", "info", axis, time=_begin(spans), data={"kind": "axis"})
         for at, by in source.clock_steps if isinstance(source, CaptureSource) else ():

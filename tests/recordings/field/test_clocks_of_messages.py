@@ -208,6 +208,7 @@ def test_a_log_that_goes_back_begins_a_segment(tmp_path: Path) -> None:
     store = opened(path, tmp_path)
     time, *_ = columns_of(store, "GNGGA")
     np.testing.assert_allclose(np.diff(time), 1.0, atol=1e-6)
-    [event] = [one for one in store.manifest["events"] if one["kind"] == "clock"]
+    axis, event = [one for one in store.manifest["events"] if one["kind"] == "clock"]
+    assert "GNSS" in axis["text"]
     assert event["data"] == {"kind": "jump", "by_ns": -819_000_000_000}
     assert store.manifest["segments"] == {"1": [pytest.approx(1_767_263_420.0)]}
