@@ -47,6 +47,7 @@ class TimeAxis:
         origin: added to the clock's times, s.
         dated_by: what the origin comes from; "" for a clock that has the date itself.
         head_rate: sampling rate in the head of the file, Hz; 0 if there is none.
+        decimal: sign of its numbers.
     """
 
     clock: TableClock
@@ -55,6 +56,7 @@ class TimeAxis:
     dated_by: str
     usual_s: float
     head_rate: float = 0.0
+    decimal: str = "."
     watch: ClockWatch | None = None
 
     @property
@@ -92,6 +94,8 @@ class TimeAxis:
             texts = [f"The time axis is {self.name}{unit}, {EPOCHS[clock.epoch]}{rate}{why}."]
         if self.head_rate and self.usual_s and abs(self.head_rate * self.usual_s - 1) > CLOSE:
             texts.append(f"The head of the file names another rate, {rate_text(self.head_rate)}.")
+        if self.decimal == ",":
+            texts.append("Numbers are read with a decimal comma.")
         if self.dated_by:
             texts.append(f"Its date is that of {self.dated_by}.")
         if self.others:

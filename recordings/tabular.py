@@ -147,7 +147,7 @@ class CsvSource(TableSource):
             usual = 1 / options.rate
         first = float(sample[0]) if len(sample) else 0.0
         origin, dated_by = origin_of(clock, first, self._form, path)
-        self.axis = TimeAxis(clock, others, origin, dated_by, usual, _head_rate(self._form))
+        self.axis = TimeAxis(clock, others, origin, dated_by, usual, _head_rate(self._form), self._form.decimal)
         self._ahead = ahead
         self.timed = not dated_by
 

@@ -21,7 +21,7 @@ FILES = (
     "ROS 2 bags",
     *(f"`{log.suffix}` of {family.title}" for family, log in log_formats()),
     "raw captures of any protocol below",
-    "CSV with a header line",
+    "text tables (CSV, exports of MT Manager and of loggers), see Time of a file in the guide",
 )
 
 
