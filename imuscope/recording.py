@@ -181,7 +181,7 @@ class Signal:
             import polars
         except ImportError:
             raise ImuscopeError("Polars is not installed: pip install polars.") from None
-        return polars.from_arrow(self.to_arrow())
+        return polars.DataFrame(self.to_arrow())
 
     def _part(self, start: int, stop: int) -> Signal:
         fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
