@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("imuscope.serving")
 
 DATE_S = 1.0  # between two updates of the date of answers
+ACCEPTED_S = 0.05  # before the end: connections that are being accepted are known by then, and so are closed
 CHECK_INTERVAL_S = 3600.0  # between two checks of the certificate on disk
 MAX_FILES = 65_536
 SWITCH_S = 0.001  # longest wait of a reading thread for a busy loop, per datagram; 5 ms would lose them
@@ -282,6 +283,7 @@ class Server(uvicorn.Server):
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout_at(next_beat(loop.time(), DATE_S)):
                     await ended.wait()
+        await asyncio.sleep(ACCEPTED_S)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         with ending.waiting_for("the start"):

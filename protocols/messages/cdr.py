@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.messages.message_table import MessagePayloads
 from imuscope.protocols.messages.ros2msg import StructField, StructType
 
 Array = NDArray[Any]
@@ -79,17 +81,37 @@ class CdrReader:
 
     def columns(self, messages: Sequence[bytes]) -> tuple[list[CdrColumns], list[tuple[int, str]]]:
         """The numbers of these messages by layout, and (index, reason) of each that cannot be read."""
+        parts: list[CdrColumns] = []
+        refused: list[tuple[int, str]] = []
+        left = np.arange(len(messages))
+        while len(left) and len(parts) < MAX_LAYOUTS:  # messages of one layout at a time
+            try:
+                layout = self._layout(messages[int(left[0])])
+            except ValueError as error:
+                refused.append((int(left[0]), str(error)))
+                left = left[1:]
+                continue
+            rows, table = _fitting(layout, left, messages)
+            parts.append(_read(layout, rows, table))
+            left = np.setdiff1d(left, rows, assume_unique=True)
+        more, others = self._one_by_one(left.tolist(), messages)
+        return [*parts, *more], [*refused, *others]
+
+    def _one_by_one(
+        self, indexes: Sequence[int], messages: Sequence[bytes]
+    ) -> tuple[list[CdrColumns], list[tuple[int, str]]]:
+        """As `columns`, for messages of many layouts."""
         groups: dict[int, tuple[_Layout, list[int]]] = {}
         refused: list[tuple[int, str]] = []
-        for index, data in enumerate(messages):
+        for index in indexes:
             try:
-                layout = self._layout(data)
+                layout = self._layout(messages[index])
             except ValueError as error:
                 refused.append((index, str(error)))
                 continue
             groups.setdefault(id(layout), (layout, []))[1].append(index)
-        parts = [_read(layout, rows, messages) for layout, rows in groups.values()]
-        return parts, refused
+        each = ((layout, np.array(rows)) for layout, rows in groups.values())
+        return [_read(layout, *_fitting(layout, rows, messages)) for layout, rows in each], refused
 
     def _layout(self, data: bytes) -> _Layout:
         layouts = self._layouts
@@ -104,10 +126,23 @@ class CdrReader:
         return layout
 
 
-def _read(layout: _Layout, rows: list[int], messages: Sequence[bytes]) -> CdrColumns:
-    size = layout.size
-    joined = b"".join([messages[row][:size] for row in rows])
-    table = np.frombuffer(joined, layout.dtype)
+def _fitting(layout: _Layout, rows: Ints, messages: Sequence[bytes]) -> tuple[Ints, NDArray[np.uint8]]:
+    """The rows whose messages have this layout, and their bytes: (n, size)."""
+    if isinstance(messages, MessagePayloads):
+        rows = rows[messages.lengths[rows] >= layout.size]
+        table = messages.rows(rows, layout.size)
+    else:
+        rows = np.array([row for row in rows.tolist() if len(messages[row]) >= layout.size], np.int64)
+        joined = b"".join([messages[row][: layout.size] for row in rows.tolist()])
+        table = np.frombuffer(joined, np.uint8).reshape(len(rows), layout.size)
+    fits = np.ones(len(rows), bool)
+    for at, text in layout.probes:
+        fits &= (table[:, at : at + len(text)] == np.frombuffer(text, np.uint8)).all(axis=1)
+    return (rows, table) if fits.all() else (rows[fits], table[fits])
+
+
+def _read(layout: _Layout, rows: Ints, bytes_of: NDArray[np.uint8]) -> CdrColumns:
+    table = np.ascontiguousarray(bytes_of).reshape(-1).view(layout.dtype)
     names = layout.dtype.names or ()
     numbers = {
         path: table[name].astype(table[name].dtype.newbyteorder("="))
@@ -117,7 +152,7 @@ def _read(layout: _Layout, rows: list[int], messages: Sequence[bytes]) -> CdrCol
     for path, name in zip(layout.times, names[len(layout.numbers) :], strict=True):
         pair = table[name]
         times[path] = pair["sec"].astype(np.int64) * 1_000_000_000 + pair["nanosec"].astype(np.int64)
-    return CdrColumns(np.array(rows, np.int64), numbers, times)
+    return CdrColumns(rows, numbers, times)
 
 
 class _Walk:

@@ -26,6 +26,17 @@ from imuscope.protocols.counters import SequenceCounter
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, SampleGap
 from imuscope.protocols.framing import StreamBuffer
 from imuscope.protocols.messages.cdr import MOST_COLUMNS, CdrReader
+from imuscope.protocols.messages.message_table import (
+    CHANNEL,
+    HEAD_SIZE,
+    PUBLISHED,
+    RECORD_QUANTITIES,
+    SEQUENCE,
+    SIZE,
+    START,
+    MessagePayloads,
+    scan_messages,
+)
 from imuscope.protocols.messages.own_schema import columns_of, own_quantity
 from imuscope.protocols.messages.quantities import MessageQuantity, absent_quantities, quantities_of, unknown_rows
 from imuscope.protocols.messages.records import (
@@ -33,7 +44,6 @@ from imuscope.protocols.messages.records import (
     LONGEST,
     MESSAGE,
     MESSAGE_FIXED,
-    MESSAGE_HEAD,
     PLAUSIBLE,
     SCHEMA,
     Definitions,
@@ -50,18 +60,23 @@ Ints = NDArray[np.int64]
 STAMP = Field("stamp", "f8", unit="s", doc="Time in the message, of a clock that is not the time axis.")
 MOST_CHANNELS = 1024
 MOST_REMARKS = 8
+COLUMNS = 1 << 12  # of the table of records; more are scanned in turns
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Received:
-    """One message of a drain."""
+    """Messages of a topic in one drain: (n,) each.
 
-    data: bytes
-    offset: int
-    size: int
-    arrival_ns: int
-    sequence: int
-    publish_ns: int
+    Args:
+        offset, size: of the record in the stream.
+    """
+
+    payloads: MessagePayloads
+    offset: Ints
+    size: Ints
+    arrival_ns: Ints
+    sequence: Ints
+    publish_ns: Ints
 
 
 @dataclass(slots=True)
@@ -222,6 +237,7 @@ class MessageDecoder:
     def __init__(self, *, direction: str = "to_host", datagrams: bool = False) -> None:
         self._buffer = StreamBuffer()
         self._definitions = Definitions()
+        self._table = np.empty((RECORD_QUANTITIES, COLUMNS), np.int64)
         self._topics: dict[int, _Topic] = {}
 
     # -- input ---------------------------------------------------------------------------------------------------------
@@ -253,22 +269,33 @@ class MessageDecoder:
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Return every complete event."""
         rejects: list[Event] = []
-        received: dict[int, list[_Received]] = {}
-        self._scan(rejects, received, stalled=stalled)
+        received: dict[int, list[Ints]] = {}
+        data, start = self._buffer.data(), self._buffer.start
+        released = self._scan(data, start, rejects, received, stalled=stalled)
         events = rejects
-        for number, messages in received.items():
-            events += self._decode(self._topics[number], messages)
+        for number, parts in received.items():
+            table = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+            events += self._decode(self._topics[number], self._received(data, start, table))
+        self._buffer.release(released)
         if len(received) + len(rejects) > 1:
             events.sort(key=_first)
         return events
 
     # -- records -------------------------------------------------------------------------------------------------------
 
-    def _scan(self, rejects: list[Event], received: dict[int, list[_Received]], *, stalled: bool) -> None:
+    def _scan(
+        self, data: bytes, start: int, rejects: list[Event], received: dict[int, list[Ints]], *, stalled: bool
+    ) -> int:
+        """Sort the records; returns the position behind the last one."""
         buffer = self._buffer
-        data, start = buffer.data(), buffer.start
+        array = np.frombuffer(data, np.uint8)
         at, end = 0, len(data)
         while end - at >= HEAD.size:
+            n, behind = scan_messages(array, at, LONGEST, self._table)
+            if n:
+                self._sort(self._table[:, :n], start, rejects, received)
+                at = behind
+                continue
             opcode, length = HEAD.unpack_from(data, at)
             whole = at + HEAD.size + length
             if not SCHEMA <= opcode <= MESSAGE or length >= LONGEST or (opcode == MESSAGE and length < MESSAGE_FIXED):
@@ -284,55 +311,62 @@ class MessageDecoder:
                 match = PLAUSIBLE.search(data, at + 1)
                 at = match.start() if match is not None else end
                 continue
-            self._record(data[at:whole], opcode, start + at, rejects, received)
+            self._define(data[at:whole], opcode, start + at, rejects, received)
             at = whole
         if stalled and at < end:
             rejects.append(RejectedFrame(start + at, end - at, "truncated", buffer.arrival(start + end - 1)))
             at = end
-        buffer.release(start + at)
+        return start + at
 
-    def _record(
-        self, record: bytes, opcode: int, offset: int, rejects: list[Event], received: dict[int, list[_Received]]
+    def _sort(self, table: Ints, start: int, rejects: list[Event], received: dict[int, list[Ints]]) -> None:
+        """Sort message records by topic."""
+        channels = table[CHANNEL]
+        for number in np.unique(channels).tolist():
+            rows = table[:, channels == number]
+            topic = self._topics.get(number)
+            if topic is None:
+                for at, size in zip(rows[START].tolist(), rows[SIZE].tolist(), strict=True):
+                    arrival_ns = self._buffer.arrival(start + at + size - 1)
+                    rejects.append(RejectedFrame(start + at, size, "bad_id", arrival_ns))
+            elif topic.read is not None:
+                received.setdefault(number, []).append(rows)
+
+    def _define(
+        self, record: bytes, opcode: int, offset: int, rejects: list[Event], received: dict[int, list[Ints]]
     ) -> None:
-        arrival_ns = self._buffer.arrival(offset + len(record) - 1)
-        if opcode != MESSAGE:
-            try:
-                channel = self._definitions.read(opcode, record[HEAD.size :])
-            except ValueError:
-                rejects.append(RejectedFrame(offset, len(record), "bad_item", arrival_ns))
-                return
-            if channel is not None and len(self._topics) < MOST_CHANNELS:
-                self._topics[channel.id] = _Topic(channel)
-                received.pop(channel.id, None)
+        """Take a schema or a channel."""
+        try:
+            channel = self._definitions.read(opcode, record[HEAD.size :])
+        except ValueError:
+            arrival_ns = self._buffer.arrival(offset + len(record) - 1)
+            rejects.append(RejectedFrame(offset, len(record), "bad_item", arrival_ns))
             return
-        _, _, number, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(record)
-        topic = self._topics.get(number)
-        if topic is None:
-            rejects.append(RejectedFrame(offset, len(record), "bad_id", arrival_ns))
-        elif topic.read is not None:
-            data = record[MESSAGE_HEAD.size :]
-            received.setdefault(number, []).append(
-                _Received(data, offset, len(record), arrival_ns, sequence, min(publish_ns, (1 << 63) - 1))
-            )
+        if channel is not None and len(self._topics) < MOST_CHANNELS:
+            self._topics[channel.id] = _Topic(channel)
+            received.pop(channel.id, None)
+
+    def _received(self, data: bytes, start: int, table: Ints) -> _Received:
+        offset, size = table[START] + start, table[SIZE]
+        payloads = MessagePayloads(data, table[START] + HEAD_SIZE, size - HEAD_SIZE)
+        arrivals = self._buffer.arrivals(offset + size - 1)
+        return _Received(payloads, offset, size, arrivals, table[SEQUENCE], table[PUBLISHED])
 
     # -- messages ------------------------------------------------------------------------------------------------------
 
-    def _decode(self, topic: _Topic, messages: list[_Received]) -> list[Event]:
+    def _decode(self, topic: _Topic, messages: _Received) -> list[Event]:
         assert topic.read is not None
         events: list[Event] = []
         if topic.counter is not None:
-            lost = topic.counter.missing(np.array([one.sequence for one in messages], np.int64))
+            lost = topic.counter.missing(np.ascontiguousarray(messages.sequence))
             for row in np.flatnonzero(lost).tolist():
-                one = messages[row]
-                events.append(SampleGap(one.offset, int(lost[row]), topic.channel.topic, one.arrival_ns))
-        column_values, refused = topic.read([one.data for one in messages])
+                at, arrival_ns = int(messages.offset[row]), int(messages.arrival_ns[row])
+                events.append(SampleGap(at, int(lost[row]), topic.channel.topic, arrival_ns))
+        column_values, refused = topic.read(messages.payloads)
         for index, words in refused:
-            one = messages[index]
-            events.append(RejectedFrame(one.offset, one.size, "bad_item", one.arrival_ns, detail=words[:200]))
-        arrivals = np.array([one.arrival_ns for one in messages], np.int64)
-        offsets = np.array([one.offset for one in messages], np.int64)
-        published = np.array([one.publish_ns for one in messages], np.int64)
-        stamps = np.zeros(len(messages), np.int64)
+            place = int(messages.offset[index]), int(messages.size[index])
+            events.append(RejectedFrame(*place, "bad_item", int(messages.arrival_ns[index]), detail=words[:200]))
+        arrivals, offsets, published = messages.arrival_ns, messages.offset, messages.publish_ns
+        stamps = np.zeros(len(offsets), np.int64)
         for numbers in column_values:
             topic.published += int(((numbers.stamps <= 0) & (published[numbers.rows] > 0)).sum())
             stamps[numbers.rows] = np.where(numbers.stamps > 0, numbers.stamps, published[numbers.rows])

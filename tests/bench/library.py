@@ -1,0 +1,112 @@
+"""Benchmark of `imuscope.open`: a recording of ROS 2 at 1 kHz, opened, and one signal of it as Arrow.
+
+    python -m tests.bench.library --minutes 6
+
+The yardstick, in the same run, is what people use today for it: mcap's Python reader with its ROS 2 decoder, and a list
+of the values. The file is sensor_msgs/Imu, CDR, in chunks compressed with lz4, as rosbag2 writes it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import struct
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from mcap.writer import CompressionType, Writer
+from rosbags.typesys import Stores, get_typestore
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+import imuscope  # noqa: E402
+from tests.bench.report import report  # noqa: E402
+
+RATE_HZ = 1000
+START_NS = 1_700_000_000_000_000_000
+BUDGET_RATIO = 10
+TYPE = "sensor_msgs/msg/Imu"
+
+
+def write(path: Path, minutes: float) -> int:
+    """Write the recording; returns the number of messages."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    definition, _ = store.generate_msgdef(TYPE, ros_version=2)
+    kinds = store.types
+    time_type, header_type = kinds["builtin_interfaces/msg/Time"], kinds["std_msgs/msg/Header"]
+    vector, quaternion = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Quaternion"]
+    import numpy as np
+
+    nine = np.zeros(9)
+    one = kinds[TYPE](
+        header=header_type(stamp=time_type(sec=0, nanosec=0), frame_id="imu"),
+        orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+        orientation_covariance=nine,
+        angular_velocity=vector(x=0.5, y=0.25, z=0.125),
+        angular_velocity_covariance=nine,
+        linear_acceleration=vector(x=0.0, y=0.0, z=9.81),
+        linear_acceleration_covariance=nine,
+    )
+    template = bytearray(store.serialize_cdr(one, TYPE))
+    count = int(minutes * 60 * RATE_HZ)
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.LZ4)
+        writer.start(profile="ros2", library="bench")
+        schema = writer.register_schema(name=TYPE, encoding="ros2msg", data=definition.encode())
+        channel = writer.register_channel(topic="/imu/data", message_encoding="cdr", schema_id=schema)
+        for k in range(count):
+            at = START_NS + k * 1_000_000_000 // RATE_HZ
+            struct.pack_into("<iI", template, 4, *divmod(at, 1_000_000_000))
+            struct.pack_into("<d", template, 12 + 8, 0.001 * k)
+            writer.add_message(channel, at, bytes(template), at, k & 0xFFFF)
+        writer.finish()
+    return count
+
+
+def with_mcap(path: Path) -> int:
+    """The yardstick."""
+    from mcap_ros2.reader import read_ros2_messages
+
+    rows = []
+    for message in read_ros2_messages(str(path)):
+        value: Any = message.ros_msg
+        stamp = value.header.stamp
+        rate = value.angular_velocity
+        rows.append((stamp.sec + stamp.nanosec * 1e-9, rate.x, rate.y, rate.z))
+    times, *columns = zip(*rows, strict=True)
+    return pa.table([times, *columns], names=["time", "x", "y", "z"]).num_rows
+
+
+def with_imuscope(path: Path) -> int:
+    with imuscope.open(path) as recording:
+        [signal] = [one for one in recording if "angular_velocity" in one.name and len(one.columns) == 3]
+        return signal.to_arrow().num_rows
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--minutes", type=float, default=6.0, help="length of the recording")
+    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "imu.mcap"
+        count = write(path, options.minutes)
+        figures: dict[str, Any] = {"messages": count, "mb": path.stat().st_size / 1e6}
+        for name, read in (("imuscope_s", with_imuscope), ("yardstick_s", with_mcap)):
+            began = time.perf_counter()
+            rows = read(path)
+            figures[name] = time.perf_counter() - began
+            if rows != count:
+                sys.exit(f"{name}: {rows} of {count} rows")
+    figures["ratio"] = figures["yardstick_s"] / figures["imuscope_s"]
+    figures["budget"] = {"ratio": BUDGET_RATIO}
+    report("library", figures)
+
+
+if __name__ == "__main__":
+    main()
