@@ -4,6 +4,7 @@ a recording of imuscope   compacted again, with the user's changes in its metada
 a capture, a log          wrapped: its bytes as chunks with the times derived for them
 another program's MCAP    unchanged, with metadata `edit` after its messages
 CSV                       unchanged, after a comment line with the same
+what a reader opens       unchanged (recordings/readers/)
 
 Recordings without changes are passed on byte for byte.
 """
@@ -28,6 +29,7 @@ from imuscope.recordings.library import LibraryEntry
 from imuscope.recordings.mcap_reader import MAGIC, McapChannel, McapReader
 from imuscope.recordings.mcap_records import bytes_of
 from imuscope.recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
+from imuscope.recordings.readers.registry import READERS
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import Source
 
@@ -40,7 +42,7 @@ _METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # its offset in a statistics record
 
 def file_name(entry: LibraryEntry) -> str:
     """File name of the output of `full_recording`."""
-    return entry.path.name if entry.probe.format == "csv" else f"{entry.path.stem}.mcap"
+    return entry.path.name if entry.probe.format in ("csv", *READERS.all()) else f"{entry.path.stem}.mcap"
 
 
 def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
@@ -54,7 +56,7 @@ def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
             if recording.is_ours:
                 write_compacted(recording, out, edit=entry.edits.as_metadata())
                 return
-    if entry.probe.format in ("mcap", "csv"):
+    if entry.probe.format in ("mcap", "csv", *READERS.all()):
         with open_regular(entry.path) as file:
             _with_edits(file, entry.edits, entry.probe.format, out)
         return

@@ -4,6 +4,7 @@
                        (recordings/message_source.py)
     .mtb .raw .dat …   logs of the vendors' programs (recordings/vendor_logs.py); a split log is one recording
     .csv .tsv          a table with a time column (recordings/tabular.py); of any other name if it has rows of numbers
+    .bag .db3 .zip …   files of other programs, by their first bytes (recordings/readers/)
     everything else    bytes as received from a port, of any protocol
 
 A capture has no arrival times. They are derived from the device's own clock, assuming a fast line (CaptureTiming):
@@ -29,6 +30,16 @@ from imuscope.recordings.capture_timing import CaptureTiming
 from imuscope.recordings.mcap_reader import MAGIC, FileDamage, McapReader
 from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.optional_packages import installation_of, lacks
+from imuscope.recordings.readers.known_files import known_file
+from imuscope.recordings.readers.registry import (
+    HEAD_BYTES,
+    FileReader,
+    OpenRequest,
+    marked_reader,
+    reader_suffixes,
+    suffix_reader,
+)
 from imuscope.recordings.regular_file import open_regular, read_regular, readable_name
 from imuscope.recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
 from imuscope.recordings.table_format import has_rows
@@ -204,12 +215,18 @@ def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
     return CaptureTiming(file, permissive_decoder(protocol), utc=row.stream.utc, dated=row.stream.dated)
 
 
-def open_file(path: Path, protocol: str = "", table: TableOptions | None = None) -> Source:
-    """A file of any format that can be read.
+def suffixes() -> tuple[str, ...]:
+    """Suffixes of all files that can be opened, the most particular first."""
+    return tuple(dict.fromkeys((*SUFFIXES, *reader_suffixes())))
+
+
+def open_file(path: Path, protocol: str = "", table: TableOptions | None = None, *, is_packed: bool = False) -> Source:
+    """A file of any format that can be read; a ROS 2 bag may be a folder.
 
     Args:
         protocol: of a capture; "" to recognise it.
         table: options of a table.
+        is_packed: whether it comes out of an archive.
 
     Raises:
         RecordingError: it is missing, unreadable, empty, or of an unknown format.
@@ -218,9 +235,9 @@ def open_file(path: Path, protocol: str = "", table: TableOptions | None = None)
         raise RecordingError(f"{name} has a name that is not UTF-8.", "Give the file another name.")
     try:
         with open_regular(path) as file:
-            head = file.read(max(len(MAGIC) + 8, vendor_logs.MARKER_BYTES))
+            head = file.read(HEAD_BYTES)
     except IsADirectoryError:
-        raise RecordingError(f"{path.name} is a folder.", "Give a file in it.") from None
+        return _folder(path)
     except OSError as error:
         raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
     if not head:
@@ -228,19 +245,52 @@ def open_file(path: Path, protocol: str = "", table: TableOptions | None = None)
     if head.startswith(MAGIC):
         return _mcap(path)
     suffix = path.suffix.lower()
+    reader = marked_reader(head) or suffix_reader(suffix)
+    if reader is not None:
+        return _read(reader, OpenRequest(path, protocol, table or TableOptions(), is_packed))
     log_format = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
     if log_format is not None:
         return _log(path, *log_format, protocol)
     if suffix in TABLES:
+        if not protocol and known_file(head) is not None:
+            raise _unknown(path, head)
         return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path, table)
     source = CaptureSource([path], "bin", protocol)
     if not source.protocol and suffix not in vendor_logs.log_suffixes():
-        if has_rows(path):
+        if known_file(head) is None and has_rows(path):
             return CsvSource(path, table)
-        kinds = ", ".join((".mcap", *vendor_logs.log_suffixes(), ".csv"))
-        hint = f"Supported: {kinds}, and captures, whose protocol --protocol can name."
-        raise RecordingError(f"{path.name} is not a format imuscope knows.", hint)
+        raise _unknown(path, head)
     return source
+
+
+def _unknown(path: Path, head: bytes) -> RecordingError:
+    """Refusal of a file of unknown format: what it seems to be, and what can be done."""
+    known = known_file(head, path.suffix.lower())
+    if known is not None:
+        return RecordingError(f"{path.name} is {known.name}, which imuscope does not read.", known.remedy)
+    kinds = ", ".join((".mcap", *vendor_logs.log_suffixes(), ".csv", *reader_suffixes()))
+    hint = f"Supported: {kinds}, and captures, whose protocol --protocol can name."
+    return RecordingError(f"{path.name} is not a format imuscope knows.", hint)
+
+
+def _folder(path: Path) -> Source:
+    """A ROS 2 bag as a folder."""
+    from imuscope.recordings.readers.formats.ros2_bag import METADATA, open_bag_folder
+
+    if not (path / METADATA).is_file():
+        hint = f"Give a file in it. A folder can be opened if it is a ROS 2 bag, with {METADATA}."
+        raise RecordingError(f"{path.name} is a folder.", hint)
+    return open_bag_folder(path)
+
+
+def _read(reader: FileReader, request: OpenRequest) -> Source:
+    """A file of another program."""
+    name = request.path.name
+    if reader.is_container and request.is_packed:
+        raise RecordingError(f"{name} is an archive in an archive.", "Unpack it, and give a file of it.")
+    if lacks(*reader.modules):
+        raise RecordingError(f"{name}: {reader.title} files are not supported here.", installation_of(reader.extra))
+    return reader.read(request)
 
 
 def _mcap(path: Path) -> Source:

@@ -7,10 +7,10 @@
                       .bin/<ms>/…                           deleted at that time, with all its files; kept for 7 days
                       .incoming/<token>/…                   being uploaded
 
-A recording's id is its file's name without suffix; if several files share that, the first kind of `SUFFIXES` has it and
-the others use their whole name. Listing reads names, sizes and times only; a file is probed (probe.py) when these are
-new. Subfolders are ignored. External names never become paths: a recording is looked up in the list, and the name of an
-upload is cleaned.
+A recording's id is its file's name without suffix; if several files share that, the first kind of `suffixes()` has it
+and the others use their whole name. Listing reads names, sizes and times only; a file is probed (probe.py) when these
+are new. Subfolders are ignored. External names never become paths: a recording is looked up in the list, and the name
+of an upload is cleaned.
 
 Threads may share a Library; its methods wait for the disk.
 """
@@ -31,7 +31,7 @@ from typing import Any
 
 from imuscope.recordings import atomic_write, file_lock, sidecar, vendor_logs
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.importers import SUFFIXES, open_file
+from imuscope.recordings.importers import open_file, suffixes
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.probe import ALWAYS_LISTED, RecordedDevice, RecordingProbe, probe
 from imuscope.recordings.quota import BIN
@@ -455,10 +455,12 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
             name = f"{name}-"
         return name
 
+    kinds = suffixes()
+
     def rank(group: dict[Path, tuple[int, int]]) -> tuple[int, str]:
         first = next(iter(group))
         suffix = first.suffix.lower()
-        return (SUFFIXES.index(suffix) if suffix in SUFFIXES else len(SUFFIXES)), first.name
+        return (kinds.index(suffix) if suffix in kinds else len(kinds)), first.name
 
     by_name: dict[str, dict[Path, tuple[int, int]]] = {}
     for group in sorted(groups, key=rank):

@@ -1,4 +1,4 @@
-"""MCAP files of other programs whose messages hold numbers: JSON, protobuf, ROS 2.
+"""MCAP files of other programs whose messages hold numbers: JSON, protobuf, ROS 1 and 2.
 
 All readable channels together are one device, whose messages are decoded like those of a live source. Messages that
 cannot be read are left out and reported.
@@ -20,12 +20,8 @@ from imuscope.recordings.sources import ChunkBlock, SourceDevice
 DEVICE = "1"
 
 
-class MessageSource:
-    """An MCAP file of another program; see recordings/sources.py, Source.
-
-    Raises:
-        RecordingError: none of its messages can be read.
-    """
+class MessageFile:
+    """A file of messages that are one device; see recordings/sources.py, Source."""
 
     format = "table"
     timed = True
@@ -36,6 +32,34 @@ class MessageSource:
         about = {"source": path.name, "name": path.stem, "link": "file"}
         self.devices = {DEVICE: SourceDevice(DEVICE, NAME, about)}
         self.damage: list[FileDamage] = []
+
+    @property
+    def indexed(self) -> list[int]:
+        """End of each block of the file, ns; empty without an index."""
+        return []
+
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
+        """All messages, or at least those between two times."""
+        raise NotImplementedError
+
+    def preamble(self, device: str) -> bytes:
+        """Definitions of the channels of a device; complete after `parts`."""
+        raise NotImplementedError
+
+    def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """Metadata stored beside the messages: none."""
+        return iter(())
+
+
+class MessageSource(MessageFile):
+    """An MCAP file of another program.
+
+    Raises:
+        RecordingError: none of its messages can be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
         self._readable: dict[tuple[str, str, str, bytes], bool] = {}
         self._recording = McapReader(path)
         if not self._recording.chunks:
@@ -43,7 +67,7 @@ class MessageSource:
         topics = list(self._recording.topics.values())
         if not any(map(self._device_of, topics)):
             kinds = ", ".join(sorted({topic.encoding for topic in topics})) or "nothing"
-            hint = "JSON is read, and protobuf and ROS 2 messages whose schema is in the file."
+            hint = "JSON is read, and protobuf and ROS messages whose schema is in the file."
             raise RecordingError(f"{path.name} holds no bytes of a device, and its messages are {kinds}.", hint)
 
     @property
@@ -71,10 +95,6 @@ class MessageSource:
     def preamble(self, device: str) -> bytes:
         """Definitions of the channels of a device; complete after `parts`."""
         return preamble(self._recording, self._device_of, device)
-
-    def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
-        """Metadata stored beside the messages: none."""
-        return iter(())
 
 
 def _left_out(topic: McapChannel) -> str:

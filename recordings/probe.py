@@ -19,6 +19,7 @@ from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, TABLES, pace
 from imuscope.recordings.mcap_reader import MAGIC, TIME, McapReader
 from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
 from imuscope.recordings.messages import recorded_device
+from imuscope.recordings.readers.registry import HEAD_BYTES, marked_reader, suffix_reader
 from imuscope.recordings.regular_file import open_regular, readable_name
 from imuscope.recordings.table_format import has_rows
 
@@ -78,6 +79,8 @@ def probe(path: Path) -> RecordingProbe | None:
         return _mcap(path)
     if not head:
         return RecordingProbe(suffix[1:], damaged="It is empty.") if suffix in ALWAYS_LISTED else None
+    if (reader := marked_reader(head[:HEAD_BYTES]) or suffix_reader(suffix)) is not None:
+        return RecordingProbe(reader.name, devices=[RecordedDevice("1", path.name)])
     if suffix in TABLES:
         return RecordingProbe("csv", devices=[RecordedDevice("1", path.name)], edits=_csv_edits(path, head))
     return _capture(path, suffix, head)

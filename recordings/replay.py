@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.sources import ChunkBlock, McapSource, Source
 
 SPEEDS = (0.1, 50.0)
@@ -204,7 +204,7 @@ class ReplayClock:
 def extent(source: Source) -> tuple[int, int] | None:
     """Times of the first and last chunk of a file, ns; None if it has none."""
     first = last = None
-    if isinstance(source, McapSource | MessageSource) and source.indexed:
+    if isinstance(source, McapSource | MessageFile) and source.indexed:
         for parts in _blocks(source.parts()):
             first = min(int(part.times[0]) for part in parts)
             break

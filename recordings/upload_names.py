@@ -6,7 +6,7 @@ import os
 import re
 import unicodedata
 
-from imuscope.recordings.importers import SUFFIXES
+from imuscope.recordings.importers import suffixes
 
 LONGEST_NAME = 120
 DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # reserved names on Windows
@@ -22,7 +22,7 @@ def clean_name(name: str) -> str:
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     text = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').rstrip(" .").lstrip(" .-")
     stem, suffix = os.path.splitext(text)
-    if suffix.lower() not in SUFFIXES:
+    if suffix.lower() not in suffixes():
         stem, suffix = text, ".bin"
     stem = stem.encode()[: LONGEST_NAME - len(suffix)].decode(errors="ignore").rstrip(" .").lstrip(" .-")
     if DEVICES.match(stem):

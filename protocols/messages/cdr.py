@@ -1,6 +1,7 @@
-"""Numbers of ROS 2 messages (CDR), many messages at once.
+"""Numbers of ROS messages, many messages at once.
 
-    [0][kind u8][options u16] field field ···      each number aligned to its size, from the fourth byte on
+    [0][kind u8][options u16] field field ···      ROS 2 (CDR): each number aligned to its size, from the fourth byte on
+    field field ···                                ROS 1: without alignment, little-endian
 
 Where a field lies depends only on the lengths of the strings and sequences before it, which are the same from message
 to message (a frame id, an empty list). So a message is walked field by field only if these lengths are new; its layout
@@ -9,7 +10,8 @@ is then kept, and messages of one layout are read as columns, without a step for
 Messages come from outside. A length that the message has no bytes for, a missing end or more steps than `MOST_STEPS`
 is a ValueError; nothing else is raised.
 
-Source: OMG DDSI-RTPS 2.5, 10.2 (encapsulation); OMG DDS-XTYPES 1.3, 7.4 (plain CDR, versions 1 and 2).
+Source: OMG DDSI-RTPS 2.5, 10.2 (encapsulation); OMG DDS-XTYPES 1.3, 7.4 (plain CDR, versions 1 and 2); ROS 1 wiki,
+"msg" (field types and their serialization).
 """
 
 from __future__ import annotations
@@ -74,9 +76,14 @@ class CdrColumns:
 
 @dataclass(slots=True)
 class CdrReader:
-    """Reader of the messages of one type."""
+    """Reader of the messages of one type.
+
+    Args:
+        is_ros1: whether the messages are those of ROS 1.
+    """
 
     root: StructType
+    is_ros1: bool = False
     _layouts: list[_Layout] = field(default_factory=list)  # the last used first
 
     def columns(self, messages: Sequence[bytes]) -> tuple[list[CdrColumns], list[tuple[int, str]]]:
@@ -120,7 +127,7 @@ class CdrReader:
                 if place:
                     layouts.insert(0, layouts.pop(place))
                 return layout
-        layout = _Walk(data).layout(self.root)
+        layout = _Walk(data, is_ros1=self.is_ros1).layout(self.root)
         layouts.insert(0, layout)
         del layouts[MAX_LAYOUTS:]
         return layout
@@ -158,15 +165,19 @@ def _read(layout: _Layout, rows: Ints, bytes_of: NDArray[np.uint8]) -> CdrColumn
 class _Walk:
     """A walk over one message, field by field."""
 
-    def __init__(self, data: bytes) -> None:
-        if len(data) < _HEAD or data[0] != 0 or data[1] not in _ENCAPSULATIONS:
-            raise ValueError("not CDR")
+    def __init__(self, data: bytes, *, is_ros1: bool = False) -> None:
         self._data = data
-        self._order, self._strictest = _ENCAPSULATIONS[data[1]]
+        self._probes: list[tuple[int, bytes]] = []
+        if is_ros1:
+            self._order, self._strictest, self._at = "<", 1, 0
+        elif len(data) < _HEAD or data[0] != 0 or data[1] not in _ENCAPSULATIONS:
+            raise ValueError("not CDR")
+        else:
+            self._order, self._strictest = _ENCAPSULATIONS[data[1]]
+            self._at = _HEAD
+            self._probes.append((0, data[:2]))
         self._length = struct.Struct(f"{self._order}I")
-        self._at = _HEAD
         self._steps = 0
-        self._probes: list[tuple[int, bytes]] = [(0, data[:2])]
         self._numbers: list[tuple[str, int, str]] = []
         self._times: list[tuple[str, int]] = []
 

@@ -105,6 +105,8 @@ def reader_of(channel: MessageChannel) -> Read | None:
         match channel.encoding, channel.schema_encoding:
             case "cdr", "ros2msg":
                 return _cdr(CdrReader(parse(channel.schema, channel.schema_data.decode())))
+            case "ros1", "ros1msg":
+                return _cdr(CdrReader(parse(channel.schema, channel.schema_data.decode()), is_ros1=True))
             case "protobuf", "protobuf":
                 return _walked(protobuf_reader(channel.schema, channel.schema_data))
             case "json", _:

@@ -31,7 +31,7 @@ from imuscope.protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_
 from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
 from imuscope.recordings.mcap_reader import MAGIC
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.sources import McapSource
 from imuscope.server.commands.common import temporary_copy
 from imuscope.server.commands.inspect_table import InspectTable
@@ -208,13 +208,13 @@ def _of_file(
         if head and not head.startswith(MAGIC):
             _guessed(head, name)  # raises a more exact error
         raise ValueError(f"{error.message} {error.hint}".strip()) from None
-    if device and not isinstance(source, McapSource | MessageSource):
+    if device and not isinstance(source, McapSource | MessageFile):
         raise ValueError(f"{name} {NO_DEVICES}")
     if isinstance(source, CaptureSource):
         with contextlib.closing(source.stream()) as file:
             yield PROTOCOLS[source.protocol], _untimed(_pieces(file))
         return
-    if not isinstance(source, McapSource | MessageSource) or not source.devices:
+    if not isinstance(source, McapSource | MessageFile) or not source.devices:
         raise ValueError(f"{name} has no device bytes; use `imuscope decode` to read its numbers")
     try:
         one = choose_device(source, device)

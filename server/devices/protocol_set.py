@@ -49,12 +49,13 @@ def counts_losses(device: DeviceInfo, channels: Iterable[str]) -> bool:
 
 
 def problems() -> list[str]:
-    """A sentence for each family, exporter and link of another package that cannot be used."""
+    """A sentence for each family, exporter, reader and link of another package that cannot be used."""
     from imuscope.protocols.registry import PROBLEMS
     from imuscope.recordings.exporters import PROBLEMS as OF_EXPORTERS
+    from imuscope.recordings.readers.registry import READERS
     from imuscope.server.links.registry import load_links
 
-    return [*PROBLEMS, *OF_EXPORTERS, *load_links()]
+    return [*PROBLEMS, *OF_EXPORTERS, *READERS.load(), *load_links()]
 
 
 def all_protocols() -> ProtocolSet:

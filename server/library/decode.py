@@ -35,7 +35,7 @@ from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
-from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.sources import ChunkBlock, McapSource, Source
 from imuscope.recordings.tabular import TableSource
 from imuscope.server import previous_names, wire, wire_codec
@@ -316,7 +316,7 @@ def decode(
             words = f"Parts have no device clock: their times are estimated at {BLIND_RATE} B/s (115 200 Bd)."
             for name in devices:
                 sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
-        axis = _axis_words(devices) if isinstance(source, MessageSource) else ""
+        axis = _axis_words(devices) if isinstance(source, MessageFile) else ""
         if isinstance(source, CaptureSource) and source.by_gnss:
             axis = "The time axis is the time in the messages of the GNSS receiver."
         if axis:
@@ -338,7 +338,7 @@ def decode(
 
 def _end(source: Source) -> float:
     """End of a recording, unix s, from its index; 0 without an index."""
-    return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource | MessageSource) else 0.0
+    return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource | MessageFile) else 0.0
 
 
 def _manifest(

@@ -14,11 +14,13 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from imuscope.protocols.plugins import plugins_of, protocol_plugins
+from imuscope.protocols.plugins import plugins_of, plugins_of_others, protocol_plugins
 
 PACKAGE = Path(__file__).absolute().parents[2]
 COMPUTED_SIGNALS = "imuscope.computed_signals"  # see computed_signals.py, which is too large to import here
 BEGIN = "imuscope.server.decode_worker"
+READERS = "imuscope.recordings.readers.formats"  # found by their folder
+OTHER_READERS = "imuscope.readers"
 DATA = (".txt", ".json")
 _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n]+)|import ([\w., ]+))", re.MULTILINE)
 
@@ -37,8 +39,8 @@ def decoding_mark() -> str:
 
 
 def _sources_of_others() -> Iterator[Path]:
-    """Files of packages with further protocol families."""
-    for plugin in protocol_plugins():
+    """Files of packages with further protocol families or readers."""
+    for plugin in (*protocol_plugins(), *plugins_of_others(OTHER_READERS)):
         if not plugin.package:
             continue
         try:
@@ -53,7 +55,8 @@ def decoding_sources() -> list[Path]:
     """Source files imported by the decoding process, sorted."""
     sources: dict[str, Path] = {}
     computing = (plugin.module for plugin in plugins_of(COMPUTED_SIGNALS) if plugin.is_there)
-    waiting = [BEGIN, *computing, *(plugin.module for plugin in protocol_plugins())]
+    readers = (f"{READERS}.{path.stem}" for path in PACKAGE.joinpath(*READERS.split(".")[1:]).glob("*.py"))
+    waiting = [BEGIN, *computing, *readers, *(plugin.module for plugin in protocol_plugins())]
     while waiting:
         module = waiting.pop()
         path = _path(module)

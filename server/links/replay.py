@@ -22,7 +22,7 @@ from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_reader import MAGIC
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.replay import ReplayClock, extent
 from imuscope.recordings.sources import McapSource
 from imuscope.recordings.sources import Source as File
@@ -104,7 +104,7 @@ class ReplayLink(FileLink):
         device = self._chosen(file)
         if (known := file.devices.get(device)) is not None and known.protocol == MESSAGES:
             self.protocol = MESSAGES
-        if self.protocol == MESSAGES and isinstance(file, McapSource | MessageSource):
+        if self.protocol == MESSAGES and isinstance(file, McapSource | MessageFile):
             self.preamble = file.preamble(device)
         progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")
         self.notices = [damage.words for damage in file.damage[:1]]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from imuscope.recordings import quota
 from imuscope.recordings.compaction import compact
-from imuscope.recordings.importers import SUFFIXES
+from imuscope.recordings.importers import suffixes
 from imuscope.recordings.library import INDEX, KEPT_S, Library
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
@@ -250,7 +250,7 @@ def test_no_name_becomes_a_path(name: str) -> None:
     assert "\\" not in clean
     assert clean.isprintable()
     assert len(clean.encode()) <= 130
-    assert os.path.splitext(clean)[1].lower() in SUFFIXES
+    assert os.path.splitext(clean)[1].lower() in suffixes()
     assert clean_name(clean) == clean
 
 

@@ -186,8 +186,8 @@ def test_unreadable_messages_are_reported(tmp_path: Path) -> None:
     with path.open("wb") as file:
         writer = McapWriter(file)
         writer.start()
-        schema = writer.register_schema("a/B", "ros1msg", b"float64 x")
-        writer.add_message(writer.register_channel("/old", "ros1", schema), 1, bytes(8), 1)
+        schema = writer.register_schema("a/B", "flatbuffer", b"float64 x")
+        writer.add_message(writer.register_channel("/old", "flatbuffer", schema), 1, bytes(8), 1)
         writer.finish()
-    with pytest.raises(RecordingError, match="ros1"):
+    with pytest.raises(RecordingError, match="flatbuffer"):
         open_file(path)

@@ -79,6 +79,7 @@ OPENS_ITS_OWN = {
     "recordings/resource_limits.py": "of the kernel",
     "recordings/column_store.py": "in a folder of ours",
     "recordings/payloads.py": "in a folder of ours",
+    "recordings/readers/formats/compressed.py": "entries of an open archive",
     "recordings/regular_file.py": "the one place",
 }
 

@@ -1,0 +1,1 @@
+"""Readers of files that imuscope did not write; see registry.py."""

@@ -1,0 +1,123 @@
+"""Compressed data from outside, within limits: it may claim any size and may be a bomb.
+
+pyarrow brings all compressions that files of recordings have, as streams.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import weakref
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.regular_file import open_regular
+
+LARGEST = 4 << 30  # bytes of all files in an archive
+FREE_SHARE = 2  # of the free disk, 1/FREE_SHARE may be used
+LARGEST_RATIO, RATIO_FROM = 200, 64 << 20  # beyond that many bytes, more of each compressed byte is a bomb
+PIECE = 1 << 16
+CODECS = {".gz": "gzip", ".zst": "zstd", ".zstd": "zstd", ".lz4": "lz4", ".bz2": "bz2"}
+
+
+def inflated(data: bytes, codec: str, most: int) -> tuple[bytes, str]:
+    """The content of compressed data, and a remark on damage of the rest, "" for none.
+
+    Args:
+        codec: "zstd", "lz4", "bz2", "gzip".
+        most: bytes that it may have; the rest is left out.
+
+    Raises:
+        ValueError: there is no content, because the data is damaged.
+    """
+    import pyarrow as pa
+
+    content = bytearray()
+    try:
+        with pa.CompressedInputStream(pa.BufferReader(data), codec) as stream:
+            while len(content) <= most and (piece := stream.read(min(PIECE, most + 1 - len(content)))):
+                content += piece
+    except (OSError, pa.ArrowException) as error:
+        words = f"not {codec}: {str(error).splitlines()[0]:.100}"
+        if not content:
+            raise ValueError(words) from None
+        return bytes(content[:most]), words
+    return bytes(content[:most]), f"it is longer than {most} bytes" if len(content) > most else ""
+
+
+class UnpackedFolder:
+    """A temporary folder for the files of an archive; gone with the source that reads them.
+
+    Args:
+        archive: for messages, and the date of its files.
+    """
+
+    def __init__(self, archive: Path) -> None:
+        self._archive = archive
+        self.path = Path(tempfile.mkdtemp(prefix="imuscope-unpacked-"))
+        self._size = archive.stat().st_size
+        self._written = 0
+        self._most = min(LARGEST, shutil.disk_usage(self.path).free // FREE_SHARE)
+
+    def remove(self) -> None:
+        """Remove it with everything in it."""
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def keep_for(self, source: object) -> None:
+        """Remove it when the source is gone, or the program ends."""
+        weakref.finalize(source, self.remove)
+
+    def check(self, size: int) -> None:
+        """Check that so many further bytes are within the limits.
+
+        Raises:
+            RecordingError: they are not.
+        """
+        total = self._written + size
+        if total > self._most:
+            words = f"The content of {self._archive.name} is larger than {self._most >> 20} MB."
+            raise RecordingError(words, "Unpack it, and give a file of it.")
+        if total > RATIO_FROM and total > LARGEST_RATIO * self._size:
+            words = f"{self._archive.name} becomes more than {LARGEST_RATIO} times as large: it may be made to harm."
+            raise RecordingError(words, "If it is sound, unpack it, and give a file of it.")
+
+    def write(self, name: str, content: BinaryIO | Any) -> Path:
+        """Write a file from a stream; returns its path.
+
+        Args:
+            name: of the file, without a folder.
+
+        Raises:
+            RecordingError: it exceeds the limits.
+            OSError: the disk failed, or the content is damaged.
+        """
+        out = self.path / name
+        with out.open("xb") as file:
+            while piece := content.read(PIECE):
+                self.check(len(piece))
+                self._written += len(piece)
+                file.write(piece)
+        stamp = self._archive.stat().st_mtime
+        os.utime(out, (stamp, stamp))
+        return out
+
+
+def decompressed(path: Path, folder: UnpackedFolder, name: str, codec: str) -> Path:
+    """A compressed file written into a folder; returns its path.
+
+    Raises:
+        RecordingError: it is damaged from its beginning on, or exceeds the limits.
+    """
+    import pyarrow as pa
+
+    out = folder.path / name
+    try:
+        with open_regular(path) as file, pa.CompressedInputStream(pa.PythonFile(file), codec) as stream:
+            return folder.write(name, stream)
+    except (OSError, pa.ArrowException) as error:
+        if out.is_file() and out.stat().st_size:
+            return out  # a file that was cut: all before
+        words = str(error).splitlines()[0]
+        raise RecordingError(f"{path.name} cannot be unpacked: {words:.100}.", "It is damaged.") from None

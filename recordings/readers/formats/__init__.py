@@ -1,0 +1,1 @@
+"""Readers, one in each file; each is registered when it is imported."""

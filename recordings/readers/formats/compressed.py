@@ -1,0 +1,174 @@
+"""Files that hold other files: zip, gzip, Zstandard. One file is opened; of a zip, all tables, or the one recording.
+
+    .csv.gz .db3.zst …    the file inside, by its name without the last suffix
+    .zip                  a ROS 2 bag (metadata.yaml), several tables (each a message), or one recording
+
+An archive in an archive is refused. What the files claim about their sizes is not trusted: decompressing.py counts.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.decompressing import UnpackedFolder, decompressed
+from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.upload_names import clean_name
+
+if TYPE_CHECKING:
+    from imuscope.recordings.sources import Source
+
+MOST_ENTRIES = 10_000
+MOST_TABLES = 64
+NAMED = 5
+SPREADSHEET = "xl/workbook.xml"
+OFFICE = {
+    SPREADSHEET: ("an Excel workbook", "Save it as CSV."),
+    "word/document.xml": ("a Word document", "Give the numbers themselves, as a CSV file."),
+    "ppt/presentation.xml": ("a presentation", "Give the numbers themselves, as a CSV file."),
+    "META-INF/MANIFEST.MF": ("a Java program", "Give the file with the samples of the sensor."),
+    "AndroidManifest.xml": ("an Android program", "Give the file with the samples of the sensor."),
+    "META-INF/manifest.xml": ("an OpenDocument file", "Save it as CSV."),
+}
+"""Programs' own formats that are zip files, by an entry that they have."""
+
+
+def _open_one(request: OpenRequest, codec: str) -> Source:
+    """The file in a compressed file."""
+    path = request.path
+    name = clean_name(path.stem) if path.suffix.lower() in (".gz", ".zst", ".zstd") else clean_name(path.name)
+    unpacked = UnpackedFolder(path)
+    return _temporary_source(unpacked, request, lambda: [decompressed(path, unpacked, name, codec)])
+
+
+def _open_zip(request: OpenRequest) -> Source:
+    path = request.path
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            entries = _entries(path, archive)
+            unpacked = UnpackedFolder(path)
+            return _temporary_source(unpacked, request, lambda: _extracted(archive, entries, unpacked))
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, ValueError, RuntimeError) as error:
+        hint = "Pack it again." if "password" not in str(error) else "Pack it without a password."
+        raise RecordingError(f"{path.name} cannot be unpacked: {str(error)[:100].lower()}.", hint) from None
+
+
+def _entries(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    """The files in a zip that may be recordings."""
+    names = set(archive.namelist())
+    for entry, (kind, remedy) in OFFICE.items():
+        if entry in names:
+            raise RecordingError(f"{path.name} is {kind}, which imuscope does not read.", remedy)
+    entries = [one for one in archive.infolist() if not one.is_dir() and not _is_hidden(one.filename)]
+    if not entries:
+        raise RecordingError(f"{path.name} holds no files.", "Give an archive with a recording.")
+    if len(entries) > MOST_ENTRIES:
+        raise RecordingError(f"{path.name} holds {len(entries)} files.", "Unpack it, and give a file of it.")
+    return entries
+
+
+def _is_hidden(name: str) -> bool:
+    """Whether a file belongs to the system that packed it."""
+    return any(part.startswith((".", "__MACOSX")) for part in name.split("/"))
+
+
+def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacked: UnpackedFolder) -> list[Path]:
+    """The files of a zip, in a flat folder."""
+    unpacked.check(sum(entry.file_size for entry in entries))
+    files = []
+    for entry in entries:
+        name = entry.filename.rsplit("/", 1)[-1]
+        name = name if name == "metadata.yaml" else _flat_name(name)
+        if (unpacked.path / name).exists():
+            name = clean_name(entry.filename.replace("/", "-"))
+        if (unpacked.path / name).exists():
+            continue
+        with archive.open(entry) as content:
+            files.append(unpacked.write(name, content))
+    return files
+
+
+def _flat_name(name: str) -> str:
+    """A safe name with the suffix that it has, if that is one."""
+    stem, suffix = os.path.splitext(name)
+    cleaned = clean_name(name)
+    known = cleaned.lower().endswith(suffix.lower())
+    return cleaned if known or not suffix[1:].isalnum() else f"{clean_name(stem + '.bin')[:-4]}{suffix}"
+
+
+def _temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Callable[[], list[Path]]) -> Source:
+    """The source of unpacked files, which are removed with it."""
+    try:
+        source = _opened(extract(), request, unpacked.path)
+    except BaseException:
+        unpacked.remove()
+        raise
+    unpacked.keep_for(source)
+    return source
+
+
+def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
+    """The content of an archive as one source."""
+    from imuscope.recordings.importers import open_file
+    from imuscope.recordings.readers.table_set import TableSet
+    from imuscope.recordings.tabular import TableSource
+
+    if any(file.name == "metadata.yaml" for file in files) and len(files) > 1:
+        return open_file(folder, is_packed=True)
+    sources: list[Source] = []
+    errors: dict[str, RecordingError] = {}
+    for file in files:
+        try:
+            sources.append(open_file(file, request.protocol, request.table, is_packed=True))
+        except RecordingError as error:
+            errors[file.name] = error
+        if len(sources) > MOST_TABLES:
+            break
+    tables = [one for one in sources if isinstance(one, TableSource)]
+    if not sources:
+        first = next(iter(errors.values()))
+        if len(files) == 1:
+            raise first
+        raise RecordingError(
+            f"{request.path.name} holds no file that can be opened. First: {first.message}", first.hint
+        )
+    if len(sources) == 1:
+        source = sources[0]
+    elif len(tables) == len(sources):
+        source = TableSet(request.path, tables)
+    else:
+        named = ", ".join(one.path.name for one in sources[:NAMED])
+        words = f"{request.path.name} holds several recordings: {named}{' …' if len(sources) > NAMED else ''}."
+        raise RecordingError(words, "Unpack it, and give one of them.")
+    if errors and len(files) > 1:
+        named = ", ".join(list(errors)[:NAMED])
+        source.damage.append(FileDamage(-1, f"Of {request.path.name} these are left out: {named}."))
+    return source
+
+
+register_reader(
+    FileReader("zip", "Zip", (".zip",), _open_zip, {0: (b"PK\x03\x04", b"PK\x05\x06")}, order=80, is_container=True)
+)
+for _name, _title, _suffixes, _mark, _codec in (
+    ("gzip", "Gzip", (".gz",), b"\x1f\x8b\x08", "gzip"),
+    ("zstd", "Zstandard", (".zst", ".zstd"), b"\x28\xb5\x2f\xfd", "zstd"),
+):
+    register_reader(
+        FileReader(
+            _name,
+            _title,
+            _suffixes,
+            functools.partial(_open_one, codec=_codec),
+            {0: (_mark,)},
+            order=81,
+            is_container=True,
+        )
+    )

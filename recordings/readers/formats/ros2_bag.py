@@ -1,0 +1,240 @@
+"""ROS 2 bags: SQLite files (.db3), and folders with metadata.yaml, of SQLite or MCAP files, split or compressed.
+
+    topics                id, name, type, serialization_format
+    messages              topic_id, timestamp ns, data (CDR; a zstd frame if messages are compressed)
+    message_definitions   topic_type, encoding, encoded_message_definition; since Iron
+
+The definitions of an older bag are those of `rosbags`, which has the common types.
+
+Source: rosbag2_storage_sqlite3 and rosbag2_storage (docs.ros.org), "metadata.yaml", versions 1 to 9.
+"""
+
+from __future__ import annotations
+
+import functools
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from imuscope.recordings.mcap_reader import MAGIC, FileDamage
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.message_source import MessageFile, MessageSource
+from imuscope.recordings.readers.bag_source import BagPiece, BagSource
+from imuscope.recordings.readers.decompressing import CODECS, UnpackedFolder, decompressed, inflated
+from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import ChunkBlock
+
+METADATA = "metadata.yaml"
+LONGEST_METADATA = 16 << 20
+LONGEST_MESSAGE = 1 << 27
+MOST_FILES = 10_000
+ROWS = 2000
+ZSTD = b"\x28\xb5\x2f\xfd"
+SENSELESS = (sqlite3.Error, UnicodeDecodeError)  # the latter by what SQLite says about a damaged file
+SQLITE = b"SQLite format 3\0"
+
+
+class Ros2Database(BagSource):
+    """One SQLite file of a bag.
+
+    Args:
+        path: of the file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        try:
+            with closing(_connected(path)) as database:
+                tables = {str(name) for (name,) in database.execute("SELECT name FROM sqlite_master")}
+                if not {"topics", "messages"} <= tables:
+                    known = ", ".join(sorted(tables)[:5]) or "no tables"
+                    raise RecordingError(
+                        f"{path.name} is a SQLite database, but not a ROS 2 bag: it has {known}.",
+                        "Export the table of samples as CSV.",
+                    )
+                self._learn(database, has_definitions="message_definitions" in tables)
+        except SENSELESS as error:
+            raise RecordingError(f"{path.name} is a damaged SQLite database: {error}.", "Record it again.") from None
+        self.check()
+
+    def _learn(self, database: sqlite3.Connection, *, has_definitions: bool) -> None:
+        texts: dict[str, tuple[str, str]] = {}
+        if has_definitions:
+            rows = database.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
+            texts = {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows if text}
+        for number, name, kind, encoding in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+            if encoding != "cdr":
+                self.topics.add(number, str(name), str(kind), ("", ""), "", f"its encoding is {encoding!s:.40}")
+                continue
+            form, text = texts.get(str(kind), ("", ""))
+            if form != "ros2msg":
+                text = _definition(str(kind), text if form == "ros2idl" else "")
+            why = f"the bag does not define its type, {kind!s:.100}" if not text else ""
+            self.topics.add(number, str(name), str(kind), ("cdr", "ros2msg"), text, why)
+
+    def pieces(self, start_ns: int | None, stop_ns: int | None) -> Iterator[BagPiece]:
+        begin = start_ns if start_ns is not None else -(1 << 63)
+        end = stop_ns if stop_ns is not None else (1 << 63) - 1
+        unreadable = 0
+        try:
+            with closing(_connected(self.path)) as database:
+                (most,) = database.execute("SELECT max(rowid) FROM messages").fetchone()
+                cursor = database.execute(
+                    "SELECT topic_id, timestamp, data, rowid FROM messages "
+                    "WHERE timestamp BETWEEN ? AND ? ORDER BY rowid",
+                    (begin, end),
+                )
+                while rows := cursor.fetchmany(ROWS):
+                    messages: list[tuple[int, int, bytes]] = []
+                    for number, time, data, _ in rows:
+                        if not (isinstance(time, int) and isinstance(data, bytes) and isinstance(number, int)):
+                            unreadable += 1
+                            continue
+                        if data.startswith(ZSTD):
+                            try:
+                                data, why = inflated(data, "zstd", LONGEST_MESSAGE)
+                            except ValueError as error:
+                                data, why = b"", str(error)
+                            if why:
+                                unreadable += 1
+                                continue
+                        messages.append((number, time, data))
+                    yield BagPiece(messages, rows[-1][3] / max(most or 1, 1))
+        except SENSELESS as error:
+            self.damage.append(FileDamage(-1, f"The database is damaged, the rest of it is missing: {error!s:.200}."))
+        if unreadable:
+            self.damage.append(FileDamage(-1, f"Messages that cannot be unpacked are left out: {unreadable}."))
+
+
+class SplitBag(MessageFile):
+    """Several files of one bag, one after the other."""
+
+    def __init__(self, folder: Path, files: list[Path], missing: list[str]) -> None:
+        super().__init__(folder)
+        self._files = files
+        self._missing = missing
+        self._preamble = self._opened(0).preamble
+
+    def _opened(self, number: int) -> MessageFile:
+        return _opened_file(self._files[number])
+
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
+        damage = [FileDamage(-1, f"{name} of the bag is missing.") for name in self._missing]
+        count = len(self._files)
+        for number in range(count):
+            try:
+                source = self._opened(number)
+                for part in source.parts(start_ns, stop_ns):
+                    done = (number + part.done) / count
+                    yield ChunkBlock(part.device, part.direction, part.data, part.ends, part.times, done)
+            except RecordingError as error:
+                damage.append(FileDamage(-1, error.message))
+                continue
+            known = {one.words for one in damage}
+            damage += [one for one in source.damage if one.words not in known]
+            self._preamble = source.preamble
+        self.damage[:] = damage
+
+    def preamble(self, device: str) -> bytes:
+        return self._preamble(device)
+
+
+def open_bag_folder(folder: Path) -> MessageFile:
+    """A bag as a folder.
+
+    Raises:
+        RecordingError: its metadata cannot be read, or none of its files.
+    """
+    listed = _listed_files(folder)
+    files = [one for name in listed if (one := _present(folder, name)) is not None]
+    missing = [name for name in listed if _present(folder, name) is None]
+    if not files:
+        raise RecordingError(
+            f"{folder.name}: none of the files that {METADATA} lists is there.", "Copy the whole folder of the bag."
+        )
+    return SplitBag(folder, files, missing)
+
+
+def _listed_files(folder: Path) -> list[str]:
+    """Names of the files that a bag consists of."""
+    import yaml
+
+    hint = "Give one of the files in it."
+    try:
+        with open_regular(folder / METADATA) as file:
+            text = file.read(LONGEST_METADATA)
+        about: Any = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        about = about["rosbag2_bagfile_information"]
+        names = about.get("relative_file_paths") or [one["path"] for one in about.get("files", [])]
+        listed = [Path(str(name)).name for name in names[:MOST_FILES]]
+    except OSError as error:
+        raise RecordingError(f"{folder.name}/{METADATA}: {(error.strerror or 'unreadable').lower()}.", hint) from None
+    except (yaml.YAMLError, KeyError, TypeError, AttributeError, ValueError, RecursionError):
+        raise RecordingError(f"{folder.name}/{METADATA} does not describe a ROS 2 bag.", hint) from None
+    if not listed:
+        raise RecordingError(f"{folder.name}/{METADATA} lists no files.", hint)
+    return listed
+
+
+def _present(folder: Path, name: str) -> Path | None:
+    """A file of a bag; or the same file unpacked."""
+    paths = [folder / name, folder / Path(name).stem] if Path(name).suffix in CODECS else [folder / name]
+    return next((path for path in paths if path.is_file()), None)
+
+
+def _opened_file(path: Path) -> MessageFile:
+    """One file of a bag."""
+    with open_regular(path) as file:
+        head = file.read(len(SQLITE))
+    if head.startswith(ZSTD):
+        unpacked = UnpackedFolder(path)
+        try:
+            source = _opened_file(decompressed(path, unpacked, path.stem, "zstd"))
+        except BaseException:
+            unpacked.remove()
+            raise
+        unpacked.keep_for(source)
+        return source
+    if head.startswith(MAGIC):
+        return MessageSource(path)
+    return Ros2Database(path)
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    """The database, open for reading only."""
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    database.text_factory = lambda text: text.decode(errors="replace")
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_MESSAGE)
+    database.execute("PRAGMA trusted_schema=OFF")
+    return database
+
+
+@functools.cache
+def _types() -> Any:
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.LATEST)
+
+
+def _definition(kind: str, idl: str) -> str:
+    """Definition of a type as text; "" if it is not known."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_typestore
+
+    try:
+        store = _types()
+        if idl:
+            store = get_typestore(Stores.EMPTY)
+            store.register(get_types_from_idl(idl))
+        return str(store.generate_msgdef(kind, ros_version=2)[0])
+    except Exception:  # whatever a parser raises for a text from outside
+        return ""
+
+
+def _open(request: OpenRequest) -> Ros2Database:
+    return Ros2Database(request.path)
+
+
+register_reader(FileReader("ros2-bag", "ROS 2 bag", (".db3",), _open, {0: (SQLITE,)}, order=20))

@@ -1,0 +1,104 @@
+"""Files that are not read, by their first bytes: what they are, and what to do with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+UNPACK = "Unpack it, and give a file of it."
+OTHER = "Give the file with the samples of the sensor."
+
+
+@dataclass(frozen=True, slots=True)
+class KnownFile:
+    """A format that is not read.
+
+    Args:
+        name: with its article: "a PNG image".
+        remedy: one sentence.
+        marks: first bytes, any of them.
+        offset: of the marks.
+        suffixes: of its files, if they have no marks.
+    """
+
+    name: str
+    remedy: str
+    marks: tuple[bytes, ...] = ()
+    offset: int = 0
+    suffixes: tuple[str, ...] = ()
+
+
+FILES = (
+    KnownFile("a PNG image", OTHER, (b"\x89PNG\r\n\x1a\n",)),
+    KnownFile("a JPEG image", OTHER, (b"\xff\xd8\xff",)),
+    KnownFile("a GIF image", OTHER, (b"GIF87a", b"GIF89a")),
+    KnownFile("a video or an image", OTHER, (b"ftyp",), 4),
+    KnownFile("a RIFF file (AVI, WAV or WebP)", OTHER, (b"RIFF",)),
+    KnownFile("a PDF document", "Give the numbers themselves, as a CSV file.", (b"%PDF-",)),
+    KnownFile(
+        "an HDF5 file",
+        "Write its arrays as Parquet, .npz or CSV, for instance with h5py; in MATLAB save with -v7.",
+        (b"\x89HDF\r\n\x1a\n",),
+    ),
+    KnownFile("an HDF5 file of MATLAB (-v7.3)", "Save it again with save(..., '-v7').", (b"MATLAB 7.3 MAT-file",)),
+    KnownFile(
+        "a spreadsheet or document of an older Office", "Save it as CSV.", (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",)
+    ),
+    KnownFile(
+        "a NetCDF file", "Write its variables as CSV or Parquet, for instance with xarray.", (b"CDF\x01", b"CDF\x02")
+    ),
+    KnownFile(
+        "a Betaflight blackbox log",
+        "Convert it with blackbox_decode (Blackbox Tools), and give the CSV file.",
+        (b"H Product:Blackbox", b"H Product: Blackbox"),
+    ),
+    KnownFile("a Rerun recording", "Give the recording that it was made of.", (b"RRF2", b"RRF0", b"RRIO")),
+    KnownFile("an RF64 or W64 audio file", OTHER, (b"RF64", b"riff\x2e\x91")),
+    KnownFile("a 7-Zip archive", UNPACK, (b"7z\xbc\xaf\x27\x1c",)),
+    KnownFile("a RAR archive", UNPACK, (b"Rar!\x1a\x07",)),
+    KnownFile("an xz archive", UNPACK, (b"\xfd7zXZ\x00",)),
+    KnownFile("a tar archive", UNPACK, (b"ustar",), 257),
+    KnownFile("a program", OTHER, (b"\x7fELF", b"MZ\x90\x00")),
+    KnownFile(
+        "a Python pickle",
+        "Save the arrays with numpy.savez: a pickle can run programs.",
+        (b"\x80\x04\x95", b"\x80\x05\x95", b"\x80\x03"),
+    ),
+    KnownFile(
+        "a web page or an XML file", "Give the numbers themselves, as a CSV file.", (b"<!DOCTYPE", b"<html", b"<?xml")
+    ),
+    KnownFile(
+        "a packet capture of a network",
+        "Save the payload of the stream as a file.",
+        (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x0a\x0d\x0d\x0a"),
+    ),
+    KnownFile(
+        "a CAN log of Vector (BLF)", "Convert it to the text of candump, or to MCAP.", (b"LOGG\x90\x00\x00\x00",)
+    ),
+    KnownFile(
+        "an ASAM measurement (MDF)",
+        "Write its channels as CSV or Parquet, for instance with asammdf.",
+        (b"MDF     ", b"UnFinMF "),
+    ),
+    KnownFile("a LAS point cloud", OTHER, (b"LASF",)),
+    KnownFile(
+        "a text log of ArduPilot", "Give the .BIN file, or the CSV file of mavlogdump.", (b"FMT, 128,", b"FMT,128,")
+    ),
+    KnownFile(
+        "a telemetry log of MAVLink",
+        "Convert it with mavlogdump --format csv, and give the CSV file.",
+        suffixes=(".tlog",),
+    ),
+    KnownFile("an Excel workbook", "Save it as CSV.", suffixes=(".xlsx", ".xls", ".ods")),
+)
+
+
+def known_file(head: bytes, suffix: str = "") -> KnownFile | None:
+    """The known format of a file; None if there is none."""
+    return next(
+        (
+            one
+            for one in FILES
+            if any(head.startswith(mark, one.offset) for mark in one.marks) or suffix in one.suffixes
+        ),
+        None,
+    )

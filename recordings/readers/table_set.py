@@ -1,0 +1,56 @@
+"""Several tables as one file: those of an archive, each a message with the name of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.tabular import TableRows, TableSource
+
+
+class TableSet(TableSource):
+    """Tables of one archive.
+
+    The axis is that of the first table; a different one of another table is listed with the damage.
+
+    Args:
+        path: of the archive.
+    """
+
+    def __init__(self, path: Path, tables: Sequence[TableSource]) -> None:
+        super().__init__(path, tables[0].format)
+        self._tables = tables
+        self._noted: list[FileDamage] = []
+        self.axis = tables[0].axis
+        self.timed = all(one.timed for one in tables)
+
+    def rows(self) -> Iterator[TableRows]:
+        self._noted = self._noted or list(self.damage)
+        self.damage[:] = self._noted
+        count = len(self._tables)
+        for number, table in enumerate(self._tables):
+            name = table.path.name
+            try:
+                for rows in table.rows():
+                    yield replace(rows, done=(number + rows.done) / count)
+            except RecordingError as error:
+                self.damage.append(FileDamage(-1, f"{name} is left out: {error.message} {error.hint}"))
+                continue
+            self.damage += [FileDamage(one.offset, f"{name}: {one.words}") for one in table.damage]
+            if number and table.axis is not None:
+                self._say_axis(table)
+
+    def _say_axis(self, table: TableSource) -> None:
+        axis, first = table.axis, self.axis
+        assert axis is not None
+        if first is not None and (first.name, first.clock.unit) == (axis.name, axis.clock.unit):
+            steps = axis.watch.steps if axis.watch is not None else []
+            if not steps:
+                return
+        self.damage.append(FileDamage(-1, f"{table.path.name}: {' '.join(axis.sentences())}"))
+
+    def unreadable(self) -> str:
+        return next((words for one in self._tables if (words := one.unreadable())), "")

@@ -1,0 +1,1 @@
+"""Readers of files of other programs, against files that these programs' own libraries write."""
