@@ -123,7 +123,7 @@ class CsvSource(TableSource):
 
     def __init__(self, path: Path, options: TableOptions | None = None) -> None:
         super().__init__(path, "csv")
-        self._form = format_of(path)
+        self._form = self._form_of_file()
         self._options = options = options or TableOptions()
         texts, self._left_out = _renamed(self._form, options)
         self._headings = [ColumnHeading.of(text) for text in texts]
@@ -150,6 +150,10 @@ class CsvSource(TableSource):
         self.axis = TimeAxis(clock, others, origin, dated_by, usual, _head_rate(self._form), self._form.decimal)
         self._ahead = ahead
         self.timed = not dated_by
+
+    def _form_of_file(self) -> TableFormat:
+        """Form and first rows of the table."""
+        return format_of(self.path)
 
     def _sample_times(self, clock: TableClock) -> Floats:
         """Times of the first rows."""

@@ -41,9 +41,9 @@ class TableSet(TableSource):
                 continue
             self.damage += [FileDamage(one.offset, f"{name}: {one.words}") for one in table.damage]
             if number and table.axis is not None:
-                self._say_axis(table)
+                self._note_axis(table)
 
-    def _say_axis(self, table: TableSource) -> None:
+    def _note_axis(self, table: TableSource) -> None:
         axis, first = table.axis, self.axis
         assert axis is not None
         if first is not None and (first.name, first.clock.unit) == (axis.name, axis.clock.unit):

@@ -1,0 +1,214 @@
+"""Logs of flight controllers: records of many kinds, each a table, with the time since the controller started.
+
+The clock is dated by a fix of a GNSS receiver in the log, else as a table is (recordings/table_axis.py). It is the axis
+as it is: where it goes back, that is listed with the damage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.table_axis import TimeAxis, origin_of
+from imuscope.recordings.table_clock import TableClock
+from imuscope.recordings.table_format import TableFormat
+from imuscope.recordings.tabular import TableRows, TableSource
+
+BLOCK_BYTES = 8 << 20
+MOST_TABLES, MOST_COLUMNS = 512, 256
+MOST_DAMAGE = 100
+UNDATED_S = 946_684_800.0  # 2000-01-01: a receiver that gives an earlier time has no fix
+LONGEST_S = 1e9  # since the start; a later time is damage
+DATED_WITHIN_BYTES = 256 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class LogColumn:
+    """A column of a table.
+
+    Args:
+        heading: its name.
+        name: of the field in the records.
+        index: of an element, if the field is an array.
+        factor: by which the numbers are multiplied.
+    """
+
+    heading: str
+    name: str
+    index: int | None = None
+    unit: str = ""
+    factor: float = 1.0
+
+    def values(self, records: NDArray[Any]) -> NDArray[np.float64]:
+        """Its numbers in some records."""
+        values = records[self.name] if self.index is None else records[self.name][:, self.index]
+        with np.errstate(all="ignore"):  # damaged records hold anything
+            return values.astype(np.float64) * self.factor if self.factor != 1.0 else values.astype(np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class LogTable:
+    """A kind of records.
+
+    Args:
+        dtype: of a whole record.
+        time: its time since the start, s.
+        instance: a field whose value tells several sensors of the same kind apart; "" if there is none.
+    """
+
+    name: str
+    dtype: np.dtype[Any]
+    time: LogColumn
+    columns: Sequence[LogColumn]
+    instance: str = ""
+
+
+@dataclass(slots=True)
+class LogBlock:
+    """Records that were read together.
+
+    Args:
+        records: bytes of whole records by table.
+        done: share of the file read, 0..1.
+    """
+
+    records: Mapping[str, bytes]
+    done: float
+
+
+@dataclass(frozen=True, slots=True)
+class DatedBy:
+    """A fix: time since the start and UTC, s, and the record that has both."""
+
+    clock: float
+    utc: float
+    name: str
+
+
+@dataclass(slots=True)
+class _Progress:
+    """The last time of each table, and how often its clock goes back."""
+
+    last: dict[str, float] = field(default_factory=dict)
+    back: dict[str, tuple[int, float]] = field(default_factory=dict)
+
+    def add(self, name: str, times: NDArray[np.float64]) -> None:
+        steps = np.diff(times, prepend=self.last.get(name, times[0]))
+        self.last[name] = float(times[-1])
+        if (steps < 0).any():
+            count, by = self.back.get(name, (0, 0.0))
+            self.back[name] = count + int((steps < 0).sum()), min(by, float(steps.min()))
+
+
+class FlightLog(TableSource):
+    """A log. Subclasses read its blocks.
+
+    Attributes:
+        tables: those known so far; complete for the records of a block when it is yielded.
+        left_out: reasons for records that are no numbers.
+
+    Raises:
+        RecordingError: it has no records with a time.
+    """
+
+    clock_name = "timestamp"
+
+    def __init__(self, path: Path, format: str) -> None:
+        super().__init__(path, format)
+        self.tables: dict[str, LogTable] = {}
+        self.left_out: dict[str, None] = {}
+        fix = self.fix()
+        first = self._first_time()
+        clock = TableClock(self.clock_name, (), "number", "µs", (1e-6,), "start", "stated", "the format defines it")
+        if fix is not None:
+            origin, dated_by = fix.utc - fix.clock, f"the GNSS receiver in {fix.name}"
+        else:
+            empty = TableFormat(0, ",", ".", (), (), 0)
+            origin, dated_by = origin_of(clock, first, empty, path)
+        self.timed = fix is not None
+        self.axis = TimeAxis(clock, (), origin, dated_by, 0.0)
+
+    def blocks(self) -> Iterator[LogBlock]:
+        """All records in the order of the file."""
+        raise NotImplementedError
+
+    def fix(self) -> DatedBy | None:
+        """The first fix of a receiver."""
+        for block in self.blocks():
+            for name, data in block.records.items():
+                records = self._records(self.tables[name], data)
+                dated = self.dated(self.tables[name], records)
+                if dated is not None and dated.utc > UNDATED_S:
+                    return dated
+            if block.done * self.path.stat().st_size > DATED_WITHIN_BYTES:
+                break
+        return None
+
+    def dated(self, table: LogTable, records: NDArray[Any]) -> DatedBy | None:
+        """A fix in some records."""
+        raise NotImplementedError
+
+    def _first_time(self) -> float:
+        for block in self.blocks():
+            times = [
+                float(self.tables[name].time.values(self._records(self.tables[name], data))[0])
+                for name, data in block.records.items()
+            ]
+            if times:
+                return min(times)
+        hint = self.damage[0].words if self.damage else "It was cut, or is empty."
+        raise RecordingError(f"{self.path.name} has no records with a time.", hint)
+
+    def rows(self) -> Iterator[TableRows]:
+        assert self.axis is not None
+        self.damage.clear()
+        progress, odd = _Progress(), 0
+        for block in self.blocks():
+            for name, data in block.records.items():
+                table = self.tables[name]
+                records = self._records(table, data)
+                for title, some in _instances(table, records):
+                    clock = table.time.values(some)
+                    plausible = clock < LONGEST_S
+                    if not plausible.all():
+                        odd += int((~plausible).sum())
+                        clock, some = clock[plausible], some[plausible]
+                    if not len(clock):
+                        continue
+                    progress.add(title, clock)
+                    time = clock + self.axis.origin
+                    columns = {one.heading: (one.values(some), one.unit) for one in table.columns}
+                    yield TableRows(title, time, time, columns, min(block.done, 1.0))
+        for title, (count, by) in progress.back.items():
+            words = f"{title}: {self.clock_name} goes back {count} times, by up to {-by:.6g} s."
+            self.damage.append(FileDamage(-1, words))
+        if odd:
+            self.damage.append(FileDamage(-1, f"Records with an impossible time are left out: {odd}."))
+        if self.left_out:
+            self.damage.append(FileDamage(-1, f"Left out: {', '.join(self.left_out)}."))
+
+    def note(self, at: int, words: str) -> None:
+        """Note damage."""
+        if len(self.damage) < MOST_DAMAGE:
+            self.damage.append(FileDamage(at, words))
+
+    @staticmethod
+    def _records(table: LogTable, data: bytes) -> NDArray[Any]:
+        return np.frombuffer(data, table.dtype)
+
+
+def _instances(table: LogTable, records: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The records of each sensor, with the name of its table."""
+    if not table.instance:
+        yield table.name, records
+        return
+    numbers = records[table.instance]
+    for number in np.unique(numbers).tolist():
+        yield f"{table.name}[{number}]", records[numbers == number]
