@@ -25,7 +25,7 @@ export const COMMON = {
   save: "Save",
   trafficLog: "Traffic log",
   devices: "Devices",
-  notInstalled: (extension: Value) => `${extension} is not installed on this server. To add it:`,
+  notInstalled: "Not installed on this server, with the command that adds it:",
   firmware: (version: Value) => `firmware ${version}`,
   close: "Close",
   completions: "Completions",

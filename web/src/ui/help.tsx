@@ -11,7 +11,17 @@ interface Props {
   readonly groups?: readonly KeyGroup[];
 }
 
+/** Titles of the extensions that are not installed, by the command that adds them. */
+function absentByCommand(): ReadonlyMap<string, readonly string[]> {
+  const titles = new Map<string, string[]>();
+  for (const { title, install } of capabilities.value.absent ?? []) {
+    titles.set(install, [...(titles.get(install) ?? []), title]);
+  }
+  return titles;
+}
+
 export function Help({ onClose, groups }: Props) {
+  const absent = absentByCommand();
   return (
     <Dialog title={COMMON.keyboard} onClose={onClose}>
       <div class="key-groups">
@@ -47,11 +57,17 @@ export function Help({ onClose, groups }: Props) {
           {COMMON.licences}
         </a>
       </p>
-      {(capabilities.value.absent ?? []).map(({ name, title, install }) => (
-        <p class="hint" key={name}>
-          {COMMON.notInstalled(title)} <code>{install}</code>
+      {absent.size > 0 && (
+        <p class="hint">
+          {COMMON.notInstalled}
+          {[...absent].map(([install, titles]) => (
+            <Fragment key={install}>
+              <br />
+              {titles.join(", ")}: <code>{install}</code>
+            </Fragment>
+          ))}
         </p>
-      ))}
+      )}
     </Dialog>
   );
 }
