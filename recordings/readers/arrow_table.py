@@ -31,7 +31,7 @@ class ArrowColumns:
     Args:
         headings: of its columns; "" where a column has no name.
         batches: reads all rows, each time that it is called.
-        left_out: sentences on what the columns lack.
+        left_out: sentences on other content.
         metadata: what the file says beside the table, by name in lower case.
     """
 

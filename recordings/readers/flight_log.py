@@ -60,7 +60,7 @@ class LogTable:
     Args:
         dtype: of a whole record.
         time: its time since the start, s.
-        instance: a field whose value distinguishes several sensors of the same kind; "" if there is none.
+        instance: a field with the number of the sensor, if there are several of its kind; "" if there is none.
     """
 
     name: str
@@ -112,7 +112,7 @@ class FlightLog(TableSource):
 
     Attributes:
         tables: those known so far; complete for the records of a block when it is yielded.
-        left_out: reasons for records without numbers.
+        left_out: kinds of records without numbers.
 
     Raises:
         RecordingError: it has no records with a time.

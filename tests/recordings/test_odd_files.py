@@ -80,6 +80,7 @@ OPENS_ITS_OWN = {
     "recordings/column_store.py": "in a folder of ours",
     "recordings/payloads.py": "in a folder of ours",
     "recordings/readers/formats/compressed.py": "entries of an open archive",
+    "recordings/readers/formats/numpy_arrays.py": "entries of an open archive",
     "recordings/regular_file.py": "the one place",
 }
 

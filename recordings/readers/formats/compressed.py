@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.decompressing import UnpackedFolder, decompressed
+from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.upload_names import clean_name
@@ -51,12 +52,14 @@ def _open_one(request: OpenRequest, codec: str) -> Source:
 
 def _open_zip(request: OpenRequest) -> Source:
     path = request.path
+    if is_npz(path):
+        return open_npz(request)
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
             entries = _entries(path, archive)
             unpacked = UnpackedFolder(path)
             return _temporary_source(unpacked, request, lambda: _extracted(archive, entries, unpacked))
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, ValueError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError) as error:
         hint = "Pack it again." if "password" not in str(error) else "Pack it without a password."
         raise RecordingError(f"{path.name} cannot be unpacked: {str(error)[:100].lower()}.", hint) from None
 

@@ -1,0 +1,102 @@
+"""Named arrays of a file (NumPy, MATLAB) as the columns of one table: those that have as many rows as most."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.arrow_table import BATCH_ROWS, ArrowColumns
+from imuscope.recordings.table_format import MAX_COLUMNS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Array = NDArray[Any]
+FEWEST = 2
+AXES = ("x", "y", "z")
+
+
+def columns_of(file: str, arrays: Mapping[str, Array], left_out: list[str]) -> ArrowColumns:
+    """The table of some arrays.
+
+    Args:
+        arrays: by name; "" for one without.
+        left_out: sentences on others.
+
+    Raises:
+        RecordingError: none has rows of numbers.
+    """
+    usable = {name: array for name, array in arrays.items() if _is_table(array)}
+    if not usable:
+        raise RecordingError(f"{file} has no arrays with rows of numbers.", "Save an array with a row for each sample.")
+    counts = Counter(size for array in usable.values() for size in {*array.shape} if size >= FEWEST)
+    rows = max(counts, key=lambda size: (counts[size], size))
+    columns: dict[str, Array] = {}
+    others: list[str] = []
+    for name, array in arrays.items():
+        matrix = _matrix(array, rows) if name in usable else None
+        if matrix is None:
+            others.append(f"{name} {'x'.join(map(str, array.shape)) or 'single value'}")
+            continue
+        columns |= _named(name, matrix)
+    if others:
+        left_out = [*left_out, f"Arrays without {rows} rows of numbers are left out: {', '.join(others[:10])}."]
+    names = list(columns)[:MAX_COLUMNS]
+
+    def batches() -> Iterator[pa.RecordBatch]:
+        import pyarrow as pa
+
+        for begin in range(0, rows, BATCH_ROWS):
+            some = [np.ascontiguousarray(columns[name][begin : begin + BATCH_ROWS]) for name in names]
+            native = [one.astype(one.dtype.newbyteorder("="), copy=False) for one in some]
+            yield pa.RecordBatch.from_arrays([_arrow(one) for one in native], names=list(map(str, range(len(names)))))
+
+    headings = names if any(not name.isdigit() for name in names) else [""] * len(names)
+    return ArrowColumns(headings, batches, left_out)
+
+
+def _is_table(array: Array) -> bool:
+    if array.dtype.names:
+        return array.ndim == 1 and len(array) >= FEWEST
+    return array.dtype.kind in "fiubMm" and 1 <= array.ndim <= 2 and max(array.shape, default=0) >= FEWEST
+
+
+def _matrix(array: Array, rows: int) -> Array | None:
+    """An array with so many rows; one that has its samples side by side is turned."""
+    if array.ndim == 1 or array.dtype.names:
+        return array if len(array) == rows else None
+    if array.shape[0] == rows:
+        return array
+    return array.T if array.shape[1] == rows else None
+
+
+def _named(name: str, matrix: Array) -> dict[str, Array]:
+    """The columns of an array."""
+    if matrix.dtype.names:
+        prefix = f"{name}." if name else ""
+        inner = [(f"{prefix}{field}", matrix[field]) for field in matrix.dtype.names]
+        usable = [(title, one) for title, one in inner if one.dtype.kind in "fiubMm" and one.ndim <= 2]
+        return {title: one for text, many in usable for title, one in _named(text, many).items()}
+    if matrix.dtype.kind in "Mm":
+        name, matrix = f"{name or 'time'} [ns]", matrix.astype(f"{matrix.dtype.kind}8[ns]").astype(np.int64)
+    if matrix.ndim == 1:
+        return {name or "0": matrix}
+    width = matrix.shape[1]
+    if width == 1:
+        return _named(name, matrix[:, 0])
+    suffixes = AXES if width == len(AXES) and name else tuple(map(str, range(width)))
+    prefix = f"{name}." if name else ""
+    return {f"{prefix}{suffix}": matrix[:, place] for place, suffix in enumerate(suffixes)}
+
+
+def _arrow(array: Array) -> pa.Array:
+    import pyarrow as pa
+
+    if array.dtype.kind == "f" and array.dtype.itemsize not in (4, 8):
+        array = array.astype(np.float64)
+    return pa.array(array)

@@ -1,0 +1,111 @@
+"""Parquet and Arrow files (IPC files and streams, Feather), as tables. The unit of a column is its field's metadata."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.arrow_table import (
+    BATCH_ROWS,
+    SENSELESS,
+    ArrowColumns,
+    ArrowSource,
+    first_line,
+    heading_of,
+)
+from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.regular_file import open_regular
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+LARGEST_GROUP = 1 << 30  # bytes of a row group or batch, unpacked
+DAMAGED = "Write it again, or give another file."
+
+
+def _table(request: OpenRequest, kind: str, schema: pa.Schema, batches: Callable[[list[str]], Any]) -> ArrowSource:
+    """The columns of a file that are read."""
+    headings: dict[str, str] = {}
+    left_out: list[str] = []
+    for column in schema:
+        heading = heading_of(column.name, column.type)
+        if heading is None or column.name in headings:
+            left_out.append(column.name)
+            continue
+        unit = (column.metadata or {}).get(b"unit", b"").decode(errors="replace")
+        headings[column.name] = f"{heading} [{unit}]" if unit and heading == column.name else heading
+    words = [f"Columns without numbers are left out: {', '.join(left_out[:10])}."] if left_out else []
+    if not headings:
+        raise RecordingError(f"{request.path.name} has no columns of numbers.", "Give a table of samples.")
+    columns = ArrowColumns(list(headings.values()), lambda: batches(list(headings)), words)
+    return ArrowSource(request.path, columns, kind, request.table)
+
+
+def _opened(request: OpenRequest, kind: str, read: Callable[[OpenRequest], ArrowSource]) -> ArrowSource:
+    import pyarrow as pa
+
+    try:
+        return read(request)
+    except (*SENSELESS, pa.ArrowException, MemoryError) as error:
+        raise RecordingError(f"{request.path.name} is a damaged {kind} file: {first_line(error)}.", DAMAGED) from None
+
+
+def _parquet(request: OpenRequest) -> ArrowSource:
+    import pyarrow.parquet as pq
+
+    with open_regular(request.path) as file:
+        described = pq.ParquetFile(file)
+        schema, about = described.schema_arrow, described.metadata
+        sizes = (about.row_group(number).total_byte_size for number in range(about.num_row_groups))
+        if max(sizes, default=0) > LARGEST_GROUP:
+            raise RecordingError(
+                f"{request.path.name} has a row group of more than {LARGEST_GROUP >> 20} MB.",
+                "Write it with smaller row groups.",
+            )
+
+    def batches(names: list[str]) -> Iterator[pa.RecordBatch]:
+        with open_regular(request.path) as file:
+            yield from pq.ParquetFile(file).iter_batches(BATCH_ROWS, columns=names, use_threads=False)
+
+    return _table(request, "parquet", schema, batches)
+
+
+def _arrow(request: OpenRequest) -> ArrowSource:
+    with _arrow_reader(request.path) as reader:
+        schema = reader.schema
+
+    def batches(names: list[str]) -> Iterator[pa.RecordBatch]:
+        with _arrow_reader(request.path) as reader:
+            count = getattr(reader, "num_record_batches", None)
+            some = reader if count is None else (reader.get_batch(number) for number in range(count))
+            for batch in some:
+                yield batch.select(names)
+
+    return _table(request, "arrow", schema, batches)
+
+
+def _arrow_reader(path: Path) -> AbstractContextManager[Any]:
+    """Reader of an IPC file, mapped into memory, or of a stream."""
+    import pyarrow as pa
+
+    mapped = pa.memory_map(str(path))
+    is_file = mapped.read(6) == b"ARROW1"
+    mapped.seek(0)
+    reader: AbstractContextManager[Any] = pa.ipc.open_file(mapped) if is_file else pa.ipc.open_stream(mapped)
+    return reader
+
+
+def _open_parquet(request: OpenRequest) -> ArrowSource:
+    return _opened(request, "Parquet", _parquet)
+
+
+def _open_arrow(request: OpenRequest) -> ArrowSource:
+    return _opened(request, "Arrow", _arrow)
+
+
+register_reader(FileReader("parquet", "Parquet", (".parquet", ".pq"), _open_parquet, {0: (b"PAR1",)}, order=40))
+register_reader(FileReader("arrow", "Arrow", (".arrow", ".feather"), _open_arrow, {0: (b"ARROW1\0\0",)}, order=41))
+register_reader(FileReader("arrow-stream", "Arrow stream", (".arrows", ".ipc"), _open_arrow, order=42))

@@ -1,0 +1,80 @@
+"""MATLAB files up to version 7 (save -v7): arrays, and the fields of structures, as one table.
+
+Version 7.3 is HDF5, which is not read. Objects (timetable, table) are left out: MATLAB keeps their form to itself.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.array_columns import Array, columns_of
+from imuscope.recordings.readers.arrow_table import ArrowSource, first_line
+from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.regular_file import open_regular
+
+LARGEST = 1 << 30  # bytes of all variables
+DEEPEST = 4
+NUMBERS = {"double", "single", "logical", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"}
+RESAVE = "Save it again with save(..., '-v7')."
+
+
+def _open(request: OpenRequest) -> ArrowSource:
+    from scipy.io import loadmat, whosmat
+
+    path = request.path
+    try:
+        with open_regular(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.filterwarnings("error", message=".*corrupt")
+            listed = whosmat(file)
+            chosen, left_out = _chosen(listed)
+            file.seek(0)
+            loaded: dict[str, Any] = loadmat(file, variable_names=chosen, struct_as_record=True, squeeze_me=False)
+    except NotImplementedError:
+        raise RecordingError(f"{path.name} is an HDF5 file of MATLAB (-v7.3).", RESAVE) from None
+    except Exception as error:  # whatever scipy raises for data from outside
+        raise RecordingError(f"{path.name} is a damaged MATLAB file: {first_line(error)}.", RESAVE) from None
+    arrays: dict[str, Array] = {}
+    for name in chosen:
+        if isinstance(loaded.get(name), np.ndarray):
+            _flatten(name, loaded[name], arrays, 0)
+    return ArrowSource(path, columns_of(path.name, arrays, left_out), "mat", request.table)
+
+
+def _chosen(listed: list[tuple[str, tuple[int, ...], str]]) -> tuple[list[str], list[str]]:
+    """Variables that are loaded, and sentences on the others."""
+    chosen, others, total = [], [], 0
+    for name, shape, kind in listed:
+        size = 8
+        for length in shape:
+            size *= max(int(length), 0)
+        if kind not in (*NUMBERS, "struct") or total + size > LARGEST:
+            others.append(f"{name} ({kind})")
+            continue
+        total += size
+        chosen.append(name)
+    return chosen, [
+        f"Variables without numbers, or too large, are left out: {', '.join(others[:10])}."
+    ] if others else []
+
+
+def _flatten(name: str, array: Array, arrays: dict[str, Array], depth: int) -> None:
+    """Add an array, or the fields of a structure."""
+    if array.dtype.names is None:
+        if array.dtype.kind in "fiub":
+            arrays[name] = array
+        return
+    if array.size != 1 or depth >= DEEPEST:
+        return
+    record = array.reshape(-1)[0]
+    for field in array.dtype.names:
+        if isinstance(record[field], np.ndarray):
+            _flatten(f"{name}.{field}", record[field], arrays, depth + 1)
+
+
+register_reader(FileReader("mat", "MATLAB", (".mat",), _open, {0: (b"MATLAB 5.0 MAT-file",)}, order=52))
+register_reader(FileReader("mat4", "MATLAB 4", (".mat",), _open, order=53))

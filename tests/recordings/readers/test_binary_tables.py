@@ -1,0 +1,164 @@
+"""Parquet, Arrow, NumPy and MATLAB files, written by their libraries, read as tables are."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.feather as feather
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.table_options import TableOptions
+from tests.each_row import each_row
+from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
+
+COUNT = 400
+BEGIN = 1_500_000_000.0
+NS = 1_500_000_000_000_000_000 + np.arange(COUNT) * 10_000_000
+GYRO = np.stack([np.sin(4 * np.pi * np.arange(COUNT) / 100), np.zeros(COUNT), np.ones(COUNT)], axis=1)
+
+
+def arrow_table() -> pa.Table:
+    units = {b"unit": b"rad/s"}
+    fields = [
+        pa.field("time", pa.timestamp("us", "UTC")),
+        *(pa.field(f"gyro.{axis}", pa.float64(), metadata=units) for axis in "xyz"),
+        pa.field("flags", pa.list_(pa.int8())),
+        pa.field("n", pa.int16()),
+        pa.field("ok", pa.bool_()),
+    ]
+    columns = [
+        pa.array(NS // 1000, pa.timestamp("us", "UTC")),
+        *(pa.array(GYRO[:, k]) for k in range(3)),
+        pa.array([[1]] * COUNT, pa.list_(pa.int8())),
+        pa.array(np.arange(COUNT), pa.int16()),
+        pa.array(np.arange(COUNT) % 2 == 0),
+    ]
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
+
+
+def parquet(path: Path) -> None:
+    pq.write_table(arrow_table(), path, compression="zstd", row_group_size=150)
+
+
+def arrow(path: Path) -> None:
+    feather.write_feather(arrow_table(), path, compression="lz4", chunksize=150)
+
+
+def arrow_stream(path: Path) -> None:
+    with pa.ipc.new_stream(path, arrow_table().schema) as writer:
+        writer.write_table(arrow_table(), 150)
+
+
+def npz(path: Path) -> None:
+    np.savez_compressed(path, time_ns=NS, gyro=GYRO, matrix=np.eye(4), label=np.array("a"))
+
+
+def npy(path: Path) -> None:
+    kind = np.dtype([("time", "i8"), ("gyro", "<f8", (3,))])
+    array = np.zeros(COUNT, kind)
+    array["time"], array["gyro"] = NS, GYRO
+    np.save(path, array)
+
+
+def mat(path: Path) -> None:
+    savemat(path, {"imu": {"t_ns": NS.astype(np.float64), "gyro": GYRO}, "name": "a"}, do_compression=True)
+
+
+def mat4(path: Path) -> None:
+    savemat(path, {"time": NS / 1e9, "gyro": GYRO.T}, format="4")
+
+
+FILES: list[tuple[str, Callable[[Path], None], str]] = [
+    ("a.parquet", parquet, "gyro"),
+    ("a.arrow", arrow, "gyro"),
+    ("a.arrows", arrow_stream, "gyro"),
+    ("a.npz", npz, "gyro"),
+    ("a.npy", npy, "gyro"),
+    ("a.mat", mat, "imu.gyro"),
+    ("b.mat", mat4, "gyro"),
+]
+
+
+@each_row(("name", "write", "channel"), FILES)
+def test_a_binary_table_has_its_times_and_vectors(
+    name: str, write: Callable[[Path], None], channel: str, tmp_path: Path
+) -> None:
+    write(tmp_path / name)
+    store = opened(tmp_path / name, tmp_path)
+    info = next(one for one in store.manifest["channels"] if one["name"] == channel)
+    rows = rows_of(store, channel)
+    assert (info["kind"], [column["name"] for column in info["columns"]]) == ("vector", ["x", "y", "z"])
+    assert info["unit"] == ("rad/s" if name.startswith("a.a") or name == "a.parquet" else "")
+    np.testing.assert_array_equal(np.stack(rows.columns, axis=1), GYRO)
+    np.testing.assert_allclose(rows.time, BEGIN + np.arange(COUNT) / 100, atol=1e-6)
+    assert store.manifest["time"]["axis"]
+
+
+def test_what_is_no_column_is_named(tmp_path: Path) -> None:
+    npz(tmp_path / "a.npz")
+    assert "Arrays without 400 rows of numbers are left out: matrix 4x4, label single value." in damage_of(
+        opened(tmp_path / "a.npz", tmp_path / "1")
+    )
+    mat(tmp_path / "a.mat")
+    assert "name (char)" in damage_of(opened(tmp_path / "a.mat", tmp_path / "2"))
+    parquet(tmp_path / "a.parquet")
+    assert "left out: flags." in damage_of(opened(tmp_path / "a.parquet", tmp_path / "3"))
+
+
+def test_an_array_without_names_needs_a_rate(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", GYRO)
+    with pytest.raises(RecordingError) as refused:
+        opened(tmp_path / "a.npy", tmp_path / "1")
+    assert "--rate" in refused.value.hint
+    options = TableOptions(rate=100.0, columns={"1": "Gyro.x (rad/s)", "2": "Gyro.y (rad/s)", "3": "Gyro.z (rad/s)"})
+    store = opened(tmp_path / "a.npy", tmp_path / "2", options)
+    np.testing.assert_allclose(np.diff(rows_of(store, "Gyro").time), 0.01, atol=1e-6)
+
+
+def test_objects_and_claims_are_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}, None]), allow_pickle=True)
+    with pytest.raises(RecordingError, match="damaged"):
+        open_file(tmp_path / "a.npy")
+    out = io.BytesIO()
+    np.lib.format.write_array_header_1_0(out, {"descr": "<f8", "fortran_order": False, "shape": (1 << 40,)})
+    (tmp_path / "b.npy").write_bytes(out.getvalue())
+    with pytest.raises(RecordingError, match="damaged"):
+        open_file(tmp_path / "b.npy")
+    with zipfile.ZipFile(tmp_path / "c.npz", "w") as archive:
+        archive.writestr("a.npy", out.getvalue())
+    with pytest.raises(RecordingError, match="no arrays"):
+        open_file(tmp_path / "c.npz")
+
+
+@each_row(("name", "write", "channel"), FILES)
+def test_damage_does_no_harm(name: str, write: Callable[[Path], None], channel: str, tmp_path: Path) -> None:
+    write(tmp_path / name)
+    opens, refused = survives_damage(tmp_path / name, tmp_path)
+    assert opens + refused
+    assert channel
+
+
+@given(st.data())
+def test_numbers_are_the_same_in_every_format(tmp_path_factory: pytest.TempPathFactory, data: Any) -> None:
+    folder = tmp_path_factory.mktemp("tables")
+    numbers = st.floats(allow_infinity=False, width=data.draw(st.sampled_from([32, 64])))
+    values = np.array(data.draw(st.lists(numbers, min_size=5, max_size=30)))
+    time = BEGIN + np.arange(len(values)) / 100
+    np.savez(folder / "a.npz", time=time, value=values)
+    pq.write_table(pa.table({"time": time, "value": values}), folder / "a.parquet")
+    for name in ("a.npz", "a.parquet"):
+        source = open_file(folder / name)
+        [rows] = source.rows()  # type: ignore[attr-defined]
+        np.testing.assert_array_equal(rows.columns["value"][0], values)
