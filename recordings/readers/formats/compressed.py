@@ -80,7 +80,8 @@ def _entries(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 
 def _is_hidden(name: str) -> bool:
     """Whether a file belongs to the system that packed it."""
-    return any(part.startswith((".", "__MACOSX")) for part in name.split("/"))
+    parts = (part for part in name.split("/") if part not in (".", ".."))
+    return any(part.startswith((".", "__MACOSX")) for part in parts)
 
 
 def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacked: UnpackedFolder) -> list[Path]:
