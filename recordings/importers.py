@@ -31,6 +31,7 @@ from imuscope.recordings.mcap_reader import MAGIC, FileDamage, McapReader
 from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.optional_packages import installation_of, lacks
+from imuscope.recordings.readers.bag_folder import METADATA, is_bag_folder
 from imuscope.recordings.readers.known_files import known_file
 from imuscope.recordings.readers.registry import (
     HEAD_BYTES,
@@ -275,9 +276,9 @@ def _unknown(path: Path, head: bytes) -> RecordingError:
 
 def _folder(path: Path) -> Source:
     """A ROS 2 bag as a folder."""
-    from imuscope.recordings.readers.formats.ros2_bag import METADATA, open_bag_folder
+    from imuscope.recordings.readers.formats.ros2_bag import open_bag_folder
 
-    if not (path / METADATA).is_file():
+    if not is_bag_folder(path):
         hint = f"Give a file in it. A folder can be opened if it is a ROS 2 bag, with {METADATA}."
         raise RecordingError(f"{path.name} is a folder.", hint)
     return open_bag_folder(path)

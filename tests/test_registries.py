@@ -1,4 +1,4 @@
-"""An exporter, a link and an analysis in a separate package, without a line of imuscope about them."""
+"""An exporter, a reader, a link and an analysis in a separate package, without a line of imuscope about them."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ def write(wish, out, step):
 
 register_exporter(ExportFormat("names", "Names", ".names", write, words="names of the channels"))
 """
+READER = (Path(__file__).parents[1] / "docs/add-a-reader.md").read_text().split("```python\n")[1].partition("```")[0]
 ANALYSIS = """
 from imuscope.plugin import Analysis, AnalysisOption, register_analysis
 
@@ -94,10 +95,12 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: imuscope-more\nVersion: 1\n")
     (about / "entry_points.txt").write_text(
         "[imuscope.exporters]\nnames = imuscope_names\n"
+        "[imuscope.readers]\ntrip = imuscope_trip\n"
         "[imuscope.analyses]\nabove = imuscope_above\n"
         "[imuscope.links]\nrepeat = imuscope_repeat\nbroken = imuscope_gone\n"
     )
     (folder / "imuscope_names.py").write_text(EXPORTER)
+    (folder / "imuscope_trip.py").write_text(READER)
     (folder / "imuscope_repeat.py").write_text(LINK)
     (folder / "imuscope_above.py").write_text(ANALYSIS)
     path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -130,6 +133,15 @@ def run(own: ForkServer | None) -> Callable[..., str]:
         return done.stdout
 
     return run
+
+
+def test_every_command_reads_the_format_by_its_first_bytes(run: Callable[..., str], tmp_path: Path) -> None:
+    log = tmp_path / "drive.unknown"
+    log.write_text("TRIP\n1500000000 1.5\n1500000001 2.5\n")
+    run("decode", str(log), "-o", str(tmp_path / "made.csv"))
+    [made] = tmp_path.glob("made*.csv")
+    assert "Speed" in made.read_text()
+    assert "2.5" in made.read_text()
 
 
 def test_the_command_line_lists_and_writes_the_format(run: Callable[..., str], tmp_path: Path) -> None:

@@ -9,7 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from imuscope.protocols.messages.decoder import MOST_CHANNELS, reader_of
-from imuscope.protocols.messages.records import LONGEST, MessageChannel, definition, message_record
+from imuscope.protocols.messages.records import (
+    LONGEST,
+    MESSAGE,
+    MESSAGE_FIXED,
+    MESSAGE_HEAD,
+    MessageChannel,
+    definition,
+)
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import DEVICE, MessageFile
@@ -98,6 +105,7 @@ class BagSource(MessageFile):
         ends: list[int] = []
         times: list[int] = []
         size = odd = 0
+        pack = MESSAGE_HEAD.pack
         channels: Mapping[int, MessageChannel] = self.topics.channels
         for piece in self.pieces(start_ns, stop_ns):
             for number, time_ns, data in piece.messages:
@@ -107,7 +115,7 @@ class BagSource(MessageFile):
                 if not 0 <= time_ns < LATEST_NS or len(data) >= LONGEST:
                     odd += 1
                     continue
-                record = message_record(channel.id, data)
+                record = pack(MESSAGE, MESSAGE_FIXED + len(data), channel.id, 0, 0, 0) + data
                 if number not in defined:
                     defined.add(number)
                     record = definition(channel) + record

@@ -10,6 +10,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
+from imuscope.recordings.readers.bag_folder import is_bag_folder
 from imuscope.recordings.table_options import TableOptions, read_columns
 from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
@@ -117,21 +118,21 @@ def check_protocol(name: str) -> None:
 
 
 def readable(name: str) -> Path:
-    """Path of a file or pipe; "-" is standard input.
+    """Path of a file, pipe or bag folder; "-" is standard input.
 
     Raises:
         UsageError: it does not exist, or is a folder.
     """
     path = Path("/dev/stdin") if name == "-" else Path(name)
-    if not path.exists() or path.is_dir():
+    if not path.exists() or (path.is_dir() and not is_bag_folder(path)):
         raise UsageError(missing_file_text(name))
     return path
 
 
 @contextlib.contextmanager
 def seekable(path: Path) -> Iterator[Path]:
-    """A seekable file with the same content; a pipe is copied into a temporary file."""
-    if path.is_file():
+    """A seekable file with the same content; a pipe is copied into a temporary file. A bag folder stays as it is."""
+    if path.is_file() or path.is_dir():
         yield path
         return
     with path.open("rb") as pipe, temporary_copy(iter(lambda: pipe.read(PIPE_BYTES), b"")) as file:

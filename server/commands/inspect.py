@@ -179,7 +179,7 @@ def _opened(
     if protocol != "auto" and protocol not in PROTOCOLS:
         raise ValueError(f"unknown protocol {protocol!r}; available: {', '.join(PROTOCOLS)}")
     named = "" if protocol == "auto" else protocol
-    if path.is_file():
+    if path.is_file() or path.is_dir():
         with _of_file(path, path.name, named, device, direction) as stream:
             yield stream
         return

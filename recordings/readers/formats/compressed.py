@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.decompressing import UnpackedFolder, decompressed
 from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
@@ -90,7 +91,7 @@ def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacke
     files = []
     for entry in entries:
         name = entry.filename.rsplit("/", 1)[-1]
-        name = name if name == "metadata.yaml" else _flat_name(name)
+        name = name if name == METADATA else _flat_name(name)
         if (unpacked.path / name).exists():
             name = clean_name(entry.filename.replace("/", "-"))
         if (unpacked.path / name).exists():
@@ -125,7 +126,7 @@ def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
     from imuscope.recordings.readers.table_set import TableSet
     from imuscope.recordings.tabular import TableSource
 
-    if any(file.name == "metadata.yaml" for file in files) and len(files) > 1:
+    if any(file.name == METADATA for file in files) and len(files) > 1:
         return open_file(folder, is_packed=True)
     sources: list[Source] = []
     errors: dict[str, RecordingError] = {}

@@ -16,9 +16,11 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.readers.bag_source import BagPiece, BagSource
@@ -36,11 +38,51 @@ MOST_DAMAGE = 100
 _LENGTH = struct.Struct("<I")
 
 
+@dataclass(frozen=True, slots=True)
+class _MessageHeader:
+    """Layout of the header of messages: a writer has the same for all.
+
+    Args:
+        form: the header with the lengths before and after it.
+        constant, numbers: of the unpacked values those that are the same for all, and conn and time.
+    """
+
+    form: struct.Struct
+    constant: Callable[[tuple[Any, ...]], tuple[Any, ...]]
+    numbers: Callable[[tuple[Any, ...]], tuple[Any, ...]]
+    expected: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, content: bytes, at: int) -> _MessageHeader:
+        """The layout of the message at a place."""
+        (length,) = _LENGTH.unpack_from(content, at)
+        header = content[at + 4 : at + 4 + length]
+        codes, constant, place = ["<I"], [0], 0
+        places: dict[tuple[bytes, int], int] = {}
+        while place < len(header):
+            (size,) = _LENGTH.unpack_from(header, place)
+            name, _, value = header[place + 4 : place + 4 + size].partition(b"=")
+            if name in (b"conn", b"time"):
+                constant.append(len(constant) + len(places))
+                codes += [f"{5 + len(name)}s", "I" * (len(value) // 4)]
+                for number in range(len(value) // 4):
+                    places[name, number] = len(constant) + len(places)
+            else:
+                constant.append(len(constant) + len(places))
+                codes.append(f"{4 + size}s")
+            place += 4 + size
+        form = struct.Struct("".join([*codes, "I"]))
+        take = itemgetter(*constant)
+        numbers = itemgetter(places[b"conn", 0], places[b"time", 0], places[b"time", 1])
+        return cls(form, take, numbers, take(form.unpack_from(content, at)))
+
+
 class Ros1Bag(BagSource):
     """A bag of ROS 1."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        self._alike: _MessageHeader | None = None
         for _ in self.pieces(None, None):
             if self.topics.channels:
                 break
@@ -100,12 +142,38 @@ class Ros1Bag(BagSource):
             self._note(at - len(data), f"A part of a chunk cannot be read: {why}")
         messages: list[tuple[int, int, bytes]] = []
         inner = io.BytesIO(content)
+        place = 0
         try:
-            while (record := _record(inner, len(content))) is not None:
+            while True:
+                place = self._take_alike(content, place, messages)
+                inner.seek(place)
+                record = _record(inner, len(content))
+                if record is None:
+                    break
                 messages += self._messages(record[0], record[1])
+                if _byte(record[0]) == MESSAGE and self._alike is None:
+                    self._alike = _MessageHeader.of(content, place)
+                place = record[2]
         except ValueError as error:
             self._note(at - len(data), f"A chunk is damaged: {error}")
         yield BagPiece(messages, done)
+
+    def _take_alike(self, content: bytes, at: int, messages: list[tuple[int, int, bytes]]) -> int:
+        """Take messages whose headers are laid out as that of the first; returns the place after them."""
+        alike = self._alike
+        if alike is None:
+            return at
+        unpack, constant, numbers, size = alike.form.unpack_from, alike.constant, alike.numbers, alike.form.size
+        last = len(content) - size
+        while at <= last:
+            values = unpack(content, at)
+            end = at + size + values[-1]
+            if constant(values) != alike.expected or end > len(content):
+                break
+            number, second, nano = numbers(values)
+            messages.append((number, second * 1_000_000_000 + nano, content[at + size : end]))
+            at = end
+        return at
 
     def _messages(self, fields: dict[bytes, bytes], data: bytes) -> list[tuple[int, int, bytes]]:
         """The message of a record, or none: a connection is learned."""

@@ -21,13 +21,13 @@ from typing import Any
 from imuscope.recordings.mcap_reader import MAGIC, FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile, MessageSource
+from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.bag_source import BagPiece, BagSource
 from imuscope.recordings.readers.decompressing import CODECS, UnpackedFolder, decompressed, inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock
 
-METADATA = "metadata.yaml"
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27
 MOST_FILES = 10_000
