@@ -46,7 +46,9 @@ def is_mcap(source: Source) -> bool:
 
 
 def files_of(source: Source) -> list[Path]:
-    """The files of a source: several for a split log."""
+    """The files of a source: several for a split log, and for the folder of a bag."""
+    if source.path.is_dir():
+        return sorted(path for path in source.path.iterdir() if path.is_file())
     return source.files if isinstance(source, CaptureSource) else [source.path]
 
 
