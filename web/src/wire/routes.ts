@@ -296,6 +296,14 @@ export interface ChannelTable {
   readonly columns: Readonly<Record<string, readonly unknown[]>>;
 }
 
+/** A step of a clock: `row` from 1 in its message, `time` on the axis, unix s. */
+export interface ClockStepFigures {
+  readonly kind: string;
+  readonly by_s: number;
+  readonly row: number;
+  readonly time: number;
+}
+
 /** Statistics of a range of one column; null without numbers, and for the mean of a rotating axis. */
 export interface ColumnStatistics {
   readonly n: number;
@@ -543,6 +551,34 @@ export interface FetchedRecording {
   readonly is_new: boolean;
 }
 
+/** A clock of one message of a device, or of a table. */
+export interface FileClock {
+  readonly name: string;
+  readonly unit: string;
+  readonly epoch: string;
+  readonly is_axis: boolean;
+  readonly why: string;
+  readonly samples: number;
+  readonly resolution_s: number | null;
+  readonly rate_hz: number | null;
+  readonly drift_ppm: number | null;
+  readonly jitter_s: number | null;
+  readonly repeats: number;
+  readonly gaps: number;
+  readonly bursts: number;
+  readonly steps: readonly ClockStepFigures[];
+  readonly steps_in_all: number;
+}
+
+/** Time of a recording: its clocks, and which of them is the time axis. */
+export interface FileTime {
+  readonly start: number | null;
+  readonly end: number | null;
+  readonly sentences: readonly string[];
+  readonly sure: string;
+  readonly messages: readonly MessageClocks[];
+}
+
 /** A flag or a bit group of a status word. */
 export interface FlagCondition {
   readonly kind: "flag";
@@ -633,6 +669,13 @@ export interface InstalledExtension {
 export interface MapInfo {
   readonly tiles: boolean;
   readonly attribution: string;
+}
+
+/** Clocks of one message. */
+export interface MessageClocks {
+  readonly device: string;
+  readonly message: string;
+  readonly clocks: readonly FileClock[];
 }
 
 /** A topic that a device cannot have. */
@@ -1738,6 +1781,11 @@ export interface Routes {
     readonly path: { readonly device: string };
     readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined };
     readonly answer: Blob | ChannelTable;
+  };
+  /** Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps, repeats. */
+  "GET /api/recordings/{recording}/clocks": {
+    readonly path: { readonly recording: string };
+    readonly answer: FileTime;
   };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };

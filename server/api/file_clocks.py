@@ -1,0 +1,47 @@
+"""Route of the clocks of an opened recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fastapi import APIRouter
+
+from imuscope.server.api.errors import responses
+from imuscope.server.api.recording_data import OneStore
+from imuscope.server.library.file_clocks import MessageClocks, clocks_of
+
+router = APIRouter(tags=["recordings"])
+
+
+@dataclass(frozen=True, slots=True)
+class FileTime:
+    """Time of a recording: its clocks, and which of them is the time axis.
+
+    Args:
+        start, end: unix s of the first and the last sample; null without samples.
+        sentences: the axis of a file that imuscope did not record, why it is that, and what was assumed.
+        sure: "stated" by the file or a user, "known" from the form, "inferred" from the numbers, "assumed"; "" of a
+            device's bytes.
+        messages: the clocks of each message.
+    """
+
+    start: float | None
+    end: float | None
+    sentences: list[str]
+    sure: str
+    messages: list[MessageClocks]
+
+
+@router.get("/api/recordings/{recording}/clocks", responses=responses(404, 409))
+def list_clocks(store: OneStore) -> FileTime:
+    """Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps."""
+    manifest = store.manifest
+    described = manifest.get("time") or {}
+    axis = [event["text"] for event in manifest["events"] if event["kind"] == "clock" and event["level"] == "info"]
+    return FileTime(
+        manifest["started"],
+        manifest["ended"],
+        list(described.get("sentences") or axis),
+        described.get("sure", ""),
+        clocks_of(store),
+    )
