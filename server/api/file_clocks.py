@@ -19,7 +19,7 @@ class FileTime:
 
     Args:
         start, end: unix s of the first and the last sample; null without samples.
-        sentences: the axis of a file that imuscope did not record, why it is that, and what was assumed.
+        sentences: the axis of a file that imuscope did not record, why it is that, and the assumptions.
         sure: "stated" by the file or a user, "known" from the form, "inferred" from the numbers, "assumed"; "" of a
             device's bytes.
         messages: the clocks of each message.

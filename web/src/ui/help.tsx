@@ -11,17 +11,10 @@ interface Props {
   readonly groups?: readonly KeyGroup[];
 }
 
-/** Titles of the extensions that are not installed, by the command that adds them. */
-function absentByCommand(): ReadonlyMap<string, readonly string[]> {
-  const titles = new Map<string, string[]>();
-  for (const { title, install } of capabilities.value.absent ?? []) {
-    titles.set(install, [...(titles.get(install) ?? []), title]);
-  }
-  return titles;
-}
-
 export function Help({ onClose, groups }: Props) {
-  const absent = absentByCommand();
+  const absent = new Map<string, string[]>();
+  for (const { title, install } of capabilities.value.absent ?? [])
+    absent.set(install, [...(absent.get(install) ?? []), title]);
   return (
     <Dialog title={COMMON.keyboard} onClose={onClose}>
       <div class="key-groups">
@@ -61,10 +54,9 @@ export function Help({ onClose, groups }: Props) {
         <p class="hint">
           {COMMON.notInstalled}
           {[...absent].map(([install, titles]) => (
-            <Fragment key={install}>
-              <br />
+            <div key={install}>
               {titles.join(", ")}: <code>{install}</code>
-            </Fragment>
+            </div>
           ))}
         </p>
       )}

@@ -15,7 +15,7 @@ const FILES = Object.keys(import.meta.glob("../**/*.css")).filter((file) => !fil
 const declared = bare(ORDER).slice("@layer ".length, -1).split(/,\s*/);
 
 /** Name of the extension that a file belongs to. */
-const extensionOf = (file: string): string | undefined => /\/extensions\/(\w+)\//.exec(file)?.[1];
+const extensionOf = (file: string): string | undefined => /\/extensions\/([\w-]+)\//.exec(file)?.[1];
 
 /** The layer with all rules of a file; undefined if a rule is outside a layer or in a second one. */
 function layerOf(file: string): string | undefined {

@@ -11,7 +11,7 @@ const UNITS: readonly (readonly [number, string])[] = [
 ];
 
 /** Three digits that mean something, and a unit: "2 s", "60 ns". */
-export function duration(seconds: number): string {
+export function shortDuration(seconds: number): string {
   const size = Math.abs(seconds);
   if (size < 1e-9) return "0 s";
   const [unit, name] = UNITS.find(([each]) => size >= each * 0.9995) ?? [1e-9, "ns"];

@@ -8,7 +8,7 @@ import type { Panel } from "../../ui/dom";
 import { clock as timeOfDay, rate as rateText, signed } from "../../ui/format";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
-import { duration } from "./duration";
+import { shortDuration } from "./duration";
 import { TEXT } from "./texts";
 import "./file-time.css";
 
@@ -115,9 +115,9 @@ function Row({ clock }: { readonly clock: FileClock }) {
       <td>{clock.unit}</td>
       <td>{clock.epoch}</td>
       <td>{rate ? `${rateText(rate)} Hz` : TEXT.none}</td>
-      <td>{resolution ? duration(resolution) : TEXT.none}</td>
+      <td>{resolution ? shortDuration(resolution) : TEXT.none}</td>
       <td>{drift === null ? TEXT.none : `${signed(drift, 1)} ppm`}</td>
-      <td>{jitter === null ? TEXT.none : duration(jitter)}</td>
+      <td>{jitter === null ? TEXT.none : shortDuration(jitter)}</td>
       <td>{clock.gaps}</td>
       <td>{clock.repeats}</td>
       <td>{`${Math.round(100 * clock.bursts)} %`}</td>
@@ -126,7 +126,7 @@ function Row({ clock }: { readonly clock: FileClock }) {
 }
 
 function words({ kind, by_s: by }: Step): string {
-  const size = duration(by);
+  const size = shortDuration(by);
   return kind === "back" ? TEXT.back(size) : kind === "ahead" ? TEXT.ahead(size) : TEXT.wrap(size);
 }
 
@@ -170,9 +170,7 @@ function Steps({ clock, file, deps }: StepsProps) {
           </li>
         ))}
       </ul>
-      {clock.steps_in_all > clock.steps.length && (
-        <p class="dim">{TEXT.more(clock.steps_in_all - clock.steps.length)}</p>
-      )}
+      {clock.steps_in_all > clock.steps.length && <p class="dim">{TEXT.more(clock.steps_in_all)}</p>}
     </>
   );
 }

@@ -28,7 +28,7 @@ export const TEXT = {
   wrap: (size: Value) => `wraps after ${size}`,
   atSample: (row: Value) => `sample ${row}`,
   show: "Show this moment in the plots",
-  more: (count: Value) => `and ${count} more steps`,
+  more: (count: Value) => `Steps in all: ${count}`,
   steps: (clock: Value) => `Steps of ${clock} over the length of the file`,
   of: (message: Value) => `Clocks of ${message}`,
 };
