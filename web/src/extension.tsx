@@ -199,10 +199,8 @@ export function registerExtension(extension: Extension): void {
   const foreign = dialogs.find(({ overlay }) => !overlay.startsWith(`${name}/`));
   if (foreign) throw new Error(`the dialog ${foreign.overlay} of ${name} must begin with "${name}/"`);
   extensions.set(name, extension);
-  for (const panel of panels) {
-    const { applies } = panel;
-    registerPanel({ ...panel, applies: (deps) => isThere(extension) && (applies?.(deps) ?? true) });
-  }
+  for (const panel of panels)
+    registerPanel({ ...panel, applies: (deps) => isThere(extension) && (panel.applies?.(deps) ?? true) });
 }
 
 type Kinds =
@@ -225,9 +223,7 @@ export function fromExtensions<Kind extends Kinds>(kind: Kind): readonly NonNull
 }
 
 /** Whether the server has its part of an extension: a smaller installation leaves some out, and an older server does not say so. */
-function isThere({ name }: Extension): boolean {
-  return !(capabilities.value.absent ?? []).some((one) => one.name === name);
-}
+const isThere = ({ name }: Extension): boolean => !(capabilities.value.absent ?? []).some((one) => one.name === name);
 
 export function startExtensions(app: App): void {
   for (const { start } of extensions.values()) start?.(app);
