@@ -32,7 +32,7 @@ class FileTime:
     messages: list[MessageClocks]
 
 
-@router.get("/api/recordings/{recording}/clocks", responses=responses(404, 409))
+@router.get("/api/recordings/{recording}/clocks", responses=responses(404, 409, 422))
 def list_clocks(store: OneStore) -> FileTime:
     """Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps."""
     manifest = store.manifest

@@ -1782,7 +1782,7 @@ export interface Routes {
     readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined };
     readonly answer: Blob | ChannelTable;
   };
-  /** Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps, repeats. */
+  /** Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps. */
   "GET /api/recordings/{recording}/clocks": {
     readonly path: { readonly recording: string };
     readonly answer: FileTime;
