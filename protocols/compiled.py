@@ -122,6 +122,13 @@ class LibraryFunction:
         return f"{self.__name__}{self.types}"
 
 
+def fence() -> int:
+    """Order accesses to memory that another thread shares: those before come before those after. In plain Python the
+    interpreter's lock does so.
+    """
+    return 0
+
+
 class Kernel:
     """A function that may have machine code.
 

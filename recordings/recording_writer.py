@@ -1,14 +1,16 @@
 """Recording writer: a queue and its threads, so that every chunk reaches the disk at once.
 
     any thread ──put──> queue (unbounded, never drops) ──> writer thread: one write for everything queued, at intervals
+    links <───────────────────── collect ─────────────────── before each write
                                                                   │ a part is full, or old enough
                                                                   v
                                            part 1 │ part 2 │ part 3 …        consecutive files
                                                 │
     sync thread: fdatasync once in `sync_s`; checks that the file still exists; finishes the parts that are full
 
-Writes go to the kernel's memory, which survives a killed process: at most `GATHER_S` of the queued data is lost with
-it. A link gathers longer than that, so that its bytes are usually written at once, after one wake-up. Only the sync
+Writes go to the kernel's memory, which survives a killed process: at most `COLLECT_S` of the received data is lost with
+it. The writer thread has the links pass on what they have read just before it writes, so that one wake-up serves them
+all; a link that delivers nothing wakes it with the next bytes. Only the sync
 thread waits for the disk, so that a slow disk delays nothing else: `behind_s` is the age of the queue. A power cut
 loses what came after the last fdatasync: at most `sync_s` and the time that the disk takes, or, if that is left to the
 system, what the kernel has not written by itself yet. A finished part is always forced to disk.
@@ -36,7 +38,8 @@ from imuscope.recordings.mcap_writer import Direction, McapWriter, RecordingErro
 
 log = logging.getLogger("imuscope.recording")
 
-GATHER_S = 0.005  # between two writes, at least; a killed process may lose 20 ms, 12 of them in its link
+GATHER_S = 0.005  # between two writes, at least
+COLLECT_S = 0.015  # between two collections, which are followed by a write; a killed process may lose 20 ms
 SYNC_S = 1.0
 CHECK_S = 1.0  # at most, between two checks of the file
 MAX_WAITING = 256 << 20  # bytes
@@ -81,6 +84,10 @@ class RecordingWriter:
         shift_ns: added to every time given, if the wall clock was set after `now_ns` began.
         sync_s: time between two fdatasyncs of an unfinished part; 0 to leave writing to the system.
 
+    Attributes:
+        collect: called (in a thread) before each write, with the time until the next call, s: has the links pass on
+            what they have read. Whether there was anything.
+
     Raises:
         RecordingError: the first part cannot be created.
     """
@@ -104,6 +111,7 @@ class RecordingWriter:
         self._on_notice = on_notice
         self.shift_ns = shift_ns
         self.sync_s = sync_s
+        self.collect: Callable[[float], bool] = lambda again_s: False
         self._shortened: McapWriter | None = None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._wake_event = threading.Event()
@@ -172,7 +180,8 @@ class RecordingWriter:
         Queued data is never dropped. But a disk that is slower than a link for minutes must not fill the memory; when
         delayed, a link fills its own buffers, and TCP its sender's.
         """
-        if self._queued_bytes - self._written_bytes > MAX_WAITING:
+        is_too_much = self._queued_bytes - self._written_bytes > MAX_WAITING
+        if is_too_much and threading.current_thread() is not self._threads[0]:
             time.sleep(HOLD_S)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
@@ -243,15 +252,17 @@ class RecordingWriter:
 
     def _write_forever(self) -> None:
         due = 0.0
+        collects = False
         try:
             while True:
-                if not self._queue:
+                if not (self._queue or collects):
                     self._wake_event.clear()
                     if not (self._queue or self._stopping or self.error):
                         self._wake_event.wait()
                 if not self._stopping and (wait := due - time.monotonic()) > 0:
                     time.sleep(wait)
-                due = time.monotonic() + GATHER_S
+                collects = self.collect(COLLECT_S)
+                due = time.monotonic() + (COLLECT_S if collects else GATHER_S)
                 while self._queue and self.error is None:
                     self._write_some()
                 if self._stopping or self.error is not None:

@@ -1,10 +1,22 @@
-"""Loop that reads a device's bytes with the time of each read: calls of the system, without Python in between."""
+"""Loop that reads a device's bytes with the time of each read: calls of the system, without Python in between.
+
+The memory of the loop is shared with the threads that take what it has read (server/links/read_loop.py):
+
+    reading thread                        takers
+    buffer, ends, arrivals                promise: deadline of a taker, then the number of reads
+    fence                                          fence
+    read_count ── published
+    fence
+    deadlines ── all in the future: goes on; else it returns soon
+
+Either the reading thread sees a deadline that was set, or the taker who set it sees the reads before.
+"""
 
 from __future__ import annotations
 
 import time
 
-from imuscope.protocols.compiled import INT, INTS, ArrayType, LibraryFunction, compiled
+from imuscope.protocols.compiled import INT, INTS, ArrayType, LibraryFunction, compiled, fence
 from imuscope.protocols.events import Array
 from imuscope.protocols.framing import Ints
 
@@ -19,7 +31,7 @@ read = LibraryFunction("read", "int64", "int32", "int64", "uint64")
 clock_gettime = LibraryFunction("clock_gettime", "int32", "int32", "int64")
 
 
-@compiled(INT, INT, _SHORTS, _BUFFER, INTS, INTS, INTS, INT, INT, waits=True)
+@compiled(INT, INT, _SHORTS, _BUFFER, INTS, INTS, INTS, INTS, INTS, INT, INT, waits=True)
 def gather(
     fd: int,
     polled: Array,
@@ -27,24 +39,30 @@ def gather(
     ends: Ints,
     arrivals: Ints,
     timespec: Ints,
+    read_count: Ints,
+    deadlines: Ints,
     first_ns: int,
     until_ns: int,
 ) -> int:
-    """Wait for bytes, then read until a time.
+    """Wait for bytes, then read while all takers have promised to take them, and until a time.
 
     Args:
         polled: two `struct pollfd`: of `fd`, and of a pipe that stops the loop when it is readable.
         buffer: receives the bytes.
         ends, arrivals: end of each read in `buffer`, and its time by the monotonic clock, ns.
         timespec: (2,) memory for seconds and nanoseconds.
+        read_count: (1,) number of reads; those before the call stay.
+        deadlines: time of each taker by the monotonic clock until which it will have taken, ns.
         first_ns: longest wait for the first byte; negative for no limit.
-        until_ns: time by the monotonic clock at which the loop ends, if anything was read.
+        until_ns: time by the monotonic clock at which the loop ends if a deadline is over and anything was read.
 
     Returns:
-        Number of reads; if the last one failed, −1 minus the number of those before.
+        0; −1 if a read failed.
     """
-    done = 0
+    done = read_count[0]
     size = 0
+    if done > 0:
+        size = ends[done - 1]
     wait_ns = first_ns
     while done < len(ends) and len(buffer) - size >= ROOM_BYTES:
         timeout = 0
@@ -53,17 +71,33 @@ def gather(
             timespec[1] = wait_ns % SECOND_NS
             timeout = timespec.ctypes.data
         if ppoll(polled.ctypes.data, 2, timeout, 0) <= 0 or polled[_STOPPED] != 0:
-            return done
+            return 0
         count = read(fd, buffer.ctypes.data + size, len(buffer) - size)
         if count <= 0:
-            return -1 - done
+            return -1
         clock_gettime(_MONOTONIC, timespec.ctypes.data)
         now = timespec[0] * SECOND_NS + timespec[1]
         size += count
         ends[done] = size
         arrivals[done] = now
         done += 1
-        wait_ns = until_ns - now
-        if wait_ns <= 0:
-            return done
+        fence()
+        read_count[0] = done
+        fence()
+        wait_ns = -1
+        for taker in range(len(deadlines)):
+            if deadlines[taker] <= now:
+                wait_ns = until_ns - now
+                if wait_ns <= 0:
+                    return 0
+    return 0
+
+
+@compiled(INT, INTS, INT, INT, INTS)
+def promise(deadlines: Ints, taker: int, until_ns: int, read_count: Ints) -> int:
+    """Set the time until which a taker takes; the number of reads, of which the loop may not have seen that time."""
+    deadlines[taker] = until_ns
+    fence()
+    done = int(read_count[0])
+    fence()
     return done

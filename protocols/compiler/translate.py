@@ -18,7 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.compiled import ArrayType, Kernel, Kind, LibraryFunction, NumberType, TupleType, kernel_of
+from imuscope.protocols.compiled import (
+    ArrayType,
+    Kernel,
+    Kind,
+    LibraryFunction,
+    NumberType,
+    TupleType,
+    kernel_of,
+)
 from imuscope.protocols.compiler import values
 from imuscope.protocols.compiler.values import FLAG, FLOAT, INT, UNSIGNED, TranslateError, Value, c_type, cast
 
@@ -445,7 +453,7 @@ class _Translation:
             return self._call(kernel, arguments)
         if isinstance(kernel, LibraryFunction):
             return self._call_library(kernel, arguments)
-        return _builtin(called, arguments, ast.unparse(node.func))
+        return values.builtin_call(called, arguments, ast.unparse(node.func))
 
     def _call(self, kernel: Kernel, arguments: list[Value]) -> Value:
         if kernel.signature is not None:
@@ -465,28 +473,6 @@ class _Translation:
         self.source.externals[function.__name__] = f"extern {result}_t {function.__name__}({types});"
         texts = ", ".join(f"({kind}_t){one.text}" for one, kind in zip(arguments, kinds, strict=True))
         return Value(INT, f"((i64){function.__name__}({texts}))")
-
-
-def _builtin(called: Any, arguments: list[Value], name: str) -> Value:
-    """A call of one of Python's or numpy's own functions."""
-    if called is len:
-        return Value(INT, f"{arguments[0].text}.shape[0]")
-    if called is float:
-        return cast(arguments[0], FLOAT)
-    if called is np.uint64:
-        return cast(arguments[0], UNSIGNED)
-    if called in (int, np.int64):
-        value = arguments[0]
-        return Value(INT, cast(value, INT).text, value.number if isinstance(value.number, int) else None)
-    if called in (min, max) and len(arguments) == 2:
-        kind = values.common(*arguments)
-        a, b = (cast(one, kind).text for one in arguments)
-        # Python's min(a, b) is a unless b is less
-        return Value(kind, f"({b} {'<' if called is min else '>'} {a} ? {b} : {a})")
-    if called is abs:
-        value = arguments[0]
-        return Value(value.kind, f"({value.text} < 0 ? -{value.text} : {value.text})")
-    raise TranslateError(f"{name}(…) has no translation")
 
 
 def _fits(value: Kind, expected: Kind) -> bool:

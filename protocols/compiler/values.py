@@ -9,8 +9,11 @@ from __future__ import annotations
 import ast
 import operator as op
 from dataclasses import dataclass, replace
+from typing import Any
 
-from imuscope.protocols.compiled import ArrayType, Kind, NumberType, TupleType
+import numpy as np
+
+from imuscope.protocols.compiled import ArrayType, Kind, NumberType, TupleType, fence
 
 INT, UNSIGNED, FLOAT, FLAG = (NumberType(name) for name in ("int64", "uint64", "float64", "bool"))
 C_NAMES = {"int64": "i64", "uint64": "u64", "float64": "f64", "bool": "bool", "void": "void"}
@@ -197,3 +200,27 @@ def row_of(array: Value, row: Value) -> Value:
     name = array.text
     at = f"INSIDE((i64){row.text}, {name}.shape[0])"
     return Value(one, f"(({c_type(one)}){{{name}.data + {at} * {name}.shape[1], {{{name}.shape[1]}}}})")
+
+
+def builtin_call(called: Any, arguments: list[Value], name: str) -> Value:
+    """A call of one of Python's or numpy's own functions."""
+    if called is len:
+        return Value(INT, f"{arguments[0].text}.shape[0]")
+    if called is fence:
+        return Value(INT, "(__sync_synchronize(), 0ll)")
+    if called is float:
+        return cast(arguments[0], FLOAT)
+    if called is np.uint64:
+        return cast(arguments[0], UNSIGNED)
+    if called in (int, np.int64):
+        value = arguments[0]
+        return Value(INT, cast(value, INT).text, value.number if isinstance(value.number, int) else None)
+    if called in (min, max) and len(arguments) == 2:
+        kind = common(*arguments)
+        a, b = (cast(one, kind).text for one in arguments)
+        # Python's min(a, b) is a unless b is less
+        return Value(kind, f"({b} {'<' if called is min else '>'} {a} ? {b} : {a})")
+    if called is abs:
+        value = arguments[0]
+        return Value(value.kind, f"({value.text} < 0 ? -{value.text} : {value.text})")
+    raise TranslateError(f"{name}(…) has no translation")

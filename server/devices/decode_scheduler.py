@@ -4,10 +4,10 @@
                                             │ more is waiting
                                             └─ pause as long as the turn took, some passes of the loop, next turn
 
-The interval is that of the most demanding viewer: 8 ms if samples are drawn as they arrive, the page's drawing interval
-if it reports one, 0.1 s without viewers; one turn for many samples costs far less than one for each. All sessions share
-one timer, because waking the loop costs more than most slices, and because samples decoded together are sent to clients
-together. A session that waits for an answer decodes at once.
+The interval is that of the most demanding viewer: 12 ms if samples are drawn as they arrive, the page's drawing
+interval if it reports one, 0.1 s without viewers; one turn for many samples costs far less than one for each. All
+sessions share one timer, because waking the loop costs more than most slices, and because samples decoded together are
+sent to clients together. A session that waits for an answer decodes at once.
 
 A turn in which a session found bytes requests the next one, so that while bytes arrive no link needs to wake the loop.
 """
@@ -43,19 +43,19 @@ class DecodeScheduler:
         """Add `drain` to each turn; returns a function that removes it."""
         return self._turns.add(drain)
 
-    def request(self) -> int:
-        """Schedule a turn for received bytes as soon as the interval allows. Call it in the event loop.
+    @property
+    def interval_ns(self) -> int:
+        """Present minimum time between two turns, ns."""
+        return round(self._interval() * 1e9)
 
-        Returns:
-            The interval, ns.
-        """
+    def request(self) -> None:
+        """Schedule a turn for received bytes as soon as the interval allows. Call it in the event loop."""
         interval = self._interval()
         if self._timer is None:
             loop, due = asyncio.get_running_loop(), self._last + interval
             if interval >= UNWATCHED_S and due > loop.time():
                 due = next_beat(due - interval, interval)  # with all other periodic work
             self._schedule(loop, due)
-        return round(interval * 1e9)
 
     def _schedule(self, loop: asyncio.AbstractEventLoop, due: float) -> None:
         if self._timer is not None:  # requested in a turn that leaves work

@@ -40,7 +40,7 @@ from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.session_listeners import SessionListeners
 from imuscope.server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
-from imuscope.server.links.base import Chunk, Link, LinkError
+from imuscope.server.links.base import SESSION, Chunk, Link, LinkError
 from imuscope.server.streaming.sink import TelemetrySink
 
 log = logging.getLogger("imuscope.session")
@@ -239,7 +239,7 @@ class Session:
         self._connection.apply(ConnectionEvent.OPENED)
         self._opened_at = self._sink.now()
         self._pipeline.disconnect()
-        self._link.flow.polled_ns = 0  # the first bytes wake the loop
+        self._link.flow.deadlines[SESSION] = 0  # the first bytes wake the loop
         self._link.flow.keep_datagrams = True  # until it is known whether ends of datagrams matter
         self._identification.restart()
         if protocol := self._pipeline.known_protocol or (self.info.protocol if same and self.devices.others else ""):
@@ -305,9 +305,9 @@ class Session:
         pipeline = self._pipeline
         pipeline.begin_slice()
         if self._connection.is_open and not pipeline.has_slice:
-            chunks = self._link.read_now()
-            self._link.flow.polled_ns = self._scheduler.request() if chunks else 0
+            chunks = self._link.read_now(self._scheduler.interval_ns)
             if chunks:
+                self._scheduler.request()
                 self._archive(chunks)
         if pipeline.is_due or final:
             self._decode(final=final)

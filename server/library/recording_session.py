@@ -20,9 +20,11 @@ opened.
 
 from __future__ import annotations
 
+import asyncio
 import heapq
 import math
 import shutil
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -38,7 +40,7 @@ from imuscope.server.devices.session import Session
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.log_header import LogHeaderRequest
 from imuscope.server.library.signal_definitions import SignalDefinitions
-from imuscope.server.links.base import Chunk
+from imuscope.server.links.base import NEVER, RECORDING, Chunk
 from imuscope.server.streaming.bus import TelemetryBus
 
 Piece = list[tuple[bytes, int]]
@@ -90,6 +92,8 @@ class RecordingSession:
         self._written_signals: dict[str, Any] = {}  # device → definitions written last
         self._heads: dict[str, LogHeaderRequest] = {}
         self._sessions: dict[str, Session] = {}
+        self._collecting = threading.Lock()  # held while links are collected from, and while one leaves
+        self._collects = False
         self._size_history: list[tuple[float, int]] = []  # (time, bytes) of the last updates
         self._unsubscribe = [
             bus.events.subscribe(self._event),
@@ -126,7 +130,7 @@ class RecordingSession:
                 writer.messages(device, received, late=late)
             else:
                 writer.chunks(device, way, received, late=late)
-            if way == "rx":  # in the thread that reads the link
+            if way == "rx" and not in_event_loop():
                 writer.room()
 
         def take(chunks: Sequence[Chunk], way: Direction) -> None:
@@ -141,7 +145,9 @@ class RecordingSession:
             self._unsubscribe_traffic[device] = follower.stop
 
         async def removed() -> None:
-            self._unsubscribe_traffic.pop(device, lambda: None)()
+            with self._collecting:
+                if (stop := self._unsubscribe_traffic.pop(device, None)) is not None:
+                    self._stop(device, stop)
 
         session.listeners.before_close(removed)
         for one in self._controllers.on_link_of(device) if self._controllers is not None else ():
@@ -180,10 +186,33 @@ class RecordingSession:
         if past is not None:
             self.started = min(self.started, past[0] / 1e9)
 
+    def collect_from_links(self) -> None:
+        """Let the writer fetch the bytes that links have read, just before it writes."""
+        self._collects = True
+        self.writer.collect = self._collect
+
+    def _collect(self, again_s: float) -> bool:
+        """Pass on the bytes that the links have read; whether there were any. In the writer's thread."""
+        with self._collecting:
+            links = [self._sessions[device].access.link for device in self.devices] if self._collects else []
+            return any([link.collect(round(again_s * 1e9)) for link in links])  # noqa: C419 - all of them
+
+    def _stop(self, device: str, stop: Callable[[], None]) -> None:
+        """Stop recording a session, with its last bytes. The lock is held."""
+        link = self._sessions[device].access.link
+        if self._collects:
+            link.collect(0)
+            link.flow.deadlines[RECORDING] = NEVER
+        stop()
+
     def detach(self) -> None:
         """Stop recording all sessions."""
-        for off in (*self._unsubscribe, *self._unsubscribe_traffic.values()):
+        for off in self._unsubscribe:
             off()
+        with self._collecting:
+            for device, stop in self._unsubscribe_traffic.items():
+                self._stop(device, stop)
+            self._collects = False
         for head in self._heads.values():
             head.close()
 
@@ -312,6 +341,15 @@ def _merged(pasts: Sequence[tuple[Follower, Take]], until_ns: int) -> Iterator[t
 def about(info: wire.DeviceInfo) -> dict[str, Any]:
     """Device metadata for a recording; unknown values are omitted."""
     return {name: value for name in METADATA_FIELDS if (value := getattr(info, name)) not in ("", None)}
+
+
+def in_event_loop() -> bool:
+    """Whether this thread runs an event loop, for which others wait."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
 
 
 def seconds_left(sizes: Sequence[tuple[float, int]], free: int | None) -> float | None:

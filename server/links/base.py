@@ -21,7 +21,8 @@ A closed link may be opened again. One task reads; any task of the same event lo
 `read` returns about `Flow.at_once` bytes, which bounds the work of one decoding step. At most `MAX_HELD` bytes are
 queued. Beyond that, a link whose sender can be held back is not read (`waits`: TCP, a file); for any other the oldest
 bytes are dropped and counted in `Flow.dropped`. `Flow.arrivals` receives all chunks before that, in the reading
-thread: a recording also has the dropped bytes, and does not wait for the event loop.
+thread or in the thread that takes them first: a recording also has the dropped bytes, and does not wait for the event
+loop.
 
 ## Arrival time
 
@@ -38,6 +39,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
+from imuscope.protocols.framing import Ints
 from imuscope.server.errors import DomainError
 from imuscope.server.listeners import CallbackList
 from imuscope.server.wire import Attempt
@@ -47,6 +51,8 @@ __all__ = ["Attempt", "Chunk", "ErrorKind", "Link", "LinkError", "LinkSettings",
 AT_ONCE = 1 << 16
 MAX_HELD = 8 << 20  # bytes queued for decoding: some ten seconds of the fastest serial line
 CHUNK_COST = 128  # overhead of a chunk in memory and work, in bytes
+NEVER = (1 << 63) - 1
+SESSION, RECORDING = 0, 1  # positions in Flow.deadlines
 
 ErrorKind = Literal["gone", "denied", "busy", "full", "refused", "not-found", "bad-source", "ended"]
 Progress = Callable[[Attempt], None]
@@ -134,17 +140,17 @@ class Flow:
     Args:
         at_once: approximate number of bytes that `read` and `read_now` return; set by the reader.
         keep_datagrams: a datagram is returned whole, whatever its size, because its end delimits its content.
-        arrivals: called with all chunks, in the reading thread.
+        arrivals: called with all chunks in order, in one thread at a time.
         dropped: bytes dropped so far because they were not read in time.
-        polled_ns: interval at which `read_now` is called while bytes arrive, which makes waking the reader unnecessary;
-            0 if it is not called; set by the reader.
+        deadlines: (2,) for the session and for a recording, the time by the monotonic clock until which it will have
+            taken the bytes; 0 if it is to be woken; NEVER if it does not take.
     """
 
     at_once: int = AT_ONCE
     keep_datagrams: bool = True
     arrivals: CallbackList[[Sequence[Chunk]]] = field(default_factory=CallbackList)
     dropped: int = 0
-    polled_ns: int = 0
+    deadlines: Ints = field(default_factory=lambda: np.array([0, NEVER], np.int64))
 
 
 class Link(ABC):
@@ -246,9 +252,19 @@ class Link(ABC):
             LinkError: the link has failed; all bytes received before have been returned.
         """
 
-    def read_now(self) -> list[Chunk]:
-        """Return the bytes that have arrived, without waiting; may be empty."""
+    def read_now(self, again_ns: int) -> list[Chunk]:
+        """Return the bytes that have arrived, without waiting; may be empty.
+
+        Args:
+            again_ns: if there are any, the caller calls again after about this time, and need not be woken until then.
+        """
         return []
+
+    def collect(self, again_ns: int) -> bool:
+        """Pass the bytes that have arrived to `Flow.arrivals` now, for a recording; whether there were any. If so, the
+        caller calls again after about `again_ns`; else `Flow.arrivals` is called with the next ones by itself.
+        """
+        return False
 
     def expect_reply(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do
         """Note that an answer is expected, which must be delivered without delay."""

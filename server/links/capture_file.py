@@ -181,8 +181,8 @@ class FileLink(Link):
             raise closed(self.source)
         return await self._queue.take()
 
-    def read_now(self) -> list[Chunk]:
-        return [] if self._queue is None else self._queue.take_now()
+    def read_now(self, again_ns: int) -> list[Chunk]:
+        return [] if self._queue is None else self._queue.take_now(again_ns)
 
     @property
     def waits(self) -> bool:

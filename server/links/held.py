@@ -389,7 +389,7 @@ class SharedPortLink(ThreadedLink):
                 self._inner.line = replace(self._inner.line, baud=baud)
                 self.capacity = self._inner.line.capacity(baud)
         if self._queue is not None:
-            while self._queue.take_now():  # bytes of the former rate
+            while self._queue.take_now(0):  # bytes of the former rate
                 pass
 
     async def check_rate(self, baud: int) -> None:

@@ -6,14 +6,13 @@
 
 The event loop is the wrong place to stamp arrivals: while it serves a browser, bytes wait in the kernel and would all
 be stamped late. So one small thread per link sleeps until bytes arrive, reads, and takes the time before anything else
-runs. A link with one descriptor does so in a compiled loop (read_loop.py), which gathers reads, each with its own time,
-because Python's part costs more than the read itself: those of `GATHER_NS`, or, from a session that takes chunks on its
-own, all until it will do so next, but at most those of `LONGEST_GATHER_NS`, which is what a recording waits for.
+runs. A link with one descriptor does so in a compiled loop (read_loop.py), from whose memory the chunks are taken,
+because Python's part costs more than the read itself.
 
 The thread wakes the loop at most once per `WAKE_NS`, because that costs even more. While bytes arrive it hardly ever
-does: a session takes the received chunks on its own before it decodes, and says so with `Flow.polled_ns`, so they are
-never late and already stamped. While an answer is expected, nothing is gathered and wake-ups come sooner, because
-their delay would add up over a dialogue of fifty requests.
+does: a session takes the received chunks on its own before it decodes, and a recording before it writes, so they are
+never late and already stamped. While an answer is expected, wake-ups come sooner, because their delay would add up
+over a dialogue of fifty requests.
 """
 
 from __future__ import annotations
@@ -30,16 +29,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from imuscope.server.links.base import CHUNK_COST, MAX_HELD, Chunk, Link, LinkError
+from imuscope.protocols.framing import Ints
+from imuscope.server.links.base import CHUNK_COST, MAX_HELD, RECORDING, SESSION, Chunk, Link, LinkError
 from imuscope.server.links.read_loop import ReadLoop
 
 log = logging.getLogger(__name__)
 
-WAKE_NS = 9_000_000  # longer than the flush interval of a browser, 8 ms, so that a flush comes first
-POLL_SLACK_NS = 4_000_000  # a session that takes chunks on its own may be late by this
+WAKE_NS = 13_000_000  # longer than the flush interval of a browser, 12 ms, so that a flush comes first
+LATE_NS = 4_000_000  # a taker may be late by this
 GATHER_NS = 2_000_000  # a tenth of the time that bytes may take to the page
-LONGEST_GATHER_NS = 12_000_000  # of the 20 ms that a killed process may lose of a recording; see recording_writer.py
-EARLY_NS = 500_000  # gathered chunks are queued so long before the session takes them
 ANSWER_NS, AWAITED_NS = 2_000_000, 1_000_000_000  # wake-up interval while an answer is expected, and for how long
 HOLD_S = 0.005  # between two checks whether a sender must still be held back
 MIN_BYTES = 1024  # a chunk is not cut into smaller pieces
@@ -56,22 +54,25 @@ class ChunkQueue:
         link: their link, which determines how they are queued (server/links/base.py).
 
     Attributes:
+        source: memory of the loop from which chunks are taken; None if all are put.
         received: number of chunks so far.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
+        self.source: ReadLoop | None = None
+        self._deadlines = link.flow.deadlines
+        self._deadlines[SESSION] = 0  # the first bytes wake the loop
         self.received = 0
         self._loop = asyncio.get_running_loop()
         self._ready = asyncio.Event()
+        self._collecting = threading.Lock()  # held while chunks are taken from the source and put; taken first
         self._lock = threading.Lock()
         self._chunks: deque[Chunk] = deque()
         self._size = 0  # of the queued chunks, including CHUNK_COST for each
         self._error: LinkError | None = None
         self._is_waking = False  # a wake-up was sent and take() has not run since
         self._last_wake_ns = 0
-        self._taken_ns = 0  # last call of take_now
-        self._spacing_ns = 0  # usual time between chunks
         self._awaited_until_ns = 0
 
     def put(self, chunk: Chunk) -> None:
@@ -85,8 +86,6 @@ class ChunkQueue:
         size = CHUNK_COST * len(chunks)
         for chunk in chunks:
             size += len(chunk.data)
-        if len(chunks) > 1:
-            self._spacing_ns = (chunks[-1].arrival_ns - chunks[0].arrival_ns) // (len(chunks) - 1)
         with self._lock:
             self._chunks.extend(chunks)
             self._size += size
@@ -118,25 +117,35 @@ class ChunkQueue:
         if now_ns < self._awaited_until_ns:
             wait_ns = self._last_wake_ns + ANSWER_NS - now_ns
         else:
-            polled_ns = self._link.flow.polled_ns
-            wait_ns = self._last_wake_ns + (polled_ns + POLL_SLACK_NS if polled_ns else WAKE_NS) - now_ns
+            wait_ns = (int(self._deadlines[SESSION]) or self._last_wake_ns + WAKE_NS) - now_ns
         if wait_ns > 0:
             return wait_ns / 1e9
         self._wake_loop()
         return None
 
     def gather_until_ns(self) -> int:
-        """Monotonic time until which the reading thread may gather chunks; 0 if one must not wait for others."""
+        """Monotonic time until which the reading thread may gather chunks of which a taker is late; 0 if one must not
+        wait for others.
+        """
         now_ns = time.monotonic_ns()
-        if now_ns < self._awaited_until_ns:
-            return 0
-        polled_ns = self._link.flow.polled_ns
-        next_ns = self._taken_ns + polled_ns - EARLY_NS
-        if next_ns <= now_ns:
-            return now_ns + GATHER_NS
-        until_ns = min(next_ns, now_ns + LONGEST_GATHER_NS)
-        early_ns = until_ns - self._spacing_ns  # gathering ends with the first read after that, without a time-out
-        return early_ns if early_ns > now_ns else until_ns
+        return 0 if now_ns < self._awaited_until_ns else now_ns + GATHER_NS
+
+    def put_read(self) -> None:
+        """Put what the loop has read; in the reading thread, between two calls of it."""
+        assert self.source is not None
+        with self._collecting:
+            if chunks := self.source.take_last():
+                self.put_all(chunks)
+
+    def collect(self, taker: int, again_ns: int) -> bool:
+        """Put what the loop has read, for a taker who will call again after `again_ns`; whether there was anything."""
+        if self.source is None:
+            return False
+        with self._collecting:
+            chunks = self.source.take_for(taker, again_ns and time.monotonic_ns() + again_ns + LATE_NS)
+            if chunks:
+                self.put_all(chunks)
+        return bool(chunks)
 
     def wait(self, most: int, stopped: Callable[[float], bool]) -> None:
         """Hold the sender back while more than `most` bytes are queued.
@@ -154,14 +163,23 @@ class ChunkQueue:
         with contextlib.suppress(RuntimeError):  # the loop is closed already
             self._loop.call_soon_threadsafe(self._ready.set)
 
-    def take_now(self) -> list[Chunk]:
-        """Take received chunks on the event loop, without another wake-up."""
-        self._taken_ns = time.monotonic_ns()
+    def take_now(self, again_ns: int) -> list[Chunk]:
+        """Take received chunks on the event loop, without another wake-up.
+
+        Args:
+            again_ns: see Link.read_now.
+        """
+        now_ns = time.monotonic_ns()
+        if now_ns < self._awaited_until_ns:
+            again_ns = 0
+        self.collect(SESSION, again_ns)
         if not self._chunks:
+            self._deadlines[SESSION] = 0
             return []
         with self._lock:
             chunks = self._take_some()
-        self._last_wake_ns = self._taken_ns
+        self._last_wake_ns = now_ns
+        self._deadlines[SESSION] = again_ns and now_ns + again_ns + LATE_NS
         return chunks
 
     def _take_some(self) -> list[Chunk]:
@@ -188,6 +206,7 @@ class ChunkQueue:
     def expect_reply(self) -> None:
         """Wake the loop sooner for a while, because an answer is expected."""
         self._awaited_until_ns = time.monotonic_ns() + AWAITED_NS
+        self._deadlines[SESSION] = 0
 
     @property
     def backlog(self) -> int:
@@ -206,6 +225,8 @@ class ChunkQueue:
         Raises:
             LinkError: the link is dead and drained.
         """
+        if not self._deadlines[SESSION]:  # a session that took by itself was not woken for the last bytes
+            self.collect(SESSION, 0)
         while True:
             with self._lock:
                 self._is_waking = False
@@ -242,9 +263,11 @@ class ReaderThread(threading.Thread):
         """Stop watching `fd`; to be called before it is closed."""
         self._selector.unregister(fd)
 
-    def gather(self, fd: int, handler: Callable[[], None], now_ns: Callable[[], int]) -> None:
+    def gather(self, fd: int, handler: Callable[[], None], now_ns: Callable[[], int], deadlines: Ints) -> ReadLoop:
         """Read `fd` alone, in a compiled loop; `handler` is called when that fails. Before `start`."""
-        self._loop = ReadLoop(fd, self._wake_read, now_ns), handler
+        loop = ReadLoop(fd, self._wake_read, now_ns, deadlines)
+        self._loop = loop, handler
+        return loop
 
     def run(self) -> None:
         timeout: float | None = None
@@ -253,8 +276,8 @@ class ReaderThread(threading.Thread):
             while not self._stopped:
                 if self._loop is not None:
                     loop, failed = self._loop
-                    if chunks := loop.read(timeout, until_ns):
-                        self.queue.put_all(chunks)
+                    loop.read(timeout, until_ns)
+                    self.queue.put_read()
                     if loop.failed and not self._stopped:
                         failed()
                     until_ns = self.queue.gather_until_ns()
@@ -306,7 +329,7 @@ class ThreadedLink(Link):
     def _start_loop(self, fd: int, handler: Callable[[], None]) -> None:
         """Start reading `fd`, a stream without other descriptors; `handler` reads once if the compiled loop failed."""
         self._reader = self._new_reader()
-        self._reader.gather(fd, handler, self.settings.now_ns)
+        self._reader.queue.source = self._reader.gather(fd, handler, self.settings.now_ns, self.flow.deadlines)
         self._reader.start()
 
     def _new_reader(self) -> ReaderThread:
@@ -318,8 +341,12 @@ class ThreadedLink(Link):
             raise closed(self.source)
         return await self._queue.take()
 
-    def read_now(self) -> list[Chunk]:
-        return [] if self._queue is None else self._queue.take_now()
+    def read_now(self, again_ns: int) -> list[Chunk]:
+        return [] if self._queue is None else self._queue.take_now(again_ns)
+
+    def collect(self, again_ns: int) -> bool:
+        queue = self._queue
+        return queue is not None and queue.collect(RECORDING, again_ns)
 
     @property
     def backlog(self) -> int:

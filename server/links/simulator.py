@@ -312,8 +312,11 @@ class SimulatorLink(Link):
         if self._serial is not None:
             self._serial.fail(error)
 
-    def read_now(self) -> list[Chunk]:
-        return [] if self._serial is None else self._serial.read_now()
+    def read_now(self, again_ns: int) -> list[Chunk]:
+        return [] if self._serial is None else self._serial.read_now(again_ns)
+
+    def collect(self, again_ns: int) -> bool:
+        return self._serial is not None and self._serial.collect(again_ns)
 
     def expect_reply(self) -> None:
         if self._serial is not None:

@@ -5,8 +5,8 @@
                                   └─ subscribe ─> HistoryStream: contents of the rings, up to the first live sample
 
 New data is encoded once per flush, and every client gets the same bytes. A flush happens when there is new data, at
-most every 8 ms for up to four clients and every 16 ms beyond (two or one per frame of a 60 Hz screen), less often if
-every client needs less (`SendQueue.interval_s`).
+most every 12 ms for up to four clients and every 16 ms beyond (once per frame of a 60 Hz screen; on a small computer
+each flush costs more than the samples in it), less often if every client needs less (`SendQueue.interval_s`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from imuscope.server.streaming.shedding import Shedding
 from imuscope.server.version import VERSION
 
 FEW_CLIENTS = 4
-FLUSH_S = 0.008
+FLUSH_S = 0.012
 FLUSH_MANY_S = 0.016
 SLACK_S = 0.002  # a flush may be earlier by this: decoding has the same interval, but not to the ms
 UNWATCHED_S = 0.1  # interval between samples if no client is connected

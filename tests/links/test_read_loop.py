@@ -10,16 +10,18 @@ import threading
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from imuscope.protocols.compiled import plain
 from imuscope.server.links import read_loop
-from imuscope.server.links.base import Chunk, steady_clock
+from imuscope.server.links.base import NEVER, Chunk, steady_clock
 from imuscope.server.links.read_loop import BUFFER_BYTES, MAX_READS, ReadLoop, monotonic_offset_ns
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 FAR_NS = 1 << 62
+SESSION, RECORDING = 0, 1
 
 
 class ReadEnd:
@@ -30,7 +32,13 @@ class ReadEnd:
         self.fd, self.writer = os.pipe()
         self.stopped, self.stop = os.pipe()
         os.set_blocking(self.fd, False)
-        self.loop = ReadLoop(self.fd, self.stopped, self.now_ns)
+        self.deadlines = np.array([NEVER, NEVER], np.int64)
+        self.loop = ReadLoop(self.fd, self.stopped, self.now_ns, self.deadlines)
+
+    def read(self, timeout_s: float | None, until_ns: int) -> list[Chunk]:
+        """Read in this thread, and take."""
+        self.loop.read(timeout_s, until_ns)
+        return self.loop.take_last()
 
     def waiting(self) -> int:
         """Bytes in the pipe."""
@@ -52,7 +60,8 @@ class ReadEnd:
 @pytest.fixture(params=["compiled", "plain"])
 def end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[ReadEnd]:
     if request.param == "plain":
-        monkeypatch.setattr(read_loop, "gather", plain(read_loop.gather))
+        for name in ("gather", "promise"):
+            monkeypatch.setattr(read_loop, name, plain(getattr(read_loop, name)))
     made = ReadEnd()
     yield made
     made.close()
@@ -60,7 +69,7 @@ def end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 def test_gathered_reads_have_their_own_times(end: ReadEnd) -> None:
     found: list[Chunk] = []
-    reader = threading.Thread(target=lambda: found.extend(end.loop.read(None, FAR_NS)))
+    reader = threading.Thread(target=lambda: found.extend(end.read(None, FAR_NS)))
     reader.start()
     pieces = [bytes([number]) * (number + 1) for number in range(5)]
     spans = [end.write(piece) for piece in pieces]
@@ -75,19 +84,20 @@ def test_gathered_reads_have_their_own_times(end: ReadEnd) -> None:
 
 
 def test_nothing_is_gathered_once_the_time_is_over(end: ReadEnd) -> None:
+    end.deadlines[:] = 0
     os.write(end.writer, b"one")
-    (chunk,) = end.loop.read(None, 0)
+    (chunk,) = end.read(None, 0)
     assert chunk.data == b"one"
     os.write(end.writer, b"two")
     began = time.monotonic_ns()
-    (chunk,) = end.loop.read(None, began + 20_000_000)
+    (chunk,) = end.read(None, began + 20_000_000)
     assert chunk.data == b"two"
     assert time.monotonic_ns() - began >= 20_000_000, "it waited for more"
 
 
 def test_the_wait_for_the_first_byte_ends(end: ReadEnd) -> None:
     began = time.monotonic()
-    assert end.loop.read(0.02, FAR_NS) == []
+    assert end.read(0.02, FAR_NS) == []
     assert time.monotonic() - began >= 0.02
     assert not end.loop.failed
 
@@ -95,7 +105,7 @@ def test_the_wait_for_the_first_byte_ends(end: ReadEnd) -> None:
 def test_a_stop_ends_a_wait_without_limit(end: ReadEnd) -> None:
     os.write(end.writer, b"waits for the next owner")
     os.write(end.stop, b"\0")
-    assert end.loop.read(None, FAR_NS) == []
+    assert end.read(None, FAR_NS) == []
     assert end.waiting()
 
 
@@ -103,22 +113,110 @@ def test_a_failed_read_is_reported_after_the_bytes_before_it(end: ReadEnd) -> No
     os.write(end.writer, b"last words")
     os.close(end.writer)
     end.writer = -1
-    assert [chunk.data for chunk in end.loop.read(None, FAR_NS)] == [b"last words"]
+    assert [chunk.data for chunk in end.read(None, FAR_NS)] == [b"last words"]
     assert end.loop.failed
-    assert end.loop.read(None, FAR_NS) == []
+    assert end.read(None, FAR_NS) == []
     assert end.loop.failed
 
 
 def test_more_than_the_memory_holds_is_read_in_several_calls(end: ReadEnd) -> None:
+    end.deadlines[:] = 0
     fcntl.fcntl(end.fd, fcntl.F_SETPIPE_SZ, 4 * BUFFER_BYTES)
     data = bytes(range(256)) * (3 * BUFFER_BYTES // 256)
     os.write(end.writer, data)
     found = b""
     while len(found) < len(data):
-        chunks = end.loop.read(1, 0)
+        chunks = end.read(1, 0)
         assert 0 < len(chunks) <= MAX_READS
         found += b"".join(chunk.data for chunk in chunks)
     assert found == data
+
+
+class Reading:
+    """A loop that reads in a thread of its own, once."""
+
+    def __init__(self, end: ReadEnd) -> None:
+        self.end = end
+        self.thread = threading.Thread(target=lambda: end.loop.read(None, 0))
+        self.thread.start()
+
+    def write(self, data: bytes) -> None:
+        """Write, and wait until it is published."""
+        count = int(self.end.loop._read_count[0])
+        os.write(self.end.writer, data)
+        block_until(lambda: self.end.loop._read_count[0] > count, "it is read")
+
+    def has_ended(self) -> bool:
+        self.thread.join(PATIENCE_S)
+        return not self.thread.is_alive()
+
+
+def test_what_was_read_is_taken_while_the_loop_goes_on(end: ReadEnd) -> None:
+    reading = Reading(end)
+    reading.write(b"one")
+    reading.write(b"two")
+    assert [chunk.data for chunk in end.loop.take_for(SESSION, FAR_NS)] == [b"one", b"two"]
+    reading.write(b"three")
+    assert [chunk.data for chunk in end.loop.take()] == [b"three"]
+    assert end.loop.take() == []
+    assert reading.thread.is_alive(), "all takers keep their promise"
+    os.write(end.stop, b"\0")
+    assert reading.has_ended()
+
+
+@pytest.mark.parametrize("taker", [SESSION, RECORDING])
+def test_a_taker_who_found_nothing_is_woken_by_the_next_bytes(end: ReadEnd, taker: int) -> None:
+    reading = Reading(end)
+    assert end.loop.take_for(taker, FAR_NS) == []
+    assert end.deadlines[taker] == 0
+    os.write(end.writer, b"wake up")
+    assert reading.has_ended()
+    assert [chunk.data for chunk in end.loop.take_last()] == [b"wake up"]
+
+
+def test_a_late_taker_ends_the_loop_with_the_next_bytes(end: ReadEnd) -> None:
+    reading = Reading(end)
+    reading.write(b"early")
+    assert end.loop.take_for(SESSION, 1) != []
+    os.write(end.writer, b"late")
+    assert reading.has_ended()
+    assert [chunk.data for chunk in end.loop.take_last()] == [b"late"], "and what was taken is not taken again"
+
+
+def test_nothing_is_lost_or_doubled_while_two_threads_take(end: ReadEnd) -> None:
+    """One reads, one takes as a session that finds nothing now and then; a lost wake-up would never end."""
+    pieces = [bytes([n & 255, n >> 8]) for n in range(3000)]
+    found: list[bytes] = []
+    lock = threading.Lock()
+    woken = threading.Event()
+
+    def collect() -> int:
+        with lock:
+            chunks = end.loop.take_for(SESSION, FAR_NS)
+            found.append(b"".join(chunk.data for chunk in chunks))
+        return len(chunks)
+
+    def read() -> None:
+        while sum(map(len, found)) < 2 * len(pieces):
+            end.loop.read(0.5, 0)
+            with lock:
+                found.append(b"".join(chunk.data for chunk in end.loop.take_last()))
+            woken.set()
+
+    def take() -> None:
+        while sum(map(len, found)) < 2 * len(pieces):
+            if not collect():
+                assert woken.wait(PATIENCE_S)
+                woken.clear()
+
+    threads = [threading.Thread(target=one) for one in (read, take)]
+    for thread in threads:
+        thread.start()
+    for piece in pieces:
+        os.write(end.writer, piece)
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    assert b"".join(found) == b"".join(pieces)
 
 
 def test_the_offset_of_a_clock_is_that_of_the_quickest_comparison() -> None:

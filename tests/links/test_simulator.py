@@ -123,9 +123,9 @@ async def test_a_simulator_reports_its_backlog() -> None:
     link = simulator()
     await link.open()
     await asyncio.to_thread(block_until, lambda: link.backlog > 100, "bytes wait")
-    assert link.read_now()
+    assert link.read_now(0)
     await link.close()
-    assert (link.backlog, link.read_now()) == (0, [])
+    assert (link.backlog, link.read_now(0)) == (0, [])
 
 
 def test_a_delayed_simulator_does_not_fill_its_line() -> None:

@@ -34,7 +34,7 @@ class GatheredLink(FakeLink):
         super().__init__("/dev/ttyFAKE", settings)
         self.waiting: list[Chunk] = []
 
-    def read_now(self) -> list[Chunk]:
+    def read_now(self, again_ns: int) -> list[Chunk]:
         chunks, self.waiting = self.waiting, []
         return chunks
 
