@@ -14,6 +14,9 @@ them is converted to bytes in one call:
     group f8: arrival, time        group f4: x, y, z, …      group u4: flags
     rows = columns, each row `capacity` samples long and then some slack
 
+The newest two blocks are read all the time. Older ones are packed (packed_columns.py), each column alone, and unpacked
+by each reader: ten minutes of history take less than half of the memory.
+
 Each column of a frame is padded to 8 bytes (server/wire/). A range is therefore read rounded up to whole groups of
 8 bytes; the bytes beyond its end are later samples or slack, without meaning. Because of that rounding a frame never
 crosses a block.
@@ -29,6 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.server.streaming.packed_columns import packed, unpack
 from imuscope.server.wire import HEADER
 from imuscope.server.wire_codec import sample_header
 
@@ -38,20 +42,56 @@ from imuscope.server.wire_codec import sample_header
 FIRST_BLOCK = 64
 BLOCK_BYTES = 64 * 1024
 _SLACK = 8
+_UNPACKED = 2  # newest blocks
+_PACKED_BYTES = 8 * 1024  # a smaller block is not worth it
 
 
 class RingBlock:
     """Memory for `capacity` samples, the first of which has sequence number `first`."""
 
-    __slots__ = ("arrays", "capacity", "first", "last_arrival", "n", "nbytes")
+    __slots__ = ("_arrays", "_groups", "_packed", "capacity", "first", "last_arrival", "n", "nbytes")
 
     def __init__(self, first: int, capacity: int, groups: Sequence[tuple[np.dtype[Any], int]]) -> None:
         self.first = first
         self.capacity = capacity
         self.n = 0
         self.last_arrival = 0.0
-        self.arrays = [np.zeros((rows, capacity + _SLACK), dtype) for dtype, rows in groups]
-        self.nbytes = sum(array.nbytes for array in self.arrays)
+        self._groups = groups
+        self._packed: list[bytes] = []
+        self._arrays = self._memory()
+        self.nbytes = sum(array.nbytes for array in self._arrays)
+
+    def _memory(self) -> list[NDArray[Any]]:
+        return [np.zeros((rows, self.capacity + _SLACK), dtype) for dtype, rows in self._groups]
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """An array for each group of columns, (columns, capacity and some slack)."""
+        if not self._packed:
+            return self._arrays
+        arrays = self._memory()
+        for data, row in zip(self._packed, chain(*arrays), strict=True):
+            unpack(data, row[: self.n])
+        return arrays
+
+    def columns(self, start: int, is_wanted: Callable[[int], bool]) -> list[NDArray[Any]]:
+        """The samples of some columns, chosen by position, from the sequence number `start` on."""
+        begin = max(start - self.first, 0)
+        if not self._packed:
+            return [row[begin : self.n] for at, row in enumerate(chain(*self._arrays)) if is_wanted(at)]
+        dtypes = (dtype for dtype, rows in self._groups for _ in range(rows))
+        columns = [(data, np.empty(self.n, dtype)) for data, dtype in zip(self._packed, dtypes, strict=True)]
+        columns = [column for at, column in enumerate(columns) if is_wanted(at)]
+        for data, out in columns:
+            unpack(data, out)
+        return [out[begin:] for _, out in columns]
+
+    def pack(self) -> None:
+        """Pack a full block."""
+        if self.nbytes >= _PACKED_BYTES:
+            self._packed = [packed(row[: self.n]) for row in chain(*self._arrays)]
+            self._arrays = []
+            self.nbytes = sum(map(len, self._packed))
 
 
 class RingBuffer:
@@ -113,6 +153,11 @@ class RingBuffer:
     def _grow(self) -> RingBlock:
         most = max(FIRST_BLOCK, BLOCK_BYTES // self.sample_bytes & ~7)
         last = self._blocks[-1].capacity if self._blocks else FIRST_BLOCK // 2
+        if len(self._blocks) >= _UNPACKED:
+            older = self._blocks[-_UNPACKED]
+            self.nbytes -= older.nbytes
+            older.pack()
+            self.nbytes += older.nbytes
         block = RingBlock(self.total, min(2 * last, most), self._groups)
         self._blocks.append(block)
         self.nbytes += block.nbytes
@@ -132,18 +177,20 @@ class RingBuffer:
         """Sequence number of the first sample that arrived at or after `arrival`; `total` if there is none."""
         for block in self._blocks:
             if block.last_arrival >= arrival:
-                return block.first + int(np.searchsorted(block.arrays[0][0, : block.n], arrival))
+                (arrivals,) = block.columns(0, (0).__eq__)
+                return block.first + int(np.searchsorted(arrivals, arrival))
         return self.total
 
     def frames(self, channel: int, start: int, stop: int, now: float) -> Iterator[tuple[int, bytes]]:
         """Sample frames of the sequence numbers `start` ≤ s < `stop`, oldest first, as (samples, bytes)."""
         if self._blocks and start >= self._blocks[-1].first:  # the usual case: samples since the last flush
-            yield stop - start, self._encode(self._blocks[-1], channel, start, stop, now, history=False)
+            newest = self._blocks[-1]
+            yield stop - start, self._encode(newest.arrays, channel, start, stop, now, newest.first, history=False)
             return
         for block in self._blocks:
             a, b = max(start, block.first), min(stop, block.first + block.n)
             if a < b:
-                yield b - a, self._encode(block, channel, a, b, now, history=False)
+                yield b - a, self._encode(block.arrays, channel, a, b, now, block.first, history=False)
 
     def history_frame(self, channel: int, start: int, stop: int, now: float) -> tuple[int, float, bytes] | None:
         """The newest part of `start` ≤ s < `stop` that fits in one frame.
@@ -154,15 +201,27 @@ class RingBuffer:
         for block in reversed(self._blocks):
             a, b = max(start, block.first), min(stop, block.first + block.n)
             if a < b:
-                arrival = float(block.arrays[0][0, a - block.first])
-                return a, arrival, self._encode(block, channel, a, b, now, history=True)
+                arrays = block.arrays
+                arrival = float(arrays[0][0, a - block.first])
+                return a, arrival, self._encode(arrays, channel, a, b, now, block.first, history=True)
         return None
 
-    def _encode(self, block: RingBlock, channel: int, start: int, stop: int, now: float, *, history: bool) -> bytes:
-        n, at = stop - start, start - block.first
+    def _encode(
+        self,
+        arrays: Sequence[NDArray[Any]],
+        channel: int,
+        start: int,
+        stop: int,
+        now: float,
+        first: int,
+        *,
+        history: bool,
+    ) -> bytes:
+        """One frame of samples in the arrays of a block, whose first sequence number is `first`."""
+        n, at = stop - start, start - first
         parts = [b""]
         size = HEADER.size
-        for array, per in zip(block.arrays, self._per_8_bytes, strict=True):
+        for array, per in zip(arrays, self._per_8_bytes, strict=True):
             data = array[:, at : at + (n + per - 1) // per * per].tobytes()
             size += len(data)
             parts.append(data)
@@ -174,9 +233,8 @@ class RingBuffer:
         pieces: list[list[NDArray[Any]]] = []
         is_wanted: Callable[[int], bool] = (lambda at: True) if columns is None else columns.__contains__
         for block in reversed(self._blocks):  # the newest rows are read most often
-            a = max(start - block.first, 0)
-            if a < block.n:
-                pieces.insert(0, [row[a : block.n] for at, row in enumerate(chain(*block.arrays)) if is_wanted(at)])
+            if start - block.first < block.n:
+                pieces.insert(0, block.columns(start, is_wanted))
             if block.first <= start:
                 break
         dtypes = [dtype for dtype, rows in self._groups for _ in range(rows)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -147,12 +148,12 @@ class FakeSession:
 
 def test_a_flood_shortens_its_own_memory_only() -> None:
     memory = ByteMemory(1_000_000, 1e6)
-    slow, fast = FakeSession("1"), FakeSession("2")
+    slow, fast, noise = FakeSession("1"), FakeSession("2"), random.Random(1)
     for session in (slow, fast):
         memory.watch(session)  # type: ignore[arg-type]
     for second in range(3000):
         slow.take([Chunk(bytes([second % 256]) * 40, second * S)], "rx")
-        fast.take([Chunk(b"x" * 4000, second * S)], "rx")
+        fast.take([Chunk(noise.randbytes(4000), second * S)], "rx")
     of_slow, of_fast = memory.of("1"), memory.of("2.102")
     assert of_slow is not None
     assert of_fast is not None
