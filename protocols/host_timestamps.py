@@ -36,5 +36,5 @@ class StampClock(ClockSync):
             times = np.maximum(times, self._newest.get(part.source, 0))
             if len(times):
                 self._newest[part.source] = int(times[-1])
-            out.append(times / 1e9)
+            out.append(times // 10**9 + times % 10**9 / 1e9)  # nearer than times / 1e9
         return out

@@ -166,8 +166,12 @@ def tables(rows: pa.Array, first: Array) -> pa.Array:
 
 
 def stamps(arrival: Array, time: Array) -> NDArray[np.int64]:
-    """Nanoseconds since 1970 of each sample: its device time mapped to the host's, or its arrival."""
-    return np.round(np.where(np.isfinite(time), time, arrival) * 1e9).astype(np.int64)
+    """Nanoseconds since 1970 of each sample: its device time mapped to the host's, or its arrival. Exact, so that they
+    are the same times again when they are read.
+    """
+    unix = np.where(np.isfinite(time), time, arrival)
+    whole = np.floor(unix)
+    return whole.astype(np.int64) * 10**9 + np.round((unix - whole) * 1e9).astype(np.int64)
 
 
 def _word(text: str) -> str:

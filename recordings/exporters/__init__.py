@@ -25,20 +25,21 @@ __all__ = ["FORMATS", "PROBLEMS", "ExportError", "ExportFormat", "ExportRequest"
 FORMATS, PROBLEMS = EXPORTERS.all(), EXPORTERS.load()
 
 
-def by_suffix(suffix: str) -> str | None:
-    """The format selected by a file's suffix."""
-    return next((name for name, one in FORMATS.items() if one.suffix == suffix.lower()), None)
+def by_suffix(name: str) -> str | None:
+    """The format that the end of a file's name selects: the first of those with the longest suffix."""
+    matches = [one for one in FORMATS.values() if name.lower().endswith(one.suffix)]
+    return max(matches, key=lambda one: len(one.suffix)).name if matches else None
 
 
 def export(format: str, request: ExportRequest, out: Path, step: ExportStep = lambda share: None) -> list[Path]:
     """Write the requested export.
 
     Args:
-        out: path of the file; formats of several files use its stem in their names.
+        out: path of the file; formats of several files use its stem in their names, or make a folder of it.
         step: called with the progress, 0..1; an exception it raises ends the export.
 
     Returns:
-        the files, complete.
+        the files, complete; or the folder.
 
     Raises:
         ExportError, RecordingError: not possible; nothing is left behind.
@@ -50,6 +51,8 @@ def export(format: str, request: ExportRequest, out: Path, step: ExportStep = la
             f"{FORMATS[format].title} files need packages that are not installed.",
             f"Add them: {installation_of(FORMATS[format].extra)}.",
         )
+    if out.is_dir():
+        raise ExportError(f"{out.name} is a folder that exists.", "Give another name, or remove it first.")
     temporary = out.parent / f".{secrets.token_hex(6)}.export"
     try:
         temporary.mkdir(parents=True)

@@ -172,7 +172,7 @@ def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutpu
     Raises:
         DecodeError: the suffix selects none, or what it selects always shows positions.
     """
-    format = by_suffix(out.suffix)
+    format = by_suffix(out.name)
     outputs = file_outputs()
     output = outputs.get(out.suffix.lower())
     if not with_position and not (output is not None and output.hides_position):

@@ -207,7 +207,7 @@ def test_every_number_is_read_back_from_every_format(family: str, format: str, f
     assert missing == []
 
 
-@each_row("format", sorted(set(FORMATS) - set(SERIES)))
+@each_row("format", sorted(name for name, one in FORMATS.items() if one.needs_source or name == "csv-aligned"))
 @each_row("family", list(FAMILIES))
 def test_every_other_format_has_all(family: str, format: str, folder: Path) -> None:
     """Aligned lines have a heading for each column; formats of bytes have the frames themselves."""

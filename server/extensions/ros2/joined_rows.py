@@ -33,12 +33,13 @@ class RowBlock:
     """Rows of a driver with those of the others.
 
     Args:
-        times: (n,) ns since 1970.
+        times, arrivals: (n,) ns since 1970.
         values: (n, k) of the driver's place, in the unit of ROS.
         others: (n, k) of each other place; NaN where there is none.
     """
 
     times: Times
+    arrivals: Times
     values: Floats
     others: Mapping[str, Floats]
 
@@ -56,18 +57,22 @@ class RowJoin:
         self._pending = RecentRows(driver)
         self._recent = {name: RecentRows(place) for name, place in others.items()}
 
-    def take(self, samples: Mapping[int, Sequence[SampleFrame]]) -> RowBlock | None:
-        """The rows that are complete, after newly received samples by channel; None for no rows."""
+    def take(self, samples: Mapping[int, Sequence[SampleFrame]], *, waits: bool = True) -> RowBlock | None:
+        """The rows that are complete, after newly received samples by channel; None for no rows.
+
+        Args:
+            waits: whether other rows of the same time may still arrive.
+        """
         for name, place in self._others.items():
             for frame in samples.get(place.channel, ()):
                 self._recent[name].add(frame)
         for frame in samples.get(self._driver.channel, ()):
             self._pending.add(frame)
-        n = self._complete()
+        n = self._complete() if waits else len(self._pending.times)
         if n == 0:
             return None
-        times, values = self._pending.pop(n)
-        return RowBlock(times, values, {name: rows.at(times) for name, rows in self._recent.items()})
+        times, arrivals, values = self._pending.pop(n)
+        return RowBlock(times, arrivals, values, {name: rows.at(times) for name, rows in self._recent.items()})
 
     def _complete(self) -> int:
         """Number of pending rows that need not wait."""
@@ -89,6 +94,7 @@ class RecentRows:
     def __init__(self, place: Place) -> None:
         self._place = place
         self.times: Times = np.zeros(0, np.int64)
+        self._arrivals: Times = np.zeros(0, np.int64)
         self._values: Floats = np.zeros((0, len(place.columns)))
 
     @property
@@ -100,18 +106,20 @@ class RecentRows:
         if frame.n == 0:
             return
         times = stamps(frame.columns[0], frame.columns[1])
+        arrivals = stamps(frame.columns[0], frame.columns[0])
         values = values_of(self._place, frame.columns)
         if len(self.times) and times[0] < self.times[-1]:
-            self.times, self._values = times, values
+            self.times, self._arrivals, self._values = times, arrivals, values
             return
         self.times = np.concatenate((self.times, times))[-MAX_ROWS:]
+        self._arrivals = np.concatenate((self._arrivals, arrivals))[-MAX_ROWS:]
         self._values = np.concatenate((self._values, values))[-MAX_ROWS:]
 
-    def pop(self, n: int) -> tuple[Times, Floats]:
-        """Remove the first n rows and return them."""
-        times, values = self.times[:n], self._values[:n]
-        self.times, self._values = self.times[n:], self._values[n:]
-        return times, values
+    def pop(self, n: int) -> tuple[Times, Times, Floats]:
+        """Remove the first n rows and return them: times, arrivals, values."""
+        first = self.times[:n], self._arrivals[:n], self._values[:n]
+        self.times, self._arrivals, self._values = self.times[n:], self._arrivals[n:], self._values[n:]
+        return first
 
     def at(self, times: Times) -> Floats:
         """The row of each time, else the last one before it; NaN where that is too old."""

@@ -95,18 +95,27 @@ class MessageBuilder:
 
     def build(self, samples: Samples) -> list[bytes]:
         """The messages that newly received samples make complete."""
-        block = self._join.take(samples)
+        return self.build_with_arrivals(samples)[1]
+
+    def build_with_arrivals(self, samples: Samples, *, waits: bool = True) -> tuple[Sequence[int], list[bytes]]:
+        """The arrival of each message, ns since 1970, and the messages.
+
+        Args:
+            waits: whether other samples of the same time may still arrive.
+        """
+        block = self._join.take(samples, waits=waits)
         if block is None:
-            return []
+            return (), []
         rate = self._rate.update(block)
         if self._keep is not None:
             block = _rows(block, np.flatnonzero(self._keep(block)))
         n = len(block.times)
         if n == 0:
-            return []
+            return (), []
         if self._encoder is None:
             self._encoder = RowEncoder(self.type, self._texts, self._lengths)
-        return self._encoder.encode(n, {**dict(stamp_columns(block.times, self._stamp)), **self._columns(block, rate)})
+        columns = {**dict(stamp_columns(block.times, self._stamp)), **self._columns(block, rate)}
+        return block.arrivals.tolist(), self._encoder.encode(n, columns)
 
 
 @dataclass(slots=True)
@@ -293,6 +302,15 @@ def _time(of: UtcPlaces | None, frames: FrameNames) -> MessageBuilder | None:
     return MessageBuilder(TIME, RowJoin(place, {}), {place.channel}, columns, texts, keep=keep)
 
 
+def clock_builder(place: Place, frames: FrameNames, source: str) -> MessageBuilder:
+    """The builder of a clock reading of the device, in ns by the scale of its place."""
+
+    def columns(block: RowBlock, rate: float) -> Columns:
+        return dict(stamp_columns(np.round(block.values[:, 0]).astype(np.int64), "time_ref"))
+
+    return _alone(TIME, place, columns, {"header.frame_id": frames.device, "source": source})
+
+
 def utc_of(of: UtcPlaces, values: Floats) -> Times:
     """UTC of rows in ns since 1970; 0 where the device does not know it.
 
@@ -362,4 +380,4 @@ def _rows(block: RowBlock, rows: NDArray[np.intp]) -> RowBlock:
     if len(rows) == len(block.times):
         return block
     others = {name: values[rows] for name, values in block.others.items()}
-    return RowBlock(block.times[rows], block.values[rows], others)
+    return RowBlock(block.times[rows], block.arrivals[rows], block.values[rows], others)

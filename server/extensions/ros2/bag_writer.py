@@ -1,0 +1,101 @@
+"""ROS 2 bags: a folder with metadata.yaml and one file, which `ros2 bag`, PlotJuggler, Foxglove and rosbags open.
+
+    /mti_630/imu/data …     the topics of the bridge (messages.py), with its axes, units, frames and covariances
+    /mti_630/clock/DID_IMU  sensor_msgs/msg/TimeReference: the device's own clock at the time of the stamp
+    header.stamp            the time axis of the recording
+    time of the bag         arrival at the host
+
+What no message holds is named in metadata.yaml, as custom data `imuscope.left_out`.
+
+Source: rosbag2 (docs.ros.org), "metadata.yaml", version 8, which Humble reads as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from imuscope.recordings.exporters.message_table import windows
+from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
+from imuscope.recordings.file_names import device_names
+from imuscope.recordings.time_units import UNITS
+from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.extensions.ros2 import type_support
+from imuscope.server.extensions.ros2.key_expressions import name_of
+from imuscope.server.extensions.ros2.messages import FrameNames, MessageBuilder, builders_of, clock_builder
+from imuscope.server.extensions.ros2.quantities import Place, quantities_of
+from imuscope.server.wire_codec import SampleFrame
+
+ROWS = 512  # of the busiest channel at once: fewer than a join keeps
+ATTITUDE, TRANSFORM = "imu/data", "/tf"
+
+
+def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+    """Write the bag; returns its folder.
+
+    Raises:
+        ExportError: no message holds any of the channels.
+    """
+    topics = [one for device in request.columns.manifest["devices"] for one in _topics(request, device)]
+    held = {channel for _, builder in topics for channel in builder.channels}
+    infos = [*request.infos, *request.clocks, *request.payloads]
+    left_out = [info for info in infos if info["id"] not in held]
+    ranges = {info["id"]: request.rows(info["id"]) for info in infos if info["id"] in held}
+    total = sum(past - first for first, past in ranges.values())
+    if not total:
+        raise ExportError("No message of ROS holds these channels.", "Choose others, or export MCAP or CSV.")
+    writer = Writer(out, version=8, storage_plugin=StoragePlugin[storage])
+    if storage == "MCAP":
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)  # of the chunks in the file
+    writer.set_custom_data("imuscope.recording", request.title)
+    writer.set_custom_data("imuscope.left_out", ", ".join(f"{one['message']}/{one['name']}" for one in left_out))
+    done = 0
+    with writer:
+        connections = {
+            topic: writer.add_connection(
+                topic, kind, msgdef=type_support.definition(kind), rihs01=type_support.type_hash(kind)
+            )
+            for topic, kind in {topic: builder.type for topic, builder in topics}.items()
+        }
+        for window in windows(request.columns, ranges, ROWS):
+            samples = {
+                channel: [_frame(request, channel, *rows)] for channel, rows in window.items() if rows[1] > rows[0]
+            }
+            messages = [
+                (arrival, topic, data)
+                for topic, builder in topics
+                for arrival, data in zip(*builder.build_with_arrivals(samples, waits=False), strict=True)
+            ]
+            for arrival, topic, data in sorted(messages, key=itemgetter(0)):
+                writer.write(connections[topic], arrival, data)
+            done += sum(past - first for first, past in window.values())
+            step(done / total)
+    return [out]
+
+
+def _topics(request: ExportRequest, device: Mapping[str, Any]) -> list[tuple[str, MessageBuilder]]:
+    """The topics of a device, with their builders."""
+    channels = [info for info in request.infos if info["device"] == device["id"]]
+    name = name_of(device_names(request.columns.manifest["devices"])[device["id"]])
+    frames = FrameNames(name)
+    builders = builders_of(
+        quantities_of(device, channels), frames, sensors_of(device["protocol"], device.get("product", ""))
+    )
+    if ATTITUDE in builders:  # a transform would give the frame of the device a second parent on a robot
+        builders.pop(TRANSFORM, None)
+    for info in request.clocks:
+        for at, column in enumerate(info["columns"] if info["device"] == device["id"] else ()):
+            if scale := UNITS.get(column["unit"], 0.0):
+                place = Place(info["id"], (at,), info["message"], 1e9 * scale)
+                source = f"{info['message']}.{column['name']}"
+                builders.setdefault(f"clock/{name_of(info['message'])}", clock_builder(place, frames, source))
+    return [(topic if topic.startswith("/") else f"/{name}/{topic}", one) for topic, one in builders.items()]
+
+
+def _frame(request: ExportRequest, channel: int, first: int, past: int) -> SampleFrame:
+    rows = request.columns.exact(channel, first, past)
+    return SampleFrame(channel, 0, len(rows), 0, False, 0.0, [rows.arrival, rows.time, *rows.columns])
