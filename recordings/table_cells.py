@@ -66,6 +66,8 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
         import pyarrow.compute as pc
 
         return _texts(pc.binary_join_element_wise(columns[0], columns[1], " "), clock.order)
+    if clock.kind == "number" and clock.factors == (1e-9,) and (ns := _integers(columns[0])) is not None:
+        return Cells(ns // S + ns % S / S, np.empty(0, np.int64))  # more digits than a float64 has
     cells = [numbers(column, decimal) for column in columns]
     odd = np.unique(np.concatenate([one.odd for one in cells]))
     if clock.kind == "utc":
@@ -77,6 +79,18 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
         values = values + GPS_EPOCH
         values = values - _leap(values)
     return Cells(values, odd)
+
+
+def _integers(column: pa.Array) -> NDArray[np.int64] | None:
+    """Cells as integers; None if one is something else."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    try:
+        whole = pc.cast(pc.utf8_trim_whitespace(column), pa.int64())
+    except pa.ArrowInvalid:
+        return None
+    return None if whole.null_count else whole.to_numpy(zero_copy_only=False)
 
 
 def _leap(gps: Floats) -> Floats:

@@ -169,6 +169,31 @@ def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) ->
     assert held == [""] + ["1"] * 10 + ["2"] * 10 + ["3"] * 20 + [""] * 40 + ["4"] * 19
 
 
+def test_plotjuggler_finds_one_table_of_numbers_and_its_time(tmp_path: Path) -> None:
+    """As its loader reads: the separator is what the first line has most of, and blanks count; times never go back."""
+    columns = store(tmp_path / "store")
+    (made,) = export("csv-plotjuggler", ExportRequest(columns), tmp_path / "run.plotjuggler.csv")
+    first = made.read_text().splitlines()[0]
+    assert max("\t;, ", key=first.count) == ","
+    assert '"' not in first
+    head, rows = rows_of(made)
+    assert head[:3] == ["__time", "arrival", "/MTi-630/Acceleration/x_m_s2"]
+    assert len(head) == len(set(head))
+    assert all(cell == "" or math.isfinite(float(cell)) for row in rows for cell in row)
+    times = numbers(rows, 0)
+    assert (np.diff(times) >= 0).all()
+    wanted = columns.exact(1, 0, 1000)
+    of_first = np.array([row[4] != "" for row in rows])
+    np.testing.assert_array_equal(times[of_first], wanted.time)
+    np.testing.assert_array_equal(numbers(rows, 1)[of_first], wanted.arrival)
+    np.testing.assert_array_equal(numbers(rows, 4)[of_first].astype(np.float32), wanted.columns[2])
+    big = head.index("/IMX-5/DID_INS_1/big")
+    assert [int(row[big]) for row in rows if row[big]] == (np.arange(500) - 2**60).tolist()
+    assert not any("svid" in name for name in head)  # a table
+    with pytest.raises(ExportError, match="one value at a time"):
+        export("csv-plotjuggler", ExportRequest(columns, channels=(4,)), tmp_path / "tables.plotjuggler.csv")
+
+
 @each_row("format", OF_COLUMNS)
 def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
@@ -200,7 +225,7 @@ def test_a_cancelled_export_leaves_nothing(format: str, tmp_path: Path) -> None:
     assert list((tmp_path / "out").iterdir()) == []
 
 
-@each_row("format", ["csv", "csv-aligned", "parquet"])
+@each_row("format", ["csv", "csv-aligned", "csv-plotjuggler", "parquet"])
 def test_memory_does_not_grow_with_the_length(format: str, tmp_path: Path) -> None:
     def peak(n: int) -> int:
         columns = store(tmp_path / f"store{n}", n=n, rate=1000.0, devices=1)
@@ -257,6 +282,7 @@ def test_unwritable_exports_are_reported(tmp_path: Path) -> None:
     with pytest.raises(ExportError, match="is a folder that exists"):
         export("csv", ExportRequest(columns), tmp_path / "run.csv")
     assert by_suffix("Run.CSV") == "csv"
+    assert by_suffix("run.plotjuggler.csv") == "csv-plotjuggler"
     assert by_suffix("run.xlsx") is None
 
 
