@@ -85,11 +85,16 @@ class LogBlock:
 
 @dataclass(frozen=True, slots=True)
 class DatedBy:
-    """A fix: time since the start and UTC, s, and the record that has both."""
+    """Time since the start and UTC at one moment, s, and where both come from."""
 
     clock: float
     utc: float
-    name: str
+    by: str
+
+
+def receiver(name: str) -> str:
+    """Source of the date, for a fix in a table."""
+    return f"the GNSS receiver in {name}"
 
 
 @dataclass(slots=True)
@@ -128,7 +133,7 @@ class FlightLog(TableSource):
         first = self._first_time()
         clock = TableClock(self.clock_name, (), "number", "µs", (1e-6,), "start", "stated", "the format defines it")
         if fix is not None:
-            origin, dated_by = fix.utc - fix.clock, f"the GNSS receiver in {fix.name}"
+            origin, dated_by = fix.utc - fix.clock, fix.by
         else:
             empty = TableFormat(0, ",", ".", (), (), 0)
             origin, dated_by = origin_of(clock, first, empty, path)
@@ -140,7 +145,7 @@ class FlightLog(TableSource):
         raise NotImplementedError
 
     def fix(self) -> DatedBy | None:
-        """The first fix of a receiver."""
+        """The first moment of which UTC is known: a fix of a receiver, unless a format has something else."""
         for block in self.blocks():
             for name, data in block.records.items():
                 records = self._records(self.tables[name], data)
@@ -153,7 +158,7 @@ class FlightLog(TableSource):
 
     def dated(self, table: LogTable, records: NDArray[Any]) -> DatedBy | None:
         """A fix in some records."""
-        raise NotImplementedError
+        return None
 
     def _first_time(self) -> float:
         for block in self.blocks():

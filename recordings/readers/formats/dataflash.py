@@ -105,7 +105,11 @@ class DataFlash(FlightLog):
         row = records[rows]
         clock = TableClock("", (0, 1), "week", "", (WEEK, 1e-3), "GPS", "stated", "")
         cells = [pa.array([str(int(row[name][0]))]) for name in ("GWk", "GMS")]
-        return DatedBy(float(table.time.values(row)[0]), float(times_of(clock, cells).values[0]), table.name)
+        return DatedBy(
+            float(table.time.values(row)[0]),
+            float(times_of(clock, cells).values[0]),
+            f"the GNSS receiver in {table.name}",
+        )
 
 
 class _Records:

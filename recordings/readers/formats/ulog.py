@@ -84,7 +84,9 @@ class Ulog(FlightLog):
         if not len(known):
             return None
         row = records[known[:1]]
-        return DatedBy(float(table.time.values(row)[0]), int(row["time_utc_usec"][0]) / 1e6, table.name)
+        return DatedBy(
+            float(table.time.values(row)[0]), int(row["time_utc_usec"][0]) / 1e6, f"the GNSS receiver in {table.name}"
+        )
 
 
 class _Messages:
