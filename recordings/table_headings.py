@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 AXES = ("x", "y", "z")
 PLAIN = "xyz"  # name of the vector of columns that are named x, y and z only
-_FRAME = re.compile(r"(ENU|NED|NWU|ECEF|body)\b")  # of quantities, as exports name them
+_FRAME = re.compile(r"(ENU|NED|NWU|ECEF|WGS84|body)\b")  # of quantities, as exports name them
 _HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
 _INDEX = re.compile(r"^(?P<group>.+?)(?:\[(?P<index>\d+)\]|\((?P<round>\d+)\))$")
 _AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter>[XYZ]))$")
@@ -29,11 +29,12 @@ _POWERS = {"1": "/s", "2": "/s²"}
 
 @dataclass(frozen=True, slots=True)
 class ColumnHeading:
-    """Name and unit of a column; `text` as it is in the file."""
+    """Name, unit and frame of a column; `text` as it is in the file."""
 
     text: str
     name: str
     unit: str
+    frame: str = ""
 
     @classmethod
     def of(cls, text: str) -> ColumnHeading:
@@ -42,7 +43,9 @@ class ColumnHeading:
         match = _HEAD.match(plain)
         if match is None or _INDEX.match(plain):
             return cls(plain, plain, "")
-        return cls(plain, match["name"], unit_of(match["unit"] or ""))
+        parts = [part.strip() for part in (match["unit"] or "").split(";")]
+        frame = next(filter(_FRAME.match, parts), "")
+        return cls(plain, match["name"], unit_of(match["unit"] or ""), frame)
 
 
 def unit_of(text: str) -> str:

@@ -18,7 +18,7 @@ import codecs
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -46,6 +46,7 @@ if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts 
 Floats = NDArray[np.float64]
 
 DEVICE = "1"
+SEGMENT = "segment"
 BLOCK_BYTES = 4 << 20
 NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
 MOST_CELLS_NAMED = 4
@@ -65,6 +66,8 @@ class TableRows:
         time, arrival: unix s; time NaN if unknown.
         columns: by heading, (values, unit). The headings are the same in every block of a table.
         done: share of the file read, 0..1.
+        frames: of the columns that have one, by heading.
+        segment: number of the segment of the clock, where the file says it.
     """
 
     table: str
@@ -72,6 +75,8 @@ class TableRows:
     arrival: Floats
     columns: Mapping[str, tuple[Floats, str]]
     done: float
+    frames: Mapping[str, str] = field(default_factory=dict)
+    segment: Floats | None = None
 
 
 class TableSource:
@@ -127,10 +132,16 @@ class CsvSource(TableSource):
         self._options = options = options or TableOptions()
         texts, self._left_out = _renamed(self._form, options)
         self._headings = [ColumnHeading.of(text) for text in texts]
+        by_name = {one.name.lower(): i for i, one in reversed([*enumerate(self._headings)])}
+        if {"time", "arrival"} <= by_name.keys() and not any(row[by_name["time"]] for row in self._form.sample):
+            pair = by_name["time"], by_name["arrival"]  # of a message without a clock: the arrival is its time
+            self._headings[pair[0]], self._headings[pair[1]] = self._headings[pair[1]], self._headings[pair[0]]
         self._names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self._headings)])
         self._refusal: RecordingError | None = None
         self._bad: dict[str, tuple[int, int, str]] = {}  # column → cells, first row, its text
         self._arrival = next((i for i, one in enumerate(self._headings) if one.name.lower() == "arrival"), None)
+        names = [one.text for one in self._headings]  # a column of this name beside the arrival is that of our exports
+        self._segment = names.index(SEGMENT) if self._arrival is not None and SEGMENT in names else None
         newest = path.stat().st_mtime + NOW_S
         rate = options.rate or _head_rate(self._form)
         search = ClockSearch(path.name, self._form, self._headings, options, newest, rate)
@@ -270,7 +281,7 @@ class CsvSource(TableSource):
         known = np.isfinite(raw)
         columns: dict[str, tuple[Floats, str]] = {}
         for i, (name, heading) in enumerate(zip(self._names, self._headings, strict=True)):
-            if i in clock.columns or i == self._arrival or i in self._left_out:
+            if i in (*clock.columns, self._arrival, self._segment) or i in self._left_out:
                 continue
             of_clock = next(
                 (one for one in axis.others if one.kind in ("text", "date+time") and i in one.columns), None
@@ -290,7 +301,9 @@ class CsvSource(TableSource):
         if self._arrival is not None:
             arrival = self._arrivals(batch.column(self._arrival), axis)[known]
             arrival = np.where(np.isnan(arrival), time, arrival)
-        return TableRows(self.path.stem, time, arrival, columns, done), len(batch)
+        frames = {name: one.frame for name, one in zip(self._names, self._headings, strict=True) if one.frame}
+        segment = None if self._segment is None else numbers(batch.column(self._segment), decimal).values[known]
+        return TableRows(self.path.stem, time, arrival, columns, done, frames, segment), len(batch)
 
     def _arrivals(self, column: pa.Array, axis: TimeAxis) -> Floats:
         assert self._arrival is not None

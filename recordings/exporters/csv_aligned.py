@@ -121,6 +121,8 @@ def _names(request: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping
 def _rule(request: ExportRequest, leader: Mapping[str, Any], others: list[_Follower]) -> str:
     of = f" of {request.device_name(leader['device'])}" if request.has_several_devices else ""
     words = f"A line for each sample of {leader['title'] or leader['name']}{of}."
+    if begins := request.segments(leader["device"]):
+        words += f" A segment of its clock begins at {', '.join(f'{begin:.6f}' for begin in begins)} s."
     tables = ", ".join(info["name"] for info in request.infos if info["kind"] == "table")
     if tables:
         words += f" Left out, because they have several rows at a time: {tables}."

@@ -3,7 +3,7 @@
     topic          /<device>/[<message>/]<quantity>, /<device>/attitude, /<device>/position, /events: the same topics,
                    fields and schemas as the live Foxglove server's, so a layout made of one fits the other
     and            /<device>/<message>/clock and /utc: the device's own clock for each message, and its UTC;
-                   /<device>/<message>/arrival: its arrival;
+                   /<device>/<message>/arrival: its arrival, and the segment of the clock if there are several;
                    /<device>/<message>/bytes: undescribed payloads, base64 according to their schema
     log time       device time mapped to the host's clock; its arrival if it has none (or if the base is arrival)
     message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/standard_schemas.py)
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from imuscope.protocols.framing import Ints
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.column_store import ExactRows
-from imuscope.recordings.exporters.message_table import windows
+from imuscope.recordings.exporters.message_table import SEGMENT, windows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 from imuscope.recordings.file_names import device_names
 from imuscope.recordings.mcap_reader import McapChannel
@@ -168,7 +168,9 @@ def _streams(request: ExportRequest) -> list[DecodedTopic]:
     infos = {(info["device"], info["message"], info["verified"]): info for info in reversed(request.infos)}
     for info in infos.values():
         topic = named(names.get(info["device"], info["device"]), info["message"], "arrival", in_use=in_use)
-        stream(topic, info, _json(schema_of(_ARRIVAL)), partial(_arrivals, request))
+        segments = request.segments(info["device"])
+        about = {**_ARRIVAL, "columns": [*_ARRIVAL["columns"], _SEGMENT] if segments else _ARRIVAL["columns"]}
+        stream(topic, info, _json(schema_of(about)), partial(_arrivals, request, about, segments))
     return topics
 
 
@@ -177,10 +179,12 @@ def _schema_of_bytes(info: Info) -> Mapping[str, Any]:
     return {"type": "object", "title": f"{info['name']} bytes", "properties": {"data": data}}
 
 
+_SECONDS = {"name": "arrival", "dtype": "f8", "unit": "s", "label": "", "doc": "", "axis": "", "bits": []}
+_SEGMENT = {**_SECONDS, "name": SEGMENT, "dtype": "i4", "unit": "", "doc": "Number of the segment of the clock."}
 _ARRIVAL: Info = {
     **{"name": "Arrival", "title": "Arrival", "group": "", "kind": "scalar", "frame": ""},
     "doc": "When its bytes arrived at the host, unix seconds.",
-    "columns": [{"name": "arrival", "dtype": "f8", "unit": "s", "label": "", "doc": "", "axis": "", "bits": []}],
+    "columns": [_SECONDS],
 }
 
 
@@ -213,10 +217,11 @@ def _plain(request: ExportRequest, info: Info, topic: int, rows: ExactRows) -> M
     return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
 
 
-def _arrivals(request: ExportRequest, topic: int, rows: ExactRows) -> Messages:
+def _arrivals(request: ExportRequest, about: Info, segments: Sequence[float], topic: int, rows: ExactRows) -> Messages:
     first = np.flatnonzero(np.diff(rows.arrival, prepend=rows.arrival[:1] - 1))  # one per moment of a table
     log = _times(request, rows)[first]
-    body = bodies(_ARRIVAL, [rows.arrival[first]])
+    key = np.where(np.isnan(rows.time), rows.arrival, rows.time)[first]
+    body = bodies(about, [rows.arrival[first], np.searchsorted(segments, key, "right")][: len(about["columns"])])
     return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
 
 

@@ -34,6 +34,7 @@ Ints = NDArray[np.int64]
 JoinedRows = tuple[int, int]
 
 WINDOW = 1 << 16  # rows
+SEGMENT = "segment"
 
 
 @dataclass(slots=True)
@@ -46,6 +47,7 @@ class MessageTable:
         channels: ChannelInfo as in the manifest.
         names: a heading for each column of each channel, unique in the table, without unit.
         clocks: the device's clock readings, described like channels.
+        segments: begin of each segment of the device's clock after the first, unix s: then a column has their numbers.
     """
 
     name: str
@@ -53,6 +55,7 @@ class MessageTable:
     channels: list[Mapping[str, Any]] = field(default_factory=list)
     names: list[list[str]] = field(default_factory=list)
     clocks: list[Mapping[str, Any]] = field(default_factory=list)
+    segments: Sequence[float] = ()
 
     @property
     def is_rows(self) -> bool:
@@ -103,6 +106,7 @@ def tables(request: ExportRequest) -> list[MessageTable]:
         table.channels.append(info)
     for table in by_message.values():
         table.clocks = clocks_of(request, table.channels[0])
+        table.segments = request.segments(table.device)
         _name(table)
     return list(by_message.values())
 
@@ -118,7 +122,7 @@ def _name(table: MessageTable) -> None:
     frames: dict[str, set[str]] = {}
     for info in table.channels:
         frames.setdefault(info["name"], set()).add(info["frame"])
-    counts: dict[str, int] = {"time": 1, "arrival": 1}
+    counts: dict[str, int] = {"time": 1, "arrival": 1, SEGMENT: 1}
     for info in (*table.clocks, *table.channels):
         frame = str(info["frame"]) if len(frames.get(info["name"], ())) > 1 else ""
         names = []
@@ -146,7 +150,8 @@ def heading(info: Mapping[str, Any], column: Mapping[str, Any], frame: str = "")
 
 
 def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> Iterator[pa.RecordBatch]:
-    """The rows of a table; columns are time, arrival, then those of the table. A missing cell is null.
+    """The rows of a table; columns are time, arrival, the segment if there are several, then
+    those of the table. A missing cell is null.
 
     Args:
         step: called with the progress, 0..1.
@@ -167,6 +172,9 @@ def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> It
                 arrays += of_their_moment(request.columns, info, joined)
         arrays += [cells(values, missing) for values, missing in joined.columns()]
         arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
+        if table.segments:
+            key = np.where(np.isnan(joined.time), joined.arrival, joined.time)
+            arrays.insert(2, pa.array(np.searchsorted(table.segments, key, "right").astype(np.int32)))
         yield pa.RecordBatch.from_arrays(arrays, schema=heads)
         done += sum(hi - lo for lo, hi in window.values())
         step(done / total)
@@ -207,6 +215,8 @@ def schema(table: MessageTable) -> pa.Schema:
         pa.field(name, pa.float64(), metadata={"unit": "s", "label": words, "epoch": "1970-01-01T00:00:00Z"})
         for name, words in about.items()
     ]
+    if table.segments:
+        fields.append(pa.field(SEGMENT, pa.int32(), metadata={"label": "Number of the segment of the clock."}))
     for name, column, frame in table.columns:
         details = {
             "unit": column["unit"],
@@ -232,7 +242,7 @@ _TYPES = {
 def headings(table: MessageTable) -> list[str]:
     """Header line of a table: names with their units, and the frame of values not in body axes."""
     own = (with_unit(name, column["unit"], frame_label(frame)) for name, column, frame in table.columns)
-    return ["time (s)", "arrival (s)", *own]
+    return ["time (s)", "arrival (s)", *([SEGMENT] if table.segments else ()), *own]
 
 
 def frame_label(frame: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,6 +80,11 @@ class ExportRequest:
 
     def _is_chosen(self, info: Mapping[str, Any]) -> bool:
         return (self.channels is None or info["id"] in self.channels) and self.device in ("", info["device"])
+
+    def segments(self, device: str) -> Sequence[float]:
+        """Begin of each segment of a device's clock after the first, unix s."""
+        begins: Sequence[float] = self.columns.manifest.get("segments", {}).get(device, ())
+        return begins
 
     def rows(self, channel: int) -> tuple[int, int]:
         """The rows of a channel in the export: the first, and one past the last."""

@@ -134,5 +134,5 @@ def _as_text(column: pa.Array) -> pa.Array:
     elif types.is_float16(kind):
         column = column.cast(pa.float32())
     elif types.is_floating(kind):
-        column = pc.if_else(pc.is_finite(column), column, pa.scalar(None, kind))
+        column = pc.if_else(pc.is_nan(column), pa.scalar(None, kind), column)
     return column.cast(pa.string())

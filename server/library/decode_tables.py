@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from imuscope.server.library.decode import ProgressPublisher
 
 MOST_EVENTS = 100  # of the steps of one clock
+QUATERNION, EULER = ("q0", "q1", "q2", "q3"), ("roll", "pitch", "yaw")
 
 
 class _Tables:
@@ -33,6 +34,7 @@ class _Tables:
         self.infos: list[wire.ChannelInfo] = []
         self.counts: dict[str, int] = {}
         self.first, self.last = np.inf, -np.inf
+        self.segments: dict[float, float] = {}  # number → its begin, of those that a file numbers
         self._writer = writer
         self._plans: dict[str, list[tuple[int, list[str]]]] = {}
 
@@ -45,6 +47,10 @@ class _Tables:
             plan = self._plans[rows.table] = self._begin(rows)
         for number, headings in plan:
             self._writer.append(number, [rows.arrival, rows.time, *(rows.columns[name][0] for name in headings)])
+        if rows.segment is not None:
+            for number in np.unique(rows.segment[rows.segment > 0]).tolist():
+                begin = float(rows.time[rows.segment == number].min())
+                self.segments[number] = min(begin, self.segments.get(number, np.inf))
         self.counts[rows.table] = self.counts.get(rows.table, 0) + len(rows.time)
         self.first = min(self.first, float(rows.arrival.min()))
         self.last = max(self.last, float(rows.arrival.max()))
@@ -57,7 +63,11 @@ class _Tables:
                 wire.ColumnInfo(inner, "f8", rows.columns[heading][1], axis=axis_of(inner, len(members)))  # type: ignore[arg-type]
                 for heading, inner in members
             ]
+            frames = {rows.frames.get(heading, "") for heading, _ in members}
+            frame = frames.pop() if len(frames) == 1 else ""
             kind: Any = "scalar" if len(columns) == 1 else "vector" if len(columns) == 3 else "record"
+            if " from " in frame:
+                kind = {QUATERNION: "quaternion", EULER: "euler"}.get(tuple(inner for _, inner in members), kind)
             if kind == "scalar":
                 columns[0].label = name
             info = wire.ChannelInfo(
@@ -68,7 +78,7 @@ class _Tables:
                 title=name,
                 kind=kind,
                 unit=units.pop() if len(units) == 1 else "",
-                frame="",
+                frame=frame,
                 columns=columns,
             )
             self._writer.channel(info.id, ChannelLayout(("f8",) * len(columns), (False,) * len(columns)))
@@ -115,7 +125,7 @@ def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
         "events": [asdict(event) for event in events],
         "events_left_out": left_out,
         "time": axis.described() if axis is not None else None,
-        "segments": {DEVICE: segments},
+        "segments": {DEVICE: sorted({*segments, *tables.segments.values()})},
         "markers": [],
         "snapshots": {},
         "damage": [asdict(damage) for damage in source.damage],

@@ -23,7 +23,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     from imuscope.recordings.exporters.message_table import MessageTable, batches
     from imuscope.recordings.topics import fields_of
 
-    topics = _topics(request)
+    topics = channel_topics(request)
     infos = [info for info in (*request.clocks, *request.infos) if info["kind"] != "table"]
     if not infos:
         raise ExportError("This range contains no channel with one value at a time.", "Choose other channels.")
@@ -41,7 +41,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     return [out]
 
 
-def _topics(request: ExportRequest) -> dict[int, str]:
+def channel_topics(request: ExportRequest) -> dict[int, str]:
     """Names of all channels and clocks of the recording, so that the choice changes no name."""
     from imuscope.recordings.topics import named, topic_of
 

@@ -35,8 +35,10 @@ def _table(request: OpenRequest, kind: str, schema: pa.Schema, batches: Callable
         if heading is None or column.name in headings:
             left_out.append(column.name)
             continue
-        unit = (column.metadata or {}).get(b"unit", b"").decode(errors="replace")
-        headings[column.name] = f"{heading} [{unit}]" if unit and heading == column.name else heading
+        about = column.metadata or {}
+        unit, frame = (about.get(key, b"").decode(errors="replace") for key in (b"unit", b"frame"))
+        details = "; ".join(filter(None, (unit, frame))) if heading == column.name else ""
+        headings[column.name] = f"{heading} [{details}]" if details else heading
     words = [f"Columns without numbers are left out: {', '.join(left_out[:10])}."] if left_out else []
     if not headings:
         raise RecordingError(f"{request.path.name} has no columns of numbers.", "Give a table of samples.")

@@ -5,13 +5,15 @@
     header.stamp            the time axis of the recording
     time of the bag         arrival at the host
 
-What no message holds is named in metadata.yaml, as custom data `imuscope.left_out`.
+What no message holds is named in metadata.yaml, as custom data `imuscope.left_out`; `imuscope.segments` has the times
+at which a segment of a clock begins, unix s by device.
 
 Source: rosbag2 (docs.ros.org), "metadata.yaml", version 8, which Humble reads as well.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from operator import itemgetter
 from pathlib import Path
@@ -27,7 +29,7 @@ from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.extensions.ros2 import type_support
 from imuscope.server.extensions.ros2.key_expressions import name_of
 from imuscope.server.extensions.ros2.messages import FrameNames, MessageBuilder, builders_of, clock_builder
-from imuscope.server.extensions.ros2.quantities import Place, quantities_of
+from imuscope.server.extensions.ros2.quantities import Place, recorded_quantities
 from imuscope.server.wire_codec import SampleFrame
 
 ROWS = 512  # of the busiest channel at once: fewer than a join keeps
@@ -53,6 +55,8 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)  # of the chunks in the file
     writer.set_custom_data("imuscope.recording", request.title)
     writer.set_custom_data("imuscope.left_out", ", ".join(f"{one['message']}/{one['name']}" for one in left_out))
+    segments = {device: begins for device, begins in request.columns.manifest.get("segments", {}).items() if begins}
+    writer.set_custom_data("imuscope.segments", json.dumps(segments))
     done = 0
     with writer:
         connections = {
@@ -79,11 +83,10 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
 
 def _topics(request: ExportRequest, device: Mapping[str, Any]) -> list[tuple[str, MessageBuilder]]:
     """The topics of a device, with their builders."""
-    channels = [info for info in request.infos if info["device"] == device["id"]]
     name = name_of(device_names(request.columns.manifest["devices"])[device["id"]])
     frames = FrameNames(name)
     builders = builders_of(
-        quantities_of(device, channels), frames, sensors_of(device["protocol"], device.get("product", ""))
+        recorded_quantities(device, request.infos), frames, sensors_of(device["protocol"], device.get("product", ""))
     )
     if ATTITUDE in builders:  # a transform would give the frame of the device a second parent on a robot
         builders.pop(TRANSFORM, None)

@@ -25,7 +25,7 @@ from imuscope.recordings.exporters.request import ExportError, ExportRequest, Ex
 from imuscope.recordings.topics import stamps
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.extensions.ros2.joined_rows import values_of
-from imuscope.server.extensions.ros2.quantities import Place, quantities_of
+from imuscope.server.extensions.ros2.quantities import Place, recorded_quantities
 
 HEADINGS = (
     "#timestamp [ns]",
@@ -43,7 +43,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """
     devices: list[tuple[Mapping[str, Any], Place, Place]] = []
     for device in request.columns.manifest["devices"]:
-        of = quantities_of(device, [info for info in request.infos if info["device"] == device["id"]])
+        of = recorded_quantities(device, request.infos)
         if of.turn and of.acceleration:
             devices.append((device, of.turn, of.acceleration))
     if not devices:
@@ -99,6 +99,7 @@ def _about(request: ExportRequest, device: Mapping[str, Any], places: tuple[Plac
             f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{identity}]",
             f"rate_hz: {1 / interval:.6g}" if interval else "# rate_hz is not known.",
             "# Noise is not known without an Allan analysis: imuscope analyse FILE allan --format kalibr",
+            f"# Segments of the clock begin at, unix s: {json.dumps(list(request.segments(device['id'])))}",
             f"# Moments left out, because they lack one of the numbers: {left_out}.",
             f"# Quantities left out: {json.dumps(', '.join(others) or 'none')}.",
             "",

@@ -26,6 +26,10 @@ TO_SI: Mapping[str, Mapping[str, float]] = {
     "velocity": {"m/s": 1.0},
     "length": {"m": 1.0, "mm": 1e-3},
 }
+TITLES: Mapping[str, str] = {  # of quantities in files of other programs
+    **{"angular_velocity": "Rate of turn", "linear_acceleration": "Acceleration", "fluid_pressure": "Pressure"},
+    **{"magnetic_field": "Magnetic field", "w_RS_S": "Rate of turn", "a_RS_S": "Acceleration"},
+}
 WORLD_FRAMES = ("ENU", "NED", "NWU")
 _LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)
 _HEIGHT = re.compile("^(alt|height$|h_?ell)", re.I)
@@ -141,6 +145,12 @@ def quantities_of(device: Mapping[str, Any], channels: Sequence[Info]) -> Device
         fix=_fix(channels),
         utc=_utc(channels),
     )
+
+
+def recorded_quantities(device: Mapping[str, Any], channels: Sequence[Info]) -> DeviceQuantities:
+    """The quantities of a device in a recording, which may be one of messages or a EuRoC table: as `quantities_of`."""
+    own = [info for info in channels if info["device"] == device["id"]]
+    return quantities_of(device, [{**info, "title": TITLES.get(str(info["title"]), info["title"])} for info in own])
 
 
 def _every(info: Info) -> Place:
