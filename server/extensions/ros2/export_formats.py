@@ -22,7 +22,7 @@ for storage, suffix, title, order, per_byte in (
     register_exporter(
         ExportFormat(
             f"rosbag2-{storage.lower()}",
-            f"ROS 2 bag ({title})",
+            f"ROS 2 bag, {title}",
             suffix,
             partial(_write_bag, storage),
             order=order,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import sqlite3
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +17,16 @@ import imuscope
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, export
 from imuscope.recordings.topics import stamps
+from imuscope.server.config import Config
 from imuscope.server.extensions.ros2.axes import FLIP
 from imuscope.server.library.zip_download import one_file
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.recordings.store_fixtures import store
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import InProcessServer
 from tests.server_process import imuscope as run_command
+from tests.waiting import block_until
 
 BAGS = [name for name in FORMATS if name.startswith("rosbag2-")]
 
@@ -97,6 +103,25 @@ def test_a_bag_is_opened_again(mti: imuscope.Recording, tmp_path: Path) -> None:
         np.testing.assert_array_equal(turn.arrival, mti["RateOfTurn"].arrival)
         np.testing.assert_allclose(turn.values, mti["RateOfTurn"].values, rtol=1e-15)
         assert (turn.units, turn.frame) == (("°/s",) * 3, "body")
+
+
+def test_a_bag_is_downloaded_as_a_zip(tmp_path: Path) -> None:
+    (tmp_path / "recordings").mkdir()
+    drive(tmp_path / "recordings" / "a.mcap", seconds=1.0)
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+        client = running.client
+        job = client.post("/api/recordings/a/exports", json={"format": "rosbag2-mcap"}).json()["id"]
+
+        def done() -> dict[str, Any] | None:
+            [one] = client.get("/api/recordings/exports").json()
+            return one if one["state"] not in ("waiting", "running") else None
+
+        assert block_until(done, "the export is finished")["file"] == "A-drive-rosbag2-mcap.zip"
+        data = client.get(f"/api/recordings/exports/{job}/file").content
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        assert archive.namelist() == ["A-drive.rosbag2/A-drive.rosbag2.mcap", "A-drive.rosbag2/metadata.yaml"]
+        archive.extractall(tmp_path)
+    assert "/mti_630/imu/data" in messages(tmp_path / "A-drive.rosbag2")
 
 
 def test_axes_are_those_of_ros_and_clocks_are_references_of_time(imx: imuscope.Recording, tmp_path: Path) -> None:
