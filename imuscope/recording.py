@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -347,6 +347,7 @@ def open(
     time_unit: str = "",
     rate: float = 0.0,
     columns: Mapping[str, str] | None = None,
+    clock: Literal["", "device", "arrival"] = "",
     **options: str,
 ) -> Recording:
     """Open a recording of imuscope, a capture of a device's bytes, a table or a log of another program.
@@ -355,7 +356,10 @@ def open(
         protocol: of a capture; "" to detect it.
         time_column, time_unit, rate, columns: of a table, where the file does not say it: heading of the times; "ns",
             "us", "ms" or "s"; samples a second where there are no times; headings in place of the file's.
+        clock: of devices and messages, that is the time axis; "" for the usual one.
         options: decode options of the protocol, as on the command line.
+
+    What is not given is as chosen for this recording on the page, in the file beside it, else as the file says.
 
     Raises:
         ImuscopeError: it cannot be opened; where its times can be read in two ways the message names the option.
@@ -372,7 +376,7 @@ def open(
     file = Path(path).expanduser()
     if not file.exists():
         raise ImuscopeError(f"{file} does not exist.")
-    reading = DecodeOptions(protocol, options, TableOptions(time_column, time_unit, None, rate, columns or {}))
+    reading = DecodeOptions(protocol, options, TableOptions(time_column, time_unit, None, rate, columns or {}), clock)
     folder = Path(tempfile.mkdtemp(prefix="imuscope-"))
     try:
         source = open_file(file, protocol, reading.table)

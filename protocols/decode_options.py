@@ -26,7 +26,7 @@ Scope = Literal["source", "inspect", "compose", "commands"]
 ON, OFF = ("1", "", "true", "yes", "on"), ("0", "false", "no", "off")
 _RESERVED = """
 address align allowed_hosts allowed_origins analysis analysis_mb analysis_s anyone attribution away_s baud begin bits
-burst_ms bus_ca bus_certificate bus_ids bus_key bytes_mb channel columns command config control_token corrupt data
+burst_ms bus_ca bus_certificate bus_ids bus_key bytes_mb channel clock columns command config control_token corrupt data
 date_order device direction domain drift_ppm drop duration end field file fleet fleet_name fleet_server flow format
 foxglove from from_b gravity help history_s host json jsonl jump_s kind listen log_format log_level loop map memory
 memory_mb message name offset operators option other output pairs parity port product protocol pty question rate

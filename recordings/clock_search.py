@@ -115,7 +115,20 @@ class ClockSearch:
         if options.time_column == NO_COLUMN:
             return [self._rows()]
         if options.time_column:
-            return [self._chosen(self.column_named(options.time_column))]
+            chosen = self._chosen(self.column_named(options.time_column))
+            return [chosen, *self._others(chosen)]
+        return self._all()
+
+    def _others(self, chosen: TableClock) -> list[TableClock]:
+        """Clocks besides one that was named; none if one of them would need a further option."""
+        try:
+            return [one for one in self._all() if not {*one.columns} & {*chosen.columns}]
+        except RecordingError:
+            return []
+
+    def _all(self) -> list[TableClock]:
+        """All clocks by form and name, the best first."""
+        options = self.options
         matches = [*self._stamps(), *self._dates(), *self._weeks(), *self._utc_parts()]
         used = {column for one in matches for column in one.columns}
         for column, heading in enumerate(self.headings):
@@ -149,7 +162,7 @@ class ClockSearch:
         if matches is None:
             counters = [one for one in self._counters() if column in one.columns]
             matches = counters[0] if counters else self._number(column, heading, 0)
-        return replace(matches, rank=0, why=f"{matches.why}; --time-column names it")
+        return replace(matches, rank=0, why=f"{matches.why}; chosen from others")
 
     def _rows(self) -> TableClock:
         if not self.options.rate:

@@ -25,8 +25,9 @@ import numpy as np
 
 from imuscope.protocols.family import Damage, LogFormat, ProtocolInfo
 from imuscope.protocols.registry import PROTOCOLS, detect, permissive_decoder
-from imuscope.recordings import vendor_logs
+from imuscope.recordings import sidecar, vendor_logs
 from imuscope.recordings.capture_timing import CaptureTiming
+from imuscope.recordings.file_reading import over
 from imuscope.recordings.mcap_reader import MAGIC, FileDamage, McapReader
 from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
@@ -226,7 +227,7 @@ def open_file(path: Path, protocol: str = "", table: TableOptions | None = None,
 
     Args:
         protocol: of a capture; "" to recognise it.
-        table: options of a table.
+        table: options of a table; those kept with the file complete them.
         is_packed: whether it comes out of an archive.
 
     Raises:
@@ -245,10 +246,13 @@ def open_file(path: Path, protocol: str = "", table: TableOptions | None = None,
         raise RecordingError(f"{path.name} is empty.", "Give a recording with something in it.")
     if head.startswith(MAGIC):
         return _mcap(path)
+    table = table or TableOptions()
+    if not is_packed:
+        table = over(table, sidecar.chosen_reading(path, head).table)
     suffix = path.suffix.lower()
     reader = marked_reader(head) or suffix_reader(suffix)
     if reader is not None:
-        return _read(reader, OpenRequest(path, protocol, table or TableOptions(), is_packed))
+        return _read(reader, OpenRequest(path, protocol, table, is_packed))
     log_format = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
     if log_format is not None:
         return _log(path, *log_format, protocol)

@@ -18,7 +18,6 @@ Threads may share a Library; its methods wait for the disk.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import secrets
 import shutil
@@ -27,20 +26,19 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from imuscope.recordings import atomic_write, file_lock, sidecar, vendor_logs
+from imuscope.recordings import file_lock, sidecar, vendor_logs
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file, suffixes
+from imuscope.recordings.library_index import INDEX, completed, index_of, write_index
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
-from imuscope.recordings.probe import ALWAYS_LISTED, RecordedDevice, RecordingProbe, probe
+from imuscope.recordings.probe import ALWAYS_LISTED, RecordingProbe, probe
 from imuscope.recordings.quota import BIN
-from imuscope.recordings.regular_file import read_regular, readable_name
+from imuscope.recordings.regular_file import readable_name
 from imuscope.recordings.sidecar import Edits, MarkerInfo
-from imuscope.recordings.summary import is_summary, summarize
 from imuscope.recordings.upload_names import clean_name
 
-INDEX, INCOMING = ".index", ".incoming"
+INCOMING = ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
 STALE_S = 3600.0  # age of an abandoned upload
 _SWEEP_S = 600.0
@@ -169,17 +167,7 @@ class Library:
 
     def index(self, recording: str, columns: ColumnStore) -> None:
         """Store the index of an opened recording for the list. KeyError: not found."""
-        entry = self.get(recording)
-        stat = entry.path.stat()
-        body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, **summarize(columns)}
-        for device in body["devices"]:
-            if device["name"] == entry.path.name:
-                device["name"] = ""  # it has only its file's name, which may change
-        with contextlib.suppress(OSError):  # a read-only folder: indexed again each time
-            (self.folder / INDEX).mkdir(exist_ok=True)
-            atomic_write.write_atomic(
-                self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False)
-            )
+        write_index(self.folder, self.get(recording).path, columns)
 
     def _live(self, only: str = "") -> list[LibraryEntry]:
         return [
@@ -238,16 +226,16 @@ class Library:
         return entry
 
     def _apply_index(self, entry: LibraryEntry, stamp: tuple[int, int]) -> None:
-        try:
-            index = json.loads(read_regular(self.folder / INDEX / f"{entry.path.name}.json"))
-            if (index["size"], index["modified_ns"]) != stamp or not is_summary(index):
-                return
-            entry.probe = _completed(entry.probe, index, entry.path.name)
-            entry.thumbnail, entry.losses = index["thumbnail"], index["losses"]
-            entry.marker_texts = index["markers"]
-            entry.indexed = True
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        index = index_of(self.folder, entry.path, stamp)
+        if index is None:
             return
+        try:
+            entry.probe = completed(entry.probe, index, entry.path.name)
+        except TypeError:  # of a newer imuscope
+            return
+        entry.thumbnail, entry.losses = index["thumbnail"], index["losses"]
+        entry.marker_texts = index["markers"]
+        entry.indexed = True
 
     # ── changing ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -468,17 +456,6 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
         stem = Path(name).stem
         by_name[stem if stem not in by_name else id_of(name)] = group
     return list(by_name.items())
-
-
-def _completed(known: RecordingProbe, index: dict[str, Any], file: str) -> RecordingProbe:
-    """Metadata of the file, completed with the findings of the first opening."""
-    return replace(
-        known,
-        started=index["started"] if index["started"] is not None else known.started,
-        duration=index["duration"] if index["duration"] is not None else known.duration,
-        devices=[RecordedDevice(**{**one, "name": one["name"] or file}) for one in index["devices"]] or known.devices,
-        damaged=known.damaged or index["damaged"],  # the words stay those that the list had before it was opened
-    )
 
 
 def _belonging(files: list[Path]) -> list[Path]:

@@ -2,7 +2,8 @@
 
     20261121T044324Z-MTi-630.mcap
     20261121T044324Z-MTi-630.mcap.json    {"imuscope": 1, "title": …, "tags": […], "notes": …, "pinned": …,
-                                           "markers": [{"id", "time", "kind", "text", "device"}]}
+                                           "markers": [{"id", "time", "kind", "text", "device"}],
+                                           "reading": {…}}  how it is read (recordings/file_reading.py)
 
 Anything not in it stays as in the recording: in the metadata `edit` of an MCAP file, with the same fields as strings
 (lists as JSON), so that a download carries them to another imuscope; a CSV file has them in a comment line. The sidecar
@@ -14,6 +15,7 @@ It is written completely or not at all. An unreadable one is ignored; it is kept
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import math
 from collections.abc import Mapping
@@ -22,8 +24,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from imuscope.recordings import atomic_write
+from imuscope.recordings.file_reading import FileReading, reading_from
 from imuscope.recordings.mcap_writer import RecordingError, check_format_version
-from imuscope.recordings.regular_file import read_regular
+from imuscope.recordings.regular_file import open_regular, read_regular
 from imuscope.recordings.tolerant_json import loads
 
 SUFFIX = ".json"
@@ -51,6 +54,7 @@ class Edits:
     notes: str | None = None
     pinned: bool | None = None
     markers: tuple[MarkerInfo, ...] = field(default=())
+    reading: FileReading | None = None
 
     def over(self, older: Edits) -> Edits:
         """These edits, filled up from older ones."""
@@ -61,6 +65,7 @@ class Edits:
             older.notes if self.notes is None else self.notes,
             older.pinned if self.pinned is None else self.pinned,
             (*(marker for marker in older.markers if marker.id not in known), *self.markers),
+            older.reading if self.reading is None else self.reading,
         )
 
     def with_marker(self, marker: MarkerInfo) -> Edits:
@@ -81,6 +86,8 @@ class Edits:
             out["pinned"] = "true" if self.pinned else "false"
         if self.markers:
             out["markers"] = json.dumps([_plain(marker) for marker in self.markers], ensure_ascii=False)
+        if self.reading:
+            out["reading"] = json.dumps(self.reading.as_json(), ensure_ascii=False)
         return out
 
 
@@ -108,6 +115,36 @@ def read(path: Path) -> Edits:
     return from_plain(_load(sidecar_path(path)))
 
 
+def stored_reading(path: Path) -> FileReading | None:
+    """Choices on how the recording at `path` is read, in its sidecar; None without any.
+
+    A sidecar that has not changed is not read again: a list of recordings asks for each.
+    """
+    try:
+        stamp = sidecar_path(path).stat()
+    except OSError:
+        return None
+    return _reading_in(path, stamp.st_size, stamp.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=4096)
+def _reading_in(path: Path, size: int, changed_ns: int) -> FileReading | None:
+    return read(path).reading
+
+
+def chosen_reading(path: Path, head: bytes) -> FileReading:
+    """Choices on how the file at `path` is read: in its sidecar, else in the comment of an exported CSV file.
+
+    Args:
+        head: its first bytes.
+    """
+    reading = stored_reading(path)
+    if reading is None and CSV_EDIT.encode() in head[: len(CSV_EDIT) + 3]:
+        with contextlib.suppress(OSError), open_regular(path) as file:
+            reading = from_csv(file.readline(MAX_BYTES)).reading
+    return reading or FileReading()
+
+
 def write(path: Path, edits: Edits) -> None:
     """Store the edits beside the recording at `path`.
 
@@ -125,6 +162,8 @@ def write(path: Path, edits: Edits) -> None:
             body[name] = list(value) if name == "tags" else value
     if edits.markers:
         body["markers"] = [_plain(marker) for marker in edits.markers]
+    if edits.reading is not None:
+        body["reading"] = edits.reading.as_json()
     if target.exists() and not _load(target):
         atomic_write.replace(target, target.with_name(f".{target.name}.unreadable"))
     atomic_write.write_atomic(target, json.dumps(body, ensure_ascii=False, indent=1))
@@ -161,13 +200,14 @@ def from_plain(body: Mapping[str, Any]) -> Edits:
         _text(body.get("notes")),
         body["pinned"] if isinstance(body.get("pinned"), bool) else None,
         tuple(filter(None, map(_marker, markers))) if isinstance(markers, list) else (),
+        reading_from(body.get("reading")),
     )
 
 
 def from_metadata(values: Mapping[str, str]) -> Edits:
     """Edits of the metadata `edit` of an MCAP file."""
     body: dict[str, Any] = {name: values[name] for name in ("title", "notes") if name in values}
-    for name in ("tags", "markers"):
+    for name in ("tags", "markers", "reading"):
         with contextlib.suppress(ValueError, RecursionError, KeyError):
             body[name] = loads(values[name])
     if "pinned" in values:

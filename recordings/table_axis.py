@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,7 @@ class TimeAxis:
         dated_by: what the origin comes from; "" for a clock that has the date itself.
         head_rate: sampling rate in the head of the file, Hz; 0 if there is none.
         decimal: sign of its numbers.
+        options: name of a clock → option that makes it the axis.
     """
 
     clock: TableClock
@@ -57,6 +58,7 @@ class TimeAxis:
     usual_s: float
     head_rate: float = 0.0
     decimal: str = "."
+    options: Mapping[str, str] = field(default_factory=dict)
     watch: ClockWatch | None = None
 
     @property
@@ -120,6 +122,7 @@ class TimeAxis:
             "dated_by": self.dated_by,
             "rate": 1 / self.usual_s if self.usual_s else None,
             "others": [one.name for one in self.others],
+            "options": dict(self.options),
             "repeats": watch.repeats if watch is not None else 0,
             "out_of_order": watch.out_of_order if watch is not None else 0,
             "sentences": self.sentences(),

@@ -158,9 +158,24 @@ class CsvSource(TableSource):
             usual = 1 / options.rate
         first = float(sample[0]) if len(sample) else 0.0
         origin, dated_by = origin_of(clock, first, self._form, path)
-        self.axis = TimeAxis(clock, others, origin, dated_by, usual, _head_rate(self._form), self._form.decimal)
+        self.axis = TimeAxis(
+            clock,
+            others,
+            origin,
+            dated_by,
+            usual,
+            _head_rate(self._form),
+            self._form.decimal,
+            {one.name: self._option_of(one) for one in (clock, *others) if one.columns},
+        )
         self._ahead = ahead
         self.timed = not dated_by
+
+    def _option_of(self, clock: TableClock) -> str:
+        """The time column that stands for a clock: the heading of its first column, or its number from 1."""
+        column = clock.columns[0]
+        texts = [one.text for one in self._headings]
+        return texts[column] if texts.count(texts[column]) == 1 and texts[column] else str(column + 1)
 
     def _form_of_file(self) -> TableFormat:
         """Form and first rows of the table."""

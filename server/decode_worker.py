@@ -1,8 +1,9 @@
 """`python -m imuscope.server.decode_worker`: decode one recording in a subprocess, for server/library/column_cache.py.
 
-The request comes on standard input, one JSON object: path, store, and decode options (DecodeOptions.values; a key is
-never on a command line). The output are JSON lines: {"progress": 0..1},
-{"shown": a folder} when the part decoded so far can be read there, and {"message", "hint"} for an error.
+The request comes on standard input, one JSON object: path, store, the choices on how it is read, which the sidecar of
+the recording must still have, and decode options (DecodeOptions.values; a key is never on a command line). The output
+are JSON lines: {"progress": 0..1}, {"shown": a folder} when the part decoded so far can be read there, and {"message",
+"hint"} for an error.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ import os
 import sys
 from pathlib import Path
 
+from imuscope.recordings.file_reading import FileReading
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
+from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.library.cache_provenance import write_source
+from imuscope.server.library.cache_provenance import CHANGED, write_source
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
 
@@ -46,7 +49,10 @@ def main() -> int:
 
     try:
         path, store = Path(request["path"]), Path(request["store"])
-        stamp = path.stat()
+        stamp, stored = path.stat(), stored_reading(path)
+        chosen = (stored or FileReading()).as_json()
+        if request.get("chosen", chosen) != chosen:
+            raise RecordingError(*CHANGED)
         bounded_by(path)
         source = open_file(path)
         usual = DecodeOptions("", request.get("reading", {}))
@@ -61,7 +67,7 @@ def main() -> int:
             usual,
             compute_signals,
         )
-        write_source(store, path, stamp)
+        write_source(store, path, stamp, stored)
     except RecordingError as error:
         report_to_parent(message=error.message, hint=error.hint)
         return 1

@@ -81,7 +81,9 @@ def decode_options_of(options: argparse.Namespace, protocol: str = "") -> Decode
     declared = declared_options()
     texts = {name: option_text(declared[name], value) for name, value in given_options(options).items()}
     made = checked_options(getattr(options, "protocol", None) or protocol, texts)
-    return replace(made, table=_table_options(options, texts)) if hasattr(options, "time_column") else made
+    if not hasattr(options, "time_column"):
+        return made
+    return replace(made, table=_table_options(options, texts), clock=options.clock)
 
 
 def _table_options(options: argparse.Namespace, texts: Mapping[str, str]) -> TableOptions:

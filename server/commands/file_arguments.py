@@ -26,7 +26,13 @@ def add_range(command: argparse.ArgumentParser) -> None:
 
 
 def add_table(command: argparse.ArgumentParser) -> None:
-    """Add the options of a table; that for the unit of its times is a decode option."""
+    """Add the options of the time axis and of a table; that for the unit of its times is a decode option."""
+    command.add_argument(
+        "--clock",
+        choices=("device", "arrival"),
+        default="",
+        help="time axis of devices and messages: their own time, or the arrival (log time)",
+    )
     group = command.add_argument_group("tables, for what the file does not contain")
     group.add_argument(
         "--time-column",

@@ -18,6 +18,7 @@ from typing import Any
 from urllib.parse import unquote_plus
 
 from imuscope.protocols.decode_options import DecodeOption
+from imuscope.recordings.file_reading import AxisClock
 from imuscope.recordings.table_options import TableOptions
 
 PROTOCOL = "protocol"
@@ -35,11 +36,13 @@ class DecodeOptions:
         protocol: "" to detect it.
         values: name → text of each given option, in its usual notation; see `checked_options`.
         table: options of a file that is a table.
+        clock: of devices, that is the time axis; "": as chosen for the file.
     """
 
     protocol: str = ""
     values: Mapping[str, str] = field(default_factory=dict, repr=False, hash=False)
     table: TableOptions = TableOptions()  # noqa: RUF009 - frozen
+    clock: AxisClock = ""
 
     def settings(self, protocol: str) -> dict[str, Any]:
         """Settings of the decoder of a protocol; options of other protocols are left out."""

@@ -53,7 +53,7 @@ class Catalogue:
         self._watcher: asyncio.Task[None] | None = None
         self._refreshing: set[asyncio.Task[None]] = set()
         self._listed = -VIEWED_S
-        self._tried: set[tuple[Path, int, float]] = set()
+        self._tried: set[tuple[object, ...]] = set()
 
     async def all(self, search: str = "") -> list[RecordingInfo]:
         """All recordings, newest first; then those in the bin."""
@@ -156,7 +156,7 @@ class Catalogue:
         if busy or time.monotonic() - self._listed > VIEWED_S or not self._clients.shedding.draws_pictures:
             return
         for entry in entries:
-            mark = (entry.path, entry.size, entry.modified)
+            mark = (entry.path, entry.size, entry.modified, str(entry.edits.reading))
             if entry.indexed or entry.deleted is not None or not 0 < entry.size <= MAX_BYTES or mark in self._tried:
                 continue
             self._tried.add(mark)

@@ -29,7 +29,9 @@ from imuscope.server.streaming.unknown_payloads import Payloads, described
 
 MAX_EVENTS = 20_000  # of each device; beyond that only errors of the link are stored
 MAX_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not create unlimited files
+DEVICE_TIME = "device_time"
 CLOCKS = {
+    DEVICE_TIME: "Time of the device, on the clock of the host; the time axis is the arrival.",
     "utc": "UTC as the device says it, unix time.",
     "timestamp": "Timestamp of the frame's header, as sent.",
     "sequence": "Sequence number of the frame's header.",
@@ -42,11 +44,15 @@ class RecordingSink(EventSink):
     Args:
         writer: writer of the store.
         health_history: rates, delays and clocks per second.
+        by_arrival: whether the arrival is the time axis; the time of the device is stored with the clocks then.
     """
 
     reports_every_gap = True  # plots show each gap, and there is no live log to flood
 
-    def __init__(self, writer: ColumnStoreWriter, health_history: HealthHistoryWriter) -> None:
+    def __init__(
+        self, writer: ColumnStoreWriter, health_history: HealthHistoryWriter, *, by_arrival: bool = False
+    ) -> None:
+        self.by_arrival = by_arrival
         self.time = 0.0  # arrival of the bytes being decoded, unix s
         self.infos: dict[int, wire.ChannelInfo] = {}
         self.events: list[wire.EventInfo] = []
@@ -94,11 +100,14 @@ class RecordingSink(EventSink):
         leading: dict[tuple[str, str], int] = {}  # a message's samples are counted once, by the first of its quantities
         for piece in pieces:
             info = self.infos[piece.channel]
-            self._writer.append(piece.channel, piece.columns)
+            columns = piece.columns
+            if self.by_arrival:
+                columns = [columns[0], columns[0], *columns[2:]]
+            self._writer.append(piece.channel, columns)
             if leading.setdefault((info.device, info.message), piece.channel) == piece.channel:
                 self.health_history.samples(info.device, info.message, piece.columns[0], piece.columns[1])
             if info.kind in ("quaternion", "matrix"):
-                self._angles(piece)
+                self._angles(piece.channel, columns)
 
     def keep_computed(self, number: int, columns: Sequence[NDArray[Any]]) -> None:
         """Append rows of a computed signal: arrival, time, then its columns. They are not samples of the device."""
@@ -123,6 +132,8 @@ class RecordingSink(EventSink):
             unit = next(field.unit for field in message.fields if field.name == message.time)
             sent[message.time] = np.asarray(batch.columns[message.time]), unit
         arrival = batch.arrival_ns / 1e9
+        if self.by_arrival:
+            sent[DEVICE_TIME], time = (time, "s"), arrival
         for stored in (sent, {} if utc is None else {"utc": (utc, "s")}):
             if stored:
                 number = self._clock_of(device, message, batch.verified, stored)
@@ -166,7 +177,11 @@ class RecordingSink(EventSink):
                 return
             info = self.payloads[first.kind] = self._described(first)
             self._writer.channel(info["id"], SHAPE)
-        rows = [(part.offset, part.arrival, part.time, *self._bytes.put(part.rows)) for part in parts]
+        times = [part.arrival if self.by_arrival else part.time for part in parts]
+        rows = [
+            (part.offset, part.arrival, time, *self._bytes.put(part.rows))
+            for part, time in zip(parts, times, strict=True)
+        ]
         self._append(info["id"], rows)
 
     def _described(self, stored: Payloads) -> dict[str, Any]:
@@ -189,13 +204,13 @@ class RecordingSink(EventSink):
         info["columns"][0]["dtype"] = BYTES
         return info
 
-    def _angles(self, piece: ChannelRows) -> None:
+    def _angles(self, channel: int, columns: Sequence[NDArray[Any]]) -> None:
         """Euler angles of rotations sent in another form (protocols/rotations.py)."""
-        number = self._derived.get(piece.channel)
+        number = self._derived.get(channel)
         if number is None:
-            number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])
+            number = self._derived[channel] = self._derive(self.infos[channel])
         if number:
-            self._writer.append(number, [*piece.columns[:2], *euler_columns(piece.columns[2:])])
+            self._writer.append(number, [*columns[:2], *euler_columns(columns[2:])])
 
     def _derive(self, source: wire.ChannelInfo) -> int:
         """The channel of Euler angles; 0 if they would be meaningless, without a level frame."""

@@ -7,9 +7,10 @@ changes.
 Decoding an hour takes seconds of a core, so it runs in a subprocess: live devices are not affected, nor is the server
 by a crash of a decoder. The process takes a second to start; while the library is viewed it is started in advance
 (`prepare`). The name of a store is derived from all of its inputs (the file's name, size and time, the decoder's
-sources, the decode options): stale stores are never found. Before another recording is decoded, those are deleted whose
-recording is gone or has changed, and then the least recently used, until the rest takes no more than its share of the
-disk: a robot that records all the time, with a quota, would otherwise fill it with columns of what it has deleted.
+sources, the decode options, the choices on how the recording is read): stale stores are never found. Before another
+recording is decoded, those are deleted whose recording is gone, has changed or is read otherwise, and then the least
+recently used, until the rest takes no more than its share of the disk: a robot that records all the time, with a quota,
+would otherwise fill it with columns of what it has deleted.
 """
 
 from __future__ import annotations
@@ -28,9 +29,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imuscope.recordings.column_store import VERSION, ColumnStore
+from imuscope.recordings.file_reading import FileReading
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.library.cache_provenance import is_stale
+from imuscope.server.library.cache_provenance import CHANGED, is_stale
 from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.workers import Worker
 
@@ -95,7 +98,8 @@ class ColumnCache:
         """
         path = self._path_of(recording)
         stamp = path.stat()
-        how = json.dumps(self._usual, sort_keys=True)
+        stored = stored_reading(path)
+        how = json.dumps([self._usual, stored.as_json()] if stored else self._usual, sort_keys=True)
         key = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), how)
         return self._cache / hashlib.sha256(repr(key).encode()).hexdigest()[:24]
 
@@ -140,7 +144,7 @@ class ColumnCache:
             columns = self.cached(recording)
             if columns is not None:
                 return columns
-        raise RecordingError("The recording changed while it was opened.", "Open it again.")
+        raise RecordingError(*CHANGED)
 
     async def partial_or_wait(self, recording: str) -> ColumnStore:
         """The columns, or the part decoded so far. Raises as `opened`."""
@@ -221,7 +225,11 @@ class ColumnCache:
         opening.task = None
 
     async def _run(self, recording: str, store: Path, opening: DecodeJob) -> None:
-        request = {"path": str(self._path_of(recording)), "store": str(store), "reading": self._usual}
+        path = self._path_of(recording)
+        request = {"path": str(path), "store": str(store), "reading": self._usual}
+        request["chosen"] = (stored_reading(path) or FileReading()).as_json()
+        if self.store_of(recording) != store:
+            raise RecordingError(*CHANGED)
         worker = await self._take_worker()
         try:
             worker.request(request)

@@ -30,8 +30,10 @@ import numpy as np
 
 from imuscope.protocols.events import Doubts, Remarks
 from imuscope.protocols.messages.decoder import MessageDecoder
+from imuscope.recordings import sidecar
 from imuscope.recordings.capture_timing import BLIND_RATE
 from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter
+from imuscope.recordings.file_reading import FileReading
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
@@ -45,6 +47,14 @@ from imuscope.server.devices.device_state import DeviceState, short_source
 from imuscope.server.devices.ingest import LinkTiming
 from imuscope.server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
 from imuscope.server.devices.stream_diagnostics import doubt_text
+from imuscope.server.library.axis_words import (
+    ARRIVAL_WORDS,
+    GNSS_WORDS,
+    LOG_TIME_WORDS,
+    axis_event,
+    axis_words,
+    segments_of,
+)
 from imuscope.server.library.collector import RecordingSink
 from imuscope.server.library.decode_tables import decode_tables
 from imuscope.server.links.registry import link_kind
@@ -53,7 +63,6 @@ DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this
 DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval
 DERIVED_EVENTS = ("gap", "reject", "clock", "reply", "text")
 GUESS_BYTES = 1 << 16
-TOPICS_NAMED = 4
 REMARK = "remark"  # reason of an event that the decoder has on its stream as a whole
 MAX_TIME = 9e9  # unix s
 PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # examined before decoding, to find the unit of timestamps
@@ -290,7 +299,8 @@ def decode(
         if isinstance(source, TableSource):
             return decode_tables(source, writer, progress, ProgressPublisher(shown))
         health_history = HealthHistoryWriter(writer.temporary)
-        sink = RecordingSink(writer, health_history)
+        clock = reading.clock or (sidecar.stored_reading(source.path) or FileReading()).clock
+        sink = RecordingSink(writer, health_history, by_arrival=clock == "arrival")
         showing = ProgressPublisher(shown)
         devices = {name: _Device(sink, name, source, protocol_set, reading, usual) for name in source.devices}
         spans: dict[str, list[int]] = {}
@@ -316,10 +326,14 @@ def decode(
             words = f"Parts have no device clock: their times are estimated at {BLIND_RATE} B/s (115 200 Bd)."
             for name in devices:
                 sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
-        axis = _axis_words(devices) if isinstance(source, MessageFile) else ""
-        if isinstance(source, CaptureSource) and source.by_gnss:
-            axis = "The time axis is the time in the messages of the GNSS receiver."
-        if axis:
+        is_by_gnss = isinstance(source, CaptureSource) and source.by_gnss
+        if sink.by_arrival:
+            axis = LOG_TIME_WORDS if isinstance(source, MessageFile) else ARRIVAL_WORDS
+        elif is_by_gnss:
+            axis = GNSS_WORDS
+        else:
+            axis = axis_words(one.axes for one in devices.values()) if isinstance(source, MessageFile) else ""
+        if axis and devices:
             sink.event(next(iter(devices)), "clock", "info", axis, time=_begin(spans), data={"kind": "axis"})
         for at, by in source.clock_steps if isinstance(source, CaptureSource) else ():
             words = f"The time of the GNSS receiver goes back by {-by:.6g} s: a new segment begins there."
@@ -380,8 +394,9 @@ def _manifest(
         "payloads": list(sink.payloads.values()),
         "events": [asdict(event) for event in events],
         "events_left_out": sink.left_out,
-        "segments": _segments(sink.events),
-        "time": {"sentences": [words]} if (words := _axis_event(sink.events)) else None,
+        "clock": "arrival" if sink.by_arrival else "",
+        "segments": {} if sink.by_arrival else segments_of(sink.events),
+        "time": {"sentences": [words]} if (words := axis_event(sink.events)) else None,
         "markers": markers,
         "snapshots": snapshots,
         "damage": [asdict(damage) for damage in source.damage],
@@ -402,32 +417,6 @@ def _manifest(
 def _begin(spans: Mapping[str, Sequence[int]]) -> float:
     """First arrival, unix s."""
     return min((first for first, _ in spans.values()), default=0) / 1e9
-
-
-def _axis_words(devices: Mapping[str, _Device]) -> str:
-    """A sentence on the clocks that give the times of messages; "" if there are none."""
-    topics: dict[str, list[str]] = {}
-    for device in devices.values():
-        for topic, axis in device.axes.items():
-            topics.setdefault(axis, []).append(topic)
-    if len(topics) == 1:
-        return f"The time axis is {next(iter(topics))} of each message."
-    each = [f"of {', '.join(names[:TOPICS_NAMED])} {axis}" for axis, names in topics.items()]
-    return f"The time axis is {'; '.join(each)}." if each else ""
-
-
-def _axis_event(events: Sequence[wire.EventInfo]) -> str:
-    """The sentence on the time axis, from the events; "" without one."""
-    return next((one.text for one in events if one.kind == "clock" and one.data.get("kind") == "axis"), "")
-
-
-def _segments(events: Sequence[wire.EventInfo]) -> dict[str, list[float]]:
-    """Times at which the clock of a device stepped, unix s, by device."""
-    segments: dict[str, list[float]] = {}
-    for event in events:
-        if event.kind == "clock" and event.data.get("kind") in ("jump", "reset"):
-            segments.setdefault(event.device, []).append(event.time)
-    return segments
 
 
 def _signals_in(source: Source, devices: Mapping[str, _Device]) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from imuscope.recordings.clock_steps import ClockWatch, periods_of
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.table_axis import step_limits
 from imuscope.recordings.time_units import UNITS, is_dated
+from imuscope.server.library.collector import DEVICE_TIME
 
 Floats = NDArray[np.float64]
 
@@ -56,6 +57,7 @@ class FileClock:
         drift_ppm, jitter_s: against the axis; None for the axis itself, and where they are unknown.
         repeats: samples with the time of the one before.
         bursts: share of samples that came at once with the one before, 0..1.
+        use: the choice that makes it the axis: the heading of a time column, "device" or "arrival"; "" if it cannot be.
     """
 
     name: str
@@ -73,6 +75,7 @@ class FileClock:
     bursts: float = 0.0
     steps: list[ClockStepFigures] = field(default_factory=list)
     steps_in_all: int = 0
+    use: str = ""
 
 
 @dataclass(slots=True)
@@ -104,33 +107,57 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
     axis = np.where(known, time, arrival)
     described = store.manifest.get("time") or {}
     table: Mapping[str, Any] = described if "axis" in described else {}
+    uses = table.get("options", {})
     own = _columns(store, device, message, infos, len(axis), table)
     if table:
         raw = own.pop(table["axis"], None)
         factor = {**UNITS, **FINE}.get(table["unit"], 0.0) if raw is not None else 0.0
         clock = _figures(table["axis"], raw if raw is not None else axis, axis, is_axis=True, factor=factor)
         clock.unit, clock.epoch, clock.why = table["unit"], table["epoch"], table["why"]
+        clock.use = uses.get(table["axis"], "")
         yield clock
     else:
-        is_device = bool(known.any())
-        why = "time of the device, on the clock of this host" if is_device else "there is no other"
-        name = "time" if is_device else "arrival"
-        yield _figures(name, axis, axis, is_axis=True, why=why)
-        if is_device and not np.array_equal(time[known], arrival[known]):
-            yield _figures("arrival", arrival, axis)
+        yield from _of_device(store, time, arrival, own)
     for name, values in own.items():
         factor, unit = _unit_of(values, axis)
         if unit:
             clock = _figures(name, values * factor, axis, factor=factor)
-            clock.unit = unit
+            clock.unit, clock.use = unit, uses.get(name, "")
             yield clock
+
+
+def _of_device(store: ColumnStore, time: Floats, arrival: Floats, own: dict[str, Floats]) -> Iterator[FileClock]:
+    """The axis of samples of a device, and the other one of its time and the arrival."""
+    known = np.isfinite(time)
+    axis = np.where(known, time, arrival)
+    device = own.pop(DEVICE_TIME, None)
+    if store.manifest.get("clock") == "arrival":
+        clock = _figures("arrival", axis, axis, is_axis=True, why="it was chosen")
+        clock.use = "arrival"
+        yield clock
+        if device is not None and np.isfinite(device).any():
+            clock = _figures("time", device, axis)
+            clock.use = "device"
+            yield clock
+        return
+    is_device = bool(known.any())
+    why = "time of the device, on the clock of this host" if is_device else "there is no other"
+    has_both = is_device and not np.array_equal(time[known], arrival[known])
+    is_choice = has_both and bool(store.manifest["timed"])  # else the arrival was made of the time
+    clock = _figures("time" if is_device else "arrival", axis, axis, is_axis=True, why=why)
+    clock.use = "device" if is_choice else ""
+    yield clock
+    if has_both:
+        clock = _figures("arrival", arrival, axis)
+        clock.use = "arrival" if is_choice else ""
+        yield clock
 
 
 def _columns(
     store: ColumnStore, device: str, message: str, infos: list[dict[str, Any]], n: int, table: Mapping[str, Any]
 ) -> dict[str, Floats]:
     """Columns that are clocks, by name."""
-    names = {*STAMPS, *table.get("others", ()), table.get("axis", "")}
+    names = {*STAMPS, DEVICE_TIME, *table.get("others", ()), table.get("axis", "")}
     columns: dict[str, Floats] = {}
     beside = [one for one in store.manifest.get("clocks", ()) if (one["device"], one["message"]) == (device, message)]
     for info in [*beside, *infos]:

@@ -568,6 +568,7 @@ export interface FileClock {
   readonly bursts: number;
   readonly steps: readonly ClockStepFigures[];
   readonly steps_in_all: number;
+  readonly use: string;
 }
 
 /** Time of a recording: its clocks, and which of them is the time axis. */

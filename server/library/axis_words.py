@@ -1,0 +1,42 @@
+"""Words on the time axis of bytes and messages of devices, and what the events say on their clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from imuscope.server import wire
+
+TOPICS_NAMED = 4
+GNSS_WORDS = "The time axis is the time in the messages of the GNSS receiver."
+ARRIVAL_WORDS = "The time axis is the arrival, as chosen for this file."
+LOG_TIME_WORDS = "The time axis is the log time of each message, as chosen for this file."
+
+
+def axis_words(axes: Iterable[Mapping[str, str]]) -> str:
+    """A sentence on the clocks that give the times of messages; "" if there are none.
+
+    Args:
+        axes: of each device, topic → words on its clock.
+    """
+    topics: dict[str, list[str]] = {}
+    for of_device in axes:
+        for topic, axis in of_device.items():
+            topics.setdefault(axis, []).append(topic)
+    if len(topics) == 1:
+        return f"The time axis is {next(iter(topics))} of each message."
+    each = [f"of {', '.join(names[:TOPICS_NAMED])} {axis}" for axis, names in topics.items()]
+    return f"The time axis is {'; '.join(each)}." if each else ""
+
+
+def axis_event(events: Sequence[wire.EventInfo]) -> str:
+    """The sentence on the time axis, from the events; "" without one."""
+    return next((one.text for one in events if one.kind == "clock" and one.data.get("kind") == "axis"), "")
+
+
+def segments_of(events: Sequence[wire.EventInfo]) -> dict[str, list[float]]:
+    """Times at which the clock of a device stepped, unix s, by device."""
+    segments: dict[str, list[float]] = {}
+    for event in events:
+        if event.kind == "clock" and event.data.get("kind") in ("jump", "reset"):
+            segments.setdefault(event.device, []).append(event.time)
+    return segments
