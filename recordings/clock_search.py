@@ -39,6 +39,7 @@ from imuscope.recordings.table_clock import (
     TIMES,
     UTC_PARTS,
     WEEK,
+    AmbiguousTableError,
     Epoch,
     Sure,
     TableClock,
@@ -166,7 +167,7 @@ class ClockSearch:
 
     def _rows(self) -> TableClock:
         if not self.options.rate:
-            raise RecordingError(f"{self.file} has no column of times.", "Name its rate: --rate 100.")
+            raise AmbiguousTableError(f"{self.file} has no column of times.", "Name its rate: --rate 100.", "rate")
         rate = self.options.rate
         return TableClock("rows", (), "rows", "samples", (1 / rate,), "start", "stated", f"--rate {rate:g}", rank=9)
 
@@ -224,9 +225,10 @@ class ClockSearch:
         order, matters = order_of(self.cells(column), self.newest)
         if order is None and matters:
             example = self.cells(column)[0][:30]
-            raise RecordingError(
+            raise AmbiguousTableError(
                 f"{self.file}: {self.headings[column].text} is {example}, which has the day or the month first.",
                 "Name the order: --date-order dmy or --date-order mdy.",
+                "order",
             )
         return order or "dmy"
 
@@ -424,7 +426,7 @@ def axis_of_table(search: ClockSearch) -> tuple[TableClock, list[TableClock]]:
             hint = f"Name one time, with its unit: time (s), or give --time-column or --rate. There are: {there}."
         else:
             hint = "It has no heading either: name its sampling rate with --rate, and the columns with --columns."
-        raise RecordingError(f"{search.file} has no column of times.", hint)
+        raise AmbiguousTableError(f"{search.file} has no column of times.", hint, "time")
     axis, *others = clocks
     if axis.is_open:
         axis = _by_another(search, axis, others) or axis
@@ -458,17 +460,16 @@ def _by_another(search: ClockSearch, axis: TableClock, others: Sequence[TableClo
     return None
 
 
-def _open_unit(file: str, axis: TableClock) -> RecordingError:
+def _open_unit(file: str, axis: TableClock) -> AmbiguousTableError:
     units = [one.unit for one in axis.readings]
     if not units:
         words = f"{file}: the times in {axis.name} fit no unit."
-        return RecordingError(
-            words, f"Name it with {unit_flag()} s, ms, us or ns, or another column with --time-column."
-        )
+        hint = f"Name it with {unit_flag()} s, ms, us or ns, or another column with --time-column."
+        return AmbiguousTableError(words, hint, "unit", axis)
     listed = " or ".join(one.words() for one in axis.readings)
     flags = " or ".join(f"{unit_flag()} {'us' if unit == 'µs' else unit}" for unit in units)
     hint = f"Name it: {flags}, or --rate, or in the heading: {axis.name} ({units[0]})."
-    return RecordingError(f"{file}: the unit of {axis.name} can be {listed}.", hint)
+    return AmbiguousTableError(f"{file}: the unit of {axis.name} can be {listed}.", hint, "unit", axis)
 
 
 def _check_rate(search: ClockSearch, axis: TableClock) -> None:
@@ -479,4 +480,5 @@ def _check_rate(search: ClockSearch, axis: TableClock) -> None:
     step = usual_step(values) if len(values) > 1 else 0.0
     if step and abs(1 / step - search.options.rate) > CLOSE * search.options.rate:
         words = f"{search.file}: {axis.name} in {axis.unit} has {rate_text(1 / step)}, not {search.options.rate:g} Hz."
-        raise RecordingError(words, f"Leave --rate out, or give --time-column {NO_COLUMN} to count the rows instead.")
+        hint = f"Leave --rate out, or give --time-column {NO_COLUMN} to count the rows instead."
+        raise AmbiguousTableError(words, hint, "rate")

@@ -222,13 +222,21 @@ def suffixes() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*SUFFIXES, *reader_suffixes())))
 
 
-def open_file(path: Path, protocol: str = "", table: TableOptions | None = None, *, is_packed: bool = False) -> Source:
+def open_file(
+    path: Path,
+    protocol: str = "",
+    table: TableOptions | None = None,
+    *,
+    is_packed: bool = False,
+    is_complete: bool = False,
+) -> Source:
     """A file of any format that can be read; a ROS 2 bag may be a folder.
 
     Args:
         protocol: of a capture; "" to recognise it.
-        table: options of a table; those kept with the file complete them.
+        table: options of a table; those stored with the file complete them.
         is_packed: whether it comes out of an archive.
+        is_complete: whether `table` has all options, so that none stored with the file is used.
 
     Raises:
         RecordingError: it is missing, unreadable, empty, or of an unknown format.
@@ -247,7 +255,7 @@ def open_file(path: Path, protocol: str = "", table: TableOptions | None = None,
     if head.startswith(MAGIC):
         return _mcap(path)
     table = table or TableOptions()
-    if not is_packed:
+    if not is_packed and not is_complete:
         table = over(table, sidecar.chosen_reading(path, head).table)
     suffix = path.suffix.lower()
     reader = marked_reader(head) or suffix_reader(suffix)

@@ -23,26 +23,37 @@ import secrets
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from imuscope.recordings import file_lock, sidecar, vendor_logs
+from imuscope.recordings import file_lock, sidecar
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.importers import open_file, suffixes
+from imuscope.recordings.file_reading import FileReading
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.library_files import (
+    COMPANIONS,
+    belonging_files,
+    free_path,
+    grouped_files,
+    is_file,
+    move_files,
+    named_groups,
+)
 from imuscope.recordings.library_index import INDEX, completed, index_of, write_index
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.probe import ALWAYS_LISTED, RecordingProbe, probe
 from imuscope.recordings.quota import BIN
 from imuscope.recordings.regular_file import readable_name
 from imuscope.recordings.sidecar import Edits, MarkerInfo
+from imuscope.recordings.table_memory import TableMemory
+from imuscope.recordings.table_preview import TABLES, check_upload, table_of
 from imuscope.recordings.upload_names import clean_name
 
 INCOMING = ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
 STALE_S = 3600.0  # age of an abandoned upload
 _SWEEP_S = 600.0
-_COMPANIONS = (".idx",)
 
 
 @dataclass(slots=True)
@@ -112,10 +123,12 @@ class Library:
     Args:
         folder: created on the first write.
         now: unix seconds.
+        tables: choices by heading, for new tables.
     """
 
-    def __init__(self, folder: Path, now: Callable[[], float] = time.time) -> None:
+    def __init__(self, folder: Path, now: Callable[[], float] = time.time, tables: TableMemory | None = None) -> None:
         self.folder = folder
+        self.tables = TableMemory() if tables is None else tables
         self._now = now
         self._lock = threading.RLock()
         self._peeks: dict[Path, tuple[tuple[int, int], RecordingProbe | None]] = {}
@@ -172,15 +185,15 @@ class Library:
     def _live(self, only: str = "") -> list[LibraryEntry]:
         return [
             entry
-            for name, files in _named(_groups(self._files(self.folder)))
+            for name, files in named_groups(grouped_files(self._files(self.folder)))
             if (not only or name == only) and (entry := self._entry(name, files)) is not None
         ]
 
     def _deleted(self) -> list[LibraryEntry]:
-        live = {name for name, _ in _named(_groups(self._files(self.folder)))}
+        live = {name for name, _ in named_groups(grouped_files(self._files(self.folder)))}
         entries = []
         for folder in self._bins():
-            for name, files in _named(_groups(self._files(folder))):
+            for name, files in named_groups(grouped_files(self._files(folder))):
                 entry = self._entry(name if name not in live else f"{name}.{folder.name}", files)
                 if entry is not None:
                     entries.append(replace(entry, deleted=int(folder.name) / 1000))
@@ -199,13 +212,13 @@ class Library:
             with os.scandir(folder) as entries:
                 for entry in entries:
                     suffix = os.path.splitext(entry.name)[1].lower()
-                    if entry.name.startswith(".") or suffix in (sidecar.SUFFIX, *_COMPANIONS):
+                    if entry.name.startswith(".") or suffix in (sidecar.SUFFIX, *COMPANIONS):
                         continue
                     with contextlib.suppress(OSError):
-                        is_file = _is_file(entry)
-                        if is_file or suffix in ALWAYS_LISTED:  # other files are listed with the reason
-                            stat = entry.stat() if is_file else entry.stat(follow_symlinks=False)
-                            files[Path(entry.path)] = (stat.st_size if is_file else 0, stat.st_mtime_ns)
+                        is_regular = is_file(entry)
+                        if is_regular or suffix in ALWAYS_LISTED:  # other files are listed with the reason
+                            stat = entry.stat() if is_regular else entry.stat(follow_symlinks=False)
+                            files[Path(entry.path)] = (stat.st_size if is_regular else 0, stat.st_mtime_ns)
         except OSError:
             pass
         return files
@@ -213,7 +226,8 @@ class Library:
     def _entry(self, name: str, files: dict[Path, tuple[int, int]]) -> LibraryEntry | None:
         path, stamp = next(iter(files.items()))
         known = self._peeks.get(path)
-        if known is None or known[0] != stamp:
+        is_new = known is None or known[0] != stamp
+        if known is None or is_new:
             known = self._peeks[path] = (stamp, probe(path))
         if known[1] is None:
             return None
@@ -223,7 +237,23 @@ class Library:
         entry.edits = sidecar.read(path).over(entry.probe.edits)
         if why := sidecar.error_of(path):
             entry.probe = replace(entry.probe, damaged=why.message)
+        elif is_new:
+            entry.edits = self._recalled(entry)
         return entry
+
+    def _recalled(self, entry: LibraryEntry) -> Edits:
+        """The edits of a table that was never opened, with the choices for its heading, which are stored with it."""
+        if not self.tables or entry.indexed or entry.edits.reading is not None or entry.probe.format not in TABLES:
+            return entry.edits
+        try:
+            table = table_of(open_file(entry.path))
+            reading = self.tables.of(table.form.headings) if table is not None else None
+            if reading is not None:
+                sidecar.write(entry.path, replace(sidecar.read(entry.path), reading=reading))
+                return replace(entry.edits, reading=reading)
+        except (OSError, RecordingError):  # it cannot be opened, or the folder is read-only
+            pass
+        return entry.edits
 
     def _apply_index(self, entry: LibraryEntry, stamp: tuple[int, int]) -> None:
         index = index_of(self.folder, entry.path, stamp)
@@ -264,6 +294,19 @@ class Library:
             self._store(entry, replace(sidecar.read(entry.path), markers=edits.markers))
             return edits.markers[-1]
 
+    def choose(self, recording: str, reading: FileReading, heading: Sequence[str] = ()) -> LibraryEntry:
+        """Choose how a recording is read, and remember it for the heading of its table.
+
+        Tables with this heading that were never opened are read so too. Raises as `edit` does.
+        """
+        with self._lock:
+            entry = self.get(recording)
+            self._store(entry, replace(sidecar.read(entry.path), reading=reading))
+            self.tables.remember(heading, reading)
+            for other in self._live() if reading and heading else ():
+                self._recalled(other)
+            return self.get(recording)
+
     def _store(self, entry: LibraryEntry, edits: Edits) -> None:
         try:
             sidecar.write(entry.path, edits)
@@ -295,7 +338,7 @@ class Library:
             target = path.with_name(clean_name(typed + path.suffix))
             if target == path:
                 return entry
-            belonging = _belonging([path])
+            belonging = belonging_files([path])
             moves = [(one, target.with_name(target.stem + one.name.removeprefix(path.stem))) for one in belonging]
             existing = next((to for _, to in moves if to.exists()), None)
             if existing is not None:
@@ -320,7 +363,7 @@ class Library:
             target = self.folder / BIN / str(stamp)
             try:
                 target.mkdir(parents=True)
-                _move(_belonging(entry.files), target)
+                move_files(belonging_files(entry.files), target)
             except OSError as error:
                 raise disk_error(error, entry.path) from None
             return replace(entry, deleted=stamp / 1000)
@@ -341,7 +384,7 @@ class Library:
                 hint = "Delete or rename that one first."
                 raise NamingError(f"There is a file {existing.name} already.", hint)
             try:
-                _move(list(source.iterdir()), self.folder)
+                move_files(list(source.iterdir()), self.folder)
                 source.rmdir()
             except OSError as error:
                 raise disk_error(error, entry.path) from None
@@ -384,11 +427,14 @@ class Library:
             RecordingError: it is not a recording that can be opened; it is removed.
         """
         try:
-            open_file(path)
+            check_upload(path)
             with self._lock:
-                target = _free(self.folder / path.name)
+                target = free_path(self.folder / path.name)
                 os.rename(path, target)
-                return next(entry for entry in self._live() if target in entry.files)
+                entry = next(entry for entry in self._live() if target in entry.files)
+                if entry.probe.edits.reading is not None:  # the file came with it from another imuscope
+                    self._store(entry, replace(sidecar.read(target), reading=entry.probe.edits.reading))
+                return entry
         except OSError as error:
             raise disk_error(error, path) from None
         finally:
@@ -399,15 +445,6 @@ class Library:
         shutil.rmtree(path.parent, ignore_errors=True)
 
 
-def _free(path: Path) -> Path:
-    """The path, or a similar one that is not taken."""
-    count, free = 1, path
-    while free.exists():
-        count += 1
-        free = path.with_name(f"{path.stem}-{count}{path.suffix}")
-    return free
-
-
 def _check_unused(entry: LibraryEntry) -> None:
     """Raise RecordingError while any process writes the recording."""
     if any(file_lock.is_written(file) for file in entry.files):
@@ -416,57 +453,3 @@ def _check_unused(entry: LibraryEntry) -> None:
 
 def _missing(recording: str) -> LibraryEntry:
     raise KeyError(recording)
-
-
-def _groups(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[int, int]]]:
-    """The files grouped by recording: the parts of a log in order, any other file alone."""
-    groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
-    for path in files:
-        name = vendor_logs.log_name(path) if path.suffix.lower() in vendor_logs.log_suffixes() else None
-        key = (name.stem if name is not None else path.name, path.suffix)
-        groups.setdefault(key, []).append((name.part if name is not None else 0, path))
-    return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]
-
-
-def _is_file(entry: os.DirEntry[str]) -> bool:
-    try:
-        return entry.is_file()
-    except OSError:  # a link in a circle
-        return False
-
-
-def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Path, tuple[int, int]]]]:
-    """Each group with its id, as the module's docstring defines it."""
-
-    def id_of(name: str) -> str:
-        while name in by_name:  # of two that differ only in bytes that are not UTF-8
-            name = f"{name}-"
-        return name
-
-    kinds = suffixes()
-
-    def rank(group: dict[Path, tuple[int, int]]) -> tuple[int, str]:
-        first = next(iter(group))
-        suffix = first.suffix.lower()
-        return (kinds.index(suffix) if suffix in kinds else len(kinds)), first.name
-
-    by_name: dict[str, dict[Path, tuple[int, int]]] = {}
-    for group in sorted(groups, key=rank):
-        name = readable_name(next(iter(group)))
-        stem = Path(name).stem
-        by_name[stem if stem not in by_name else id_of(name)] = group
-    return list(by_name.items())
-
-
-def _belonging(files: list[Path]) -> list[Path]:
-    """A recording's files and their companions."""
-    companions = []
-    for file in files:
-        others = (sidecar.sidecar_path(file), *(file.with_suffix(suffix) for suffix in _COMPANIONS))
-        companions += [file, *(other for other in others if other.is_file())]
-    return companions
-
-
-def _move(files: list[Path], target: Path) -> None:
-    for file in files:
-        os.rename(file, target / file.name)

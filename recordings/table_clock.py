@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_dates import Order
 from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.time_units import LONG, SPELLINGS, UnitReading
@@ -13,6 +14,8 @@ from imuscope.recordings.time_units import LONG, SPELLINGS, UnitReading
 Kind = Literal["number", "text", "date+time", "parts", "week", "utc", "counter", "rows"]
 Epoch = Literal["1970", "GPS", "week", "day", "start"]
 Sure = Literal["stated", "known", "inferred", "assumed"]
+OpenQuestion = Literal["time", "unit", "order", "rate"]
+"""What a file leaves open: its column of times, their unit, day or month first, or a rate that fits."""
 
 TIMES = ("time", "timestamp", "t", "date", "datetime", "utc")
 FINE, FINE_S, FINE_DOT_S = "sample_time_fine", 1e-4, 1e-6  # of an MTi, and of a DOT
@@ -70,6 +73,18 @@ class TableClock:
     def is_open(self) -> bool:
         """Whether its unit is not known."""
         return not self.factors and self.kind in ("number", "counter")
+
+
+class AmbiguousTableError(RecordingError):
+    """Refusal of a table that can be read in more than one way, or in none without an option.
+
+    Args:
+        clock: whose unit is open, if that is the question.
+    """
+
+    def __init__(self, message: str, hint: str, about: OpenQuestion, clock: TableClock | None = None) -> None:
+        super().__init__(message, hint)
+        self.about, self.clock = about, clock
 
 
 def words_of(name: str) -> str:

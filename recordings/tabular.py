@@ -122,59 +122,66 @@ class CsvSource(TableSource):
     Args:
         options: information from the user.
 
+    Attributes:
+        form: separator, decimal sign, headings and first rows.
+        headings, names: of the columns, as renamed by the user; unique names.
+        left_out: columns that the user leaves out.
+        arrival_column: that of the arrival times; None without one.
+        refusal: why the rows cannot be read; None if they can.
+
     Raises:
         RecordingError: it has no column of times. A unit that is open is an error when the rows are read.
     """
 
     def __init__(self, path: Path, options: TableOptions | None = None) -> None:
         super().__init__(path, "csv")
-        self._form = self._form_of_file()
+        self.form = self._form_of_file()
         self._options = options = options or TableOptions()
-        texts, self._left_out = _renamed(self._form, options)
-        self._headings = [ColumnHeading.of(text) for text in texts]
-        by_name = {one.name.lower(): i for i, one in reversed([*enumerate(self._headings)])}
-        if {"time", "arrival"} <= by_name.keys() and not any(row[by_name["time"]] for row in self._form.sample):
+        texts, self.left_out = _renamed(self.form, options)
+        self.headings = [ColumnHeading.of(text) for text in texts]
+        by_name = {one.name.lower(): i for i, one in reversed([*enumerate(self.headings)])}
+        if {"time", "arrival"} <= by_name.keys() and not any(row[by_name["time"]] for row in self.form.sample):
             pair = by_name["time"], by_name["arrival"]  # of a message without a clock: the arrival is its time
-            self._headings[pair[0]], self._headings[pair[1]] = self._headings[pair[1]], self._headings[pair[0]]
-        self._names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self._headings)])
-        self._refusal: RecordingError | None = None
+            self.headings[pair[0]], self.headings[pair[1]] = self.headings[pair[1]], self.headings[pair[0]]
+        self.names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self.headings)])
+        self.refusal: RecordingError | None = None
         self._bad: dict[str, tuple[int, int, str]] = {}  # column → cells, first row, its text
-        self._arrival = next((i for i, one in enumerate(self._headings) if one.name.lower() == "arrival"), None)
-        names = [one.text for one in self._headings]  # a column of this name beside the arrival is that of our exports
-        self._segment = names.index(SEGMENT) if self._arrival is not None and SEGMENT in names else None
+        self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
+        names = [one.text for one in self.headings]  # a column of this name beside the arrival is that of our exports
+        self._segment = names.index(SEGMENT) if self.arrival_column is not None and SEGMENT in names else None
         newest = path.stat().st_mtime + NOW_S
-        rate = options.rate or _head_rate(self._form)
-        search = ClockSearch(path.name, self._form, self._headings, options, newest, rate)
+        rate = options.rate or _head_rate(self.form)
+        search = ClockSearch(path.name, self.form, self.headings, options, newest, rate)
         try:
             clock, others = axis_of_table(search)
         except RecordingError as error:
             if "no column of times" in error.message:
                 raise
-            self._refusal = error
+            self.refusal = error
             return
         sample = self._sample_times(clock)
         usual, ahead = step_limits(sample)
         if clock.kind == "rows":
             usual = 1 / options.rate
         first = float(sample[0]) if len(sample) else 0.0
-        origin, dated_by = origin_of(clock, first, self._form, path)
+        origin, dated_by = origin_of(clock, first, self.form, path)
         self.axis = TimeAxis(
             clock,
             others,
             origin,
             dated_by,
             usual,
-            _head_rate(self._form),
-            self._form.decimal,
-            {one.name: self._option_of(one) for one in (clock, *others) if one.columns},
+            _head_rate(self.form),
+            self.form.decimal,
+            {one.name: self.option_of(one) for one in (clock, *others) if one.columns},
         )
         self._ahead = ahead
         self.timed = not dated_by
 
-    def _option_of(self, clock: TableClock) -> str:
+    def option_of(self, clock: TableClock) -> str:
         """The time column that stands for a clock: the heading of its first column, or its number from 1."""
         column = clock.columns[0]
-        texts = [one.text for one in self._headings]
+        texts = [one.text for one in self.headings]
         return texts[column] if texts.count(texts[column]) == 1 and texts[column] else str(column + 1)
 
     def _form_of_file(self) -> TableFormat:
@@ -184,11 +191,11 @@ class CsvSource(TableSource):
     def _sample_times(self, clock: TableClock) -> Floats:
         """Times of the first rows."""
         if clock.kind == "rows":
-            return np.arange(len(self._form.sample)) / self._options.rate
+            return np.arange(len(self.form.sample)) / self._options.rate
         import pyarrow as pa
 
-        columns = [pa.array([row[column] for row in self._form.sample], pa.string()) for column in clock.columns]
-        values = times_of(clock, columns, self._form.decimal).values
+        columns = [pa.array([row[column] for row in self.form.sample], pa.string()) for column in clock.columns]
+        values = times_of(clock, columns, self.form.decimal).values
         return values[np.isfinite(values)]
 
     # -- reading -------------------------------------------------------------------------------------------------------
@@ -200,7 +207,7 @@ class CsvSource(TableSource):
         size, done = max(self.path.stat().st_size, 1), 0
         parsed = known = 0
         try:
-            for batch in self._batches(self._names, odd):
+            for batch in self._batches(self.names, odd):
                 done += batch.nbytes
                 rows, count = self._converted(batch, axis, parsed, known, min(done / size, 1.0))
                 parsed, known = parsed + count, known + len(rows.time)
@@ -219,8 +226,8 @@ class CsvSource(TableSource):
         Raises:
             RecordingError: the unit is open, all times are equal, or none can be read.
         """
-        if self._refusal is not None:
-            raise self._refusal
+        if self.refusal is not None:
+            raise self.refusal
         assert self.axis is not None
         if self.axis.watch is None:
             self.axis.watch = self._watched(self.axis)
@@ -232,11 +239,11 @@ class CsvSource(TableSource):
         watch = ClockWatch(axis.usual_s, self._ahead, periods_of(factor, clock.kind, clock.epoch))
         if clock.kind == "rows":
             return watch
-        names = [self._names[column] for column in clock.columns]
+        names = [self.names[column] for column in clock.columns]
         first_odd = ""
         for batch in self._batches(names, [], list[FileDamage]()):
             columns = [batch.column(i) for i in range(len(names))]
-            cells = times_of(clock, columns, self._form.decimal)
+            cells = times_of(clock, columns, self.form.decimal)
             if len(cells.odd) and not first_odd:
                 row = int(cells.odd[0])
                 first_odd = " ".join(str(column[row].as_py()) for column in columns)
@@ -264,20 +271,20 @@ class CsvSource(TableSource):
             return "skip"
 
         reading = pa.csv.ReadOptions(
-            block_size=BLOCK_BYTES, skip_rows=self._form.skip, column_names=self._names, use_threads=False
+            block_size=BLOCK_BYTES, skip_rows=self.form.skip, column_names=self.names, use_threads=False
         )
-        parsing = pa.csv.ParseOptions(delimiter=self._form.separator, invalid_row_handler=skip)
-        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(self._names, pa.string()), include_columns=list(names))
+        parsing = pa.csv.ParseOptions(delimiter=self.form.separator, invalid_row_handler=skip)
+        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(self.names, pa.string()), include_columns=list(names))
         try:
             with (
                 open_regular(self.path) as file,
                 pa.csv.open_csv(
-                    Utf8(file, noted, squeeze=self._form.separator == " "), reading, parsing, types
+                    Utf8(file, noted, squeeze=self.form.separator == " "), reading, parsing, types
                 ) as reader,
             ):
                 yield from reader
         except pa.ArrowInvalid as error:
-            if self._form.sample:
+            if self.form.sample:
                 words = f"Not a table from some line on: {str(error).splitlines()[0][:200]}"
                 noted.append(FileDamage(-1, words))
 
@@ -285,7 +292,7 @@ class CsvSource(TableSource):
         self, batch: pa.RecordBatch, axis: TimeAxis, parsed: int, known_before: int, done: float
     ) -> tuple[TableRows, int]:
         """Rows of a batch, and how many it had."""
-        clock, decimal = axis.clock, self._form.decimal
+        clock, decimal = axis.clock, self.form.decimal
         if clock.kind == "rows":
             raw = np.arange(parsed, parsed + len(batch)) * clock.factors[0]
         else:
@@ -295,8 +302,8 @@ class CsvSource(TableSource):
                 self._note(column, batch.column(column), cells.odd, parsed)
         known = np.isfinite(raw)
         columns: dict[str, tuple[Floats, str]] = {}
-        for i, (name, heading) in enumerate(zip(self._names, self._headings, strict=True)):
-            if i in (*clock.columns, self._arrival, self._segment) or i in self._left_out:
+        for i, (name, heading) in enumerate(zip(self.names, self.headings, strict=True)):
+            if i in (*clock.columns, self.arrival_column, self._segment) or i in self.left_out:
                 continue
             of_clock = next(
                 (one for one in axis.others if one.kind in ("text", "date+time") and i in one.columns), None
@@ -313,31 +320,31 @@ class CsvSource(TableSource):
             columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")
         time = axis.times(raw[known], known_before)
         arrival = time
-        if self._arrival is not None:
-            arrival = self._arrivals(batch.column(self._arrival), axis)[known]
+        if self.arrival_column is not None:
+            arrival = self._arrivals(batch.column(self.arrival_column), axis)[known]
             arrival = np.where(np.isnan(arrival), time, arrival)
-        frames = {name: one.frame for name, one in zip(self._names, self._headings, strict=True) if one.frame}
+        frames = {name: one.frame for name, one in zip(self.names, self.headings, strict=True) if one.frame}
         segment = None if self._segment is None else numbers(batch.column(self._segment), decimal).values[known]
         return TableRows(self.path.stem, time, arrival, columns, done, frames, segment), len(batch)
 
     def _arrivals(self, column: pa.Array, axis: TimeAxis) -> Floats:
-        assert self._arrival is not None
-        unit = SPELLINGS.get(self._headings[self._arrival].unit.lower(), "")
+        assert self.arrival_column is not None
+        unit = SPELLINGS.get(self.headings[self.arrival_column].unit.lower(), "")
         factor = UNITS[unit] if unit else axis.clock.factors[-1] if axis.clock.kind == "number" else 1.0
-        return numbers(column, self._form.decimal).values * factor + axis.origin
+        return numbers(column, self.form.decimal).values * factor + axis.origin
 
     # -- what cannot be read -------------------------------------------------------------------------------------------
 
     def _note(self, column: int, cells: pa.Array, odd: NDArray[np.int64], before: int) -> None:
         if not len(odd):
             return
-        name = self._headings[column].text or self._names[column]
+        name = self.headings[column].text or self.names[column]
         count, row, text = self._bad.get(name, (0, before + int(odd[0]) + 1, str(cells[int(odd[0])].as_py())))
         self._bad[name] = count + len(odd), row, text
 
     def _report(self, odd: Sequence[Any]) -> None:
         if odd:
-            lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(self._names), 'field')}"
+            lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(self.names), 'field')}"
             self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))
         if words := self.unreadable():
             self.damage.append(FileDamage(-1, words))

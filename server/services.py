@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from imuscope.recordings.library import Library
+from imuscope.recordings.table_memory import TableMemory
 from imuscope.server import shutdown
 from imuscope.server.auth import Access
 from imuscope.server.capability_list import list_capabilities
@@ -155,7 +156,7 @@ def build_services(
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
     shares = PortShares(bus, sessions, controllers, config.shares)
-    library = Library(config.data / FOLDER)
+    library = Library(config.data / FOLDER, tables=TableMemory(config.data))
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
     compactor = CompactionWorker(catalogue.finished)

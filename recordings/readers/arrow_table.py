@@ -75,7 +75,7 @@ class ArrowSource(CsvSource):
         noted = self.damage if damage is None else damage
         if damage is None:
             noted[:] = self._left_out_words
-        places = [self._names.index(name) for name in names]
+        places = [self.names.index(name) for name in names]
         try:
             for batch in self._text_batches(places):
                 yield pa.RecordBatch.from_arrays(batch.columns, names=list(names))

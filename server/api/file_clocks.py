@@ -6,8 +6,11 @@ from dataclasses import dataclass
 
 from fastapi import APIRouter
 
+from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.api.errors import responses
+from imuscope.server.api.file_readings import FileReadingBody, body_of, is_table
 from imuscope.server.api.recording_data import OneStore
+from imuscope.server.api.recordings import OneEntry
 from imuscope.server.library.file_clocks import MessageClocks, clocks_of
 
 router = APIRouter(tags=["recordings"])
@@ -23,6 +26,8 @@ class FileTime:
         sure: "stated" by the file or a user, "known" from the form, "inferred" from the numbers, "assumed"; "" of a
             device's bytes.
         messages: the clocks of each message.
+        reading: the choices kept with it, by which its clocks can be chosen; is_chosen: whether there are any.
+        is_table: whether the options of tables apply.
     """
 
     start: float | None
@@ -30,10 +35,13 @@ class FileTime:
     sentences: list[str]
     sure: str
     messages: list[MessageClocks]
+    reading: FileReadingBody
+    is_chosen: bool
+    is_table: bool
 
 
 @router.get("/api/recordings/{recording}/clocks", responses=responses(404, 409, 422))
-def list_clocks(store: OneStore) -> FileTime:
+def list_clocks(store: OneStore, entry: OneEntry) -> FileTime:
     """Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps."""
     manifest = store.manifest
     described = manifest.get("time") or {}
@@ -44,4 +52,7 @@ def list_clocks(store: OneStore) -> FileTime:
         list(described.get("sentences") or axis),
         described.get("sure", ""),
         clocks_of(store),
+        body_of(reading := stored_reading(entry.path)),
+        bool(reading),
+        is_table(store),
     )

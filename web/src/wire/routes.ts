@@ -571,6 +571,22 @@ export interface FileClock {
   readonly use: string;
 }
 
+/** Choices on how a recording is read; "" and 0 where the file decides. */
+export interface FileReadingBody {
+  /** heading or number of the column of times; "none" counts the rows */
+  readonly time_column?: string;
+  /** of the times */
+  readonly unit?: "" | "s" | "ms" | "us" | "ns";
+  /** of dates like 01/02/2026 */
+  readonly date_order?: "" | "dmy" | "mdy";
+  /** samples per second; 0 if it is not needed */
+  readonly rate?: number;
+  /** heading or number of a column → its name with the unit; "" leaves it out */
+  readonly columns?: Readonly<Record<string, string>>;
+  /** time axis of devices and messages */
+  readonly clock?: "" | "device" | "arrival";
+}
+
 /** Time of a recording: its clocks, and which of them is the time axis. */
 export interface FileTime {
   readonly start: number | null;
@@ -578,6 +594,9 @@ export interface FileTime {
   readonly sentences: readonly string[];
   readonly sure: string;
   readonly messages: readonly MessageClocks[];
+  readonly reading: FileReadingBody;
+  readonly is_chosen: boolean;
+  readonly is_table: boolean;
 }
 
 /** A flag or a bit group of a status word. */
@@ -818,6 +837,17 @@ export interface PreparedQuestionInfo {
   readonly sql: string;
 }
 
+/** A column of a table. */
+export interface PreviewColumn {
+  readonly number: number;
+  readonly heading: string;
+  readonly name: string;
+  readonly unit: string;
+  readonly group: string;
+  readonly axis: string;
+  readonly role: "time" | "clock" | "arrival" | "value" | "left out";
+}
+
 /** The shape of every error. */
 export interface ProblemBody {
   /** one word for programs */
@@ -911,6 +941,15 @@ export interface RaisedInterval {
   readonly t0: number;
   readonly t1: number | null;
   readonly worst: number | null;
+}
+
+/** Choices on how a recording is read, and the open question of its table. */
+export interface ReadingState {
+  readonly reading: FileReadingBody;
+  readonly is_chosen: boolean;
+  readonly is_table: boolean;
+  readonly about: "" | "time" | "unit" | "order" | "rate";
+  readonly problem: string;
 }
 
 /** Device whose sequence may restart. */
@@ -1402,10 +1441,40 @@ export interface TableInfo {
   readonly columns: readonly TableColumnInfo[];
 }
 
+/** A table as it will be read. */
+export interface TablePreview {
+  readonly separator: string;
+  readonly decimal: string;
+  readonly skipped: number;
+  readonly columns: readonly PreviewColumn[];
+  readonly clocks: Readonly<Record<string, string>>;
+  readonly clock: string;
+  readonly time_column: string;
+  readonly units: readonly UnitChoice[];
+  readonly unit: string;
+  readonly rate: number | null;
+  readonly epoch: string;
+  readonly sure: string;
+  readonly sentences: readonly string[];
+  readonly times: readonly (number | null)[];
+  readonly rows: readonly (readonly (string | number | null)[])[];
+  readonly about: "time" | "unit" | "order" | "rate" | "";
+  readonly problem: string;
+  readonly hint: string;
+  readonly heading: readonly string[];
+}
+
 /** Consent to end what a program does. */
 export interface TakeOverRequest {
   /** the person has read which program is interrupted */
   readonly confirmed?: boolean;
+}
+
+/** A unit that the times can have: samples per second in it, null if unknown; whether that is plausible. */
+export interface UnitChoice {
+  readonly unit: string;
+  readonly rate: number | null;
+  readonly is_plausible: boolean;
 }
 
 /** Uploads of this robot's recordings. */
@@ -1787,6 +1856,28 @@ export interface Routes {
   "GET /api/recordings/{recording}/clocks": {
     readonly path: { readonly recording: string };
     readonly answer: FileTime;
+  };
+  /** Choices on how a recording is read, and the open question of its table. */
+  "GET /api/recordings/{recording}/reading": {
+    readonly path: { readonly recording: string };
+    readonly answer: ReadingState;
+  };
+  /** Choose how a recording is read. It is kept with it; a table's choices apply to later ones with its heading. */
+  "PUT /api/recordings/{recording}/reading": {
+    readonly path: { readonly recording: string };
+    readonly body: FileReadingBody;
+    readonly answer: ReadingState;
+  };
+  /** Read a recording as the file itself says, and forget the choices for its heading. */
+  "DELETE /api/recordings/{recording}/reading": {
+    readonly path: { readonly recording: string };
+    readonly answer: ReadingState;
+  };
+  /** The first rows of a table as they will be read with these choices alone. */
+  "POST /api/recordings/{recording}/reading/preview": {
+    readonly path: { readonly recording: string };
+    readonly body: FileReadingBody;
+    readonly answer: TablePreview;
   };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };

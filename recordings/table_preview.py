@@ -1,0 +1,258 @@
+"""First rows of a table as they will be read: time column, unit, rate, decimal sign, separator, vectors and units.
+
+A table that leaves something open is shown all the same, with the question (`AmbiguousTableError`): its columns and
+rows as far as they are known, and the rate for each unit that its times can have.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from imuscope.recordings.clock_search import ClockSearch
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.registry import READERS
+from imuscope.recordings.readers.table_set import TableSet
+from imuscope.recordings.sources import Source
+from imuscope.recordings.table_cells import numbers, times_of
+from imuscope.recordings.table_clock import AmbiguousTableError, OpenQuestion, TableClock
+from imuscope.recordings.table_format import has_rows
+from imuscope.recordings.table_headings import axis_of, grouped
+from imuscope.recordings.table_options import NO_COLUMN, TableOptions
+from imuscope.recordings.tabular import NOW_S, CsvSource
+from imuscope.recordings.time_units import UNITS, mean_step, usual_step
+
+FIRST_ROWS = 8
+TABLES = ("csv", "parquet", "arrow", "arrow-stream", "mat", "mat4", "npy", "npz")
+"""Formats of files that may be one table."""
+Role = Literal["time", "clock", "arrival", "value", "left out"]
+
+
+@dataclass(frozen=True, slots=True)
+class PreviewColumn:
+    """A column of a table.
+
+    Args:
+        number: from 1.
+        heading: as in the file.
+        name, unit: as it is read.
+        group, axis: name of the vector that it belongs to, and its axis; "" for a column of its own.
+        role: "time": part of the time axis; "clock": another clock.
+    """
+
+    number: int
+    heading: str
+    name: str
+    unit: str
+    group: str
+    axis: str
+    role: Role
+
+
+@dataclass(frozen=True, slots=True)
+class UnitChoice:
+    """A unit that the times can have: samples per second in it, null if unknown; whether that is plausible."""
+
+    unit: str
+    rate: float | None
+    is_plausible: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TablePreview:
+    """A table as it will be read.
+
+    Args:
+        separator: " " for any run of blanks.
+        skipped: lines before the first row.
+        clocks: clocks that were found: name → the time column that makes it the axis.
+        clock: name of the one that is the axis; "" if none is.
+        time_column: that makes it the axis; "none": the rows are counted.
+        units: of numbers that are times; [] if there is nothing to choose.
+        unit, rate: of the axis; rate null if unknown.
+        epoch: what its zero is; "" without an axis.
+        sure: "stated", "known", "inferred", "assumed"; "" without an axis.
+        sentences: the axis, why it is that, and the assumptions.
+        times: of the first rows, unix s; null if unknown.
+        rows: the first rows: numbers as they are read, cells of clocks and times as in the file.
+        about: open question: "time", "unit", "order", "rate"; "" if the table can be read.
+        problem, hint: the refusal in words; "" if it can be read.
+    """
+
+    separator: str
+    decimal: str
+    skipped: int
+    columns: list[PreviewColumn]
+    clocks: dict[str, str]
+    clock: str
+    time_column: str
+    units: list[UnitChoice]
+    unit: str
+    rate: float | None
+    epoch: str
+    sure: str
+    sentences: list[str]
+    times: list[float | None]
+    rows: list[list[str | float | None]]
+    about: OpenQuestion | Literal[""] = ""
+    problem: str = ""
+    hint: str = ""
+    heading: list[str] = field(default_factory=list)
+
+
+def may_be_table(format: str) -> bool:
+    """Whether a file of this format may be a table, or an archive of some."""
+    reader = READERS.all().get(format)
+    return format in TABLES or (reader is not None and reader.is_container)
+
+
+def table_of(source: Source) -> CsvSource | None:
+    """The table of a source, the first of an archive; None if it is none."""
+    if isinstance(source, TableSet):
+        return table_of(source.tables[0])
+    return source if isinstance(source, CsvSource) else None
+
+
+def check_upload(path: Path) -> None:
+    """Raise RecordingError unless the file can be opened, or is a table of numbers that only lacks an option."""
+    try:
+        open_file(path)
+    except AmbiguousTableError:
+        if not has_rows(path):
+            raise
+
+
+def question_of(path: Path) -> AmbiguousTableError | None:
+    """Open question of the table at `path`, with the choices stored with it; None if it can be read.
+
+    Raises:
+        RecordingError: it cannot be opened for another reason.
+    """
+    try:
+        table = table_of(open_file(path))
+    except AmbiguousTableError as question:
+        return question
+    return table.refusal if table is not None and isinstance(table.refusal, AmbiguousTableError) else None
+
+
+def preview_of(path: Path, options: TableOptions) -> TablePreview | None:
+    """The table at `path` as it is read with these options alone; None without a table.
+
+    Raises:
+        RecordingError: it cannot be opened.
+    """
+    question: AmbiguousTableError | None = None
+    try:
+        table = table_of(open_file(path, table=options, is_complete=True))
+    except AmbiguousTableError as error:  # its columns and rows can be shown by counting them
+        question = error
+        counting = replace(options, time_column=NO_COLUMN, rate=1.0)
+        table = table_of(open_file(path, table=counting, is_complete=True))
+    if table is None:
+        return None
+    refusal = table.refusal if question is None else question
+    if refusal is not None and not isinstance(refusal, AmbiguousTableError):
+        raise refusal
+    return _preview(table, refusal, options)
+
+
+def _preview(table: CsvSource, question: AmbiguousTableError | None, options: TableOptions) -> TablePreview:
+    axis = table.axis if question is None else None
+    open_clock = question.clock if question is not None else None
+    clock = open_clock or (axis.clock if axis is not None else None)
+    others = list(axis.others) if axis is not None else []
+    names = {one.name: table.option_of(one) for one in (clock, *others) if one is not None and one.columns}
+    rows_are_counted = clock is not None and clock.kind == "rows"
+    return TablePreview(
+        table.form.separator,
+        table.form.decimal,
+        table.form.skip,
+        _columns(table, clock, others),
+        names,
+        clock.name if clock is not None else "",
+        NO_COLUMN if rows_are_counted else names.get(clock.name, "") if clock is not None else "",
+        _units(table, clock, options),
+        clock.unit if clock is not None else "",
+        1 / axis.usual_s if axis is not None and axis.usual_s else None,
+        axis.clock.epoch if axis is not None else "",
+        axis.clock.sure if axis is not None else "",
+        axis.sentences() if axis is not None else [],
+        _times(table) if axis is not None else [None] * len(table.form.sample[:FIRST_ROWS]),
+        _rows(table, clock, others),
+        question.about if question is not None else "",
+        question.message if question is not None else "",
+        question.hint if question is not None else "",
+        list(table.form.headings),
+    )
+
+
+def _columns(table: CsvSource, clock: TableClock | None, others: list[TableClock]) -> list[PreviewColumn]:
+    roles: dict[int, Role] = {column: "clock" for one in others for column in one.columns}
+    roles |= dict.fromkeys(clock.columns if clock is not None else (), "time")
+    roles |= {} if table.arrival_column is None else {table.arrival_column: "arrival"}
+    roles |= dict.fromkeys(table.left_out, "left out")
+    vectors = {
+        name: (group, axis_of(inner, len(members)) or inner)
+        for group, members in grouped([one for i, one in enumerate(table.names) if roles.get(i, "value") == "value"])
+        for name, inner in members
+        if len(members) > 1
+    }
+    plain = list(table.form.headings) or [""] * table.form.columns
+    return [
+        PreviewColumn(i + 1, plain[i].strip(), name, heading.unit, *vectors.get(name, ("", "")), roles.get(i, "value"))
+        for i, (name, heading) in enumerate(zip(table.names, table.headings, strict=True))
+    ]
+
+
+def _units(table: CsvSource, clock: TableClock | None, options: TableOptions) -> list[UnitChoice]:
+    """Units for a column of plain numbers."""
+    if clock is None or clock.kind != "number" or len(clock.columns) != 1:
+        return []
+    newest = table.path.stat().st_mtime + NOW_S
+    values = ClockSearch(table.path.name, table.form, table.headings, options, newest).numbers(clock.columns[0])
+    step = (mean_step(values) or usual_step(values)) if len(values) > 1 else 0.0
+    plausible = {one.unit for one in clock.readings} or {clock.unit}
+    return [UnitChoice(unit, 1 / (step * s) if step else None, unit in plausible) for unit, s in UNITS.items()]
+
+
+def _times(table: CsvSource) -> list[float | None]:
+    import pyarrow as pa
+
+    assert table.axis is not None
+    clock, sample = table.axis.clock, table.form.sample[:FIRST_ROWS]
+    if clock.kind == "rows":
+        values = np.arange(len(sample)) * clock.factors[0]
+    else:
+        columns = [pa.array([row[column] for row in sample], pa.string()) for column in clock.columns]
+        values = times_of(clock, columns, table.form.decimal).values
+    return [float(one) + table.axis.origin if math.isfinite(one) else None for one in values]
+
+
+def _rows(table: CsvSource, clock: TableClock | None, others: list[TableClock]) -> list[list[str | float | None]]:
+    import pyarrow as pa
+
+    sample = table.form.sample[:FIRST_ROWS]
+    texts = {column for one in (clock, *others) if one is not None for column in one.columns}
+    read: list[list[str | float | None]] = []
+    for i in range(table.form.columns):
+        cells = [row[i] for row in sample]
+        if i in texts:
+            read.append([cell.strip() for cell in cells])
+            continue
+        values = numbers(pa.array(cells, pa.string()), table.form.decimal).values
+        read.append([float(one) if math.isfinite(one) else None for one in values])
+    return [list(row) for row in zip(*read, strict=True)]
+
+
+def checked_table(path: Path, options: TableOptions) -> None:
+    """Raise RecordingError unless the table at `path` can be read with these options alone."""
+    preview = preview_of(path, options)
+    if preview is None:
+        raise RecordingError(f"{path.name} is not a table.", "Only tables have options.")
+    if preview.about:
+        raise RecordingError(preview.problem, preview.hint)

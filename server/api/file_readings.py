@@ -1,0 +1,186 @@
+"""Routes of the choices on how a recording is read, and of the first rows of a table under given options."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.file_reading import (
+    FASTEST_HZ,
+    LONGEST,
+    MOST_COLUMNS,
+    SLOWEST_HZ,
+    FileReading,
+)
+from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sidecar import stored_reading
+from imuscope.recordings.table_clock import AmbiguousTableError
+from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.table_preview import TablePreview, may_be_table, preview_of, question_of
+from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.recordings import OneEntry, still_recording
+from imuscope.server.errors import DomainError
+
+router = APIRouter(prefix="/api/recordings", tags=["recordings"])
+
+Heading = Annotated[str, Field(max_length=LONGEST)]
+
+
+class FileReadingBody(BaseModel):
+    """Choices on how a recording is read; "" and 0 where the file decides.
+
+    Those of tables are the options of the command line, and `clock` that of devices and messages.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    time_column: Heading = Field("", description='heading or number of the column of times; "none" counts the rows')
+    unit: Literal["", "s", "ms", "us", "ns"] = Field("", description="of the times")
+    date_order: Literal["", "dmy", "mdy"] = Field("", description="of dates like 01/02/2026")
+    rate: float = Field(0.0, ge=0, le=FASTEST_HZ, description="samples per second; 0 if it is not needed")
+    columns: dict[Heading, Heading] = Field(
+        default_factory=dict,
+        max_length=MOST_COLUMNS,
+        description='heading or number of a column → its name with the unit; "" leaves it out',
+    )
+    clock: Literal["", "device", "arrival"] = Field("", description="time axis of devices and messages")
+
+    def reading(self) -> FileReading:
+        """The choices."""
+        rate = self.rate if self.rate >= SLOWEST_HZ else 0.0
+        table = TableOptions(self.time_column.strip(), self.unit, self.date_order or None, rate, self.columns)
+        return FileReading(table, self.clock)
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingState:
+    """Choices on how a recording is read, and the open question of its table.
+
+    Args:
+        reading: the choices kept with it.
+        is_chosen: whether there are any.
+        is_table: whether the options of tables apply.
+        about: open question: "time", "unit", "order", "rate"; "" if it can be read, or is none.
+        problem: the question in words; "" without one.
+    """
+
+    reading: FileReadingBody
+    is_chosen: bool
+    is_table: bool
+    about: Literal["", "time", "unit", "order", "rate"] = ""
+    problem: str = ""
+
+
+def body_of(reading: FileReading | None) -> FileReadingBody:
+    """The choices as a body."""
+    table, clock = (reading.table, reading.clock) if reading is not None else (TableOptions(), "")
+    unit = "us" if table.unit == "µs" else table.unit
+    values = {"time_column": table.time_column, "unit": unit, "date_order": table.date_order or "", "rate": table.rate}
+    return FileReadingBody.model_validate({**values, "columns": dict(table.columns), "clock": clock})
+
+
+def is_table(store: ColumnStore) -> bool:
+    """Whether an opened recording is a table."""
+    return "axis" in (store.manifest.get("time") or {})
+
+
+@router.get("/{recording}/reading", responses=responses(404, 422))
+async def get_reading(services: TheServices, entry: OneEntry) -> ReadingState:
+    """Choices on how a recording is read, and the open question of its table."""
+    return await _state(services, entry)
+
+
+@router.post("/{recording}/reading/preview", responses=responses(404, 422))
+async def preview_reading(body: FileReadingBody, entry: OneEntry) -> TablePreview:
+    """The first rows of a table as they will be read with these choices alone."""
+    preview = await asyncio.to_thread(_preview, entry, body.reading().table)
+    if preview is None:
+        raise _no_table(entry)
+    return preview
+
+
+@router.put("/{recording}/reading", responses=responses(404, 409, 422, 507))
+async def choose_reading(body: FileReadingBody, services: TheServices, entry: OneEntry) -> ReadingState:
+    """Choose how a recording is read. It is kept with it; a table's choices apply to later ones with its heading."""
+    if services.catalogue.is_recording(entry):
+        raise still_recording(entry.id)
+    reading = body.reading()
+    heading: list[str] = []
+    if reading.table != TableOptions():
+        preview = await asyncio.to_thread(_preview, entry, reading.table)
+        if preview is None:
+            raise _no_table(entry)
+        if preview.about:
+            raise DomainError("cannot-open", preview.problem, preview.hint)
+        heading = preview.heading
+    return await _choose(services, entry, reading, heading)
+
+
+@router.delete("/{recording}/reading", responses=responses(404, 409, 422, 507))
+async def forget_reading(services: TheServices, entry: OneEntry) -> ReadingState:
+    """Read a recording as the file itself says, and forget the choices for its heading."""
+    if services.catalogue.is_recording(entry):
+        raise still_recording(entry.id)
+    try:
+        preview = await asyncio.to_thread(_preview, entry, TableOptions())
+    except DomainError:  # it cannot be opened at all
+        preview = None
+    return await _choose(services, entry, FileReading(), preview.heading if preview is not None else [])
+
+
+async def _choose(services: TheServices, entry: LibraryEntry, reading: FileReading, heading: list[str]) -> ReadingState:
+    try:
+        changed = await asyncio.to_thread(services.catalogue.library.choose, entry.id, reading, heading)
+    except KeyError:
+        raise unknown_recording(entry.id) from None
+    except RecordingError as error:
+        raise DomainError("disk", error.message, error.hint) from None
+    services.catalogue.changed()
+    return await _state(services, changed)
+
+
+async def _state(services: TheServices, entry: LibraryEntry) -> ReadingState:
+    reading = stored_reading(entry.path)
+    try:
+        store = services.columns.cached(entry.id)
+    except (KeyError, OSError):
+        raise unknown_recording(entry.id) from None
+    if store is not None:
+        return ReadingState(body_of(reading), bool(reading), is_table(store))
+    if not may_be_table(entry.probe.format):
+        return ReadingState(body_of(reading), bool(reading), False)
+    question = await asyncio.to_thread(_question, entry)
+    if question is None:
+        return ReadingState(body_of(reading), bool(reading), True)
+    return ReadingState(body_of(reading), bool(reading), True, question.about, question.message)
+
+
+def _question(entry: LibraryEntry) -> AmbiguousTableError | None:
+    try:
+        return question_of(entry.path)
+    except (RecordingError, OSError):
+        return None  # opening it says why
+
+
+def _preview(entry: LibraryEntry, options: TableOptions) -> TablePreview | None:
+    if not may_be_table(entry.probe.format):
+        return None
+    try:
+        return preview_of(entry.path, options)
+    except RecordingError as error:
+        raise DomainError("cannot-open", error.message, error.hint) from None
+    except OSError as error:
+        words = f"The recording cannot be read: {(error.strerror or 'the disk failed').lower()}."
+        raise DomainError("cannot-open", words, "Check that its file still exists.") from None
+
+
+def _no_table(entry: LibraryEntry) -> DomainError:
+    hint = "Only the columns of tables can be chosen."
+    return DomainError("bad-request", f"{entry.title:.80} is not a table.", hint)
