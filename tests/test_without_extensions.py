@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
+from http.client import HTTPConnection
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -19,7 +24,7 @@ from imuscope.server.services import Services
 from tests.each_row import each_row
 from tests.server_process import tied
 from tests.source_files import PACKAGE, ROOT, facts_of, python_files, text_of
-from tests.timeouts import status_of
+from tests.timeouts import PATIENCE_S, status_of
 
 NAMES = sorted(path.name for path in (ROOT / "server" / "extensions").iterdir() if (path / "__init__.py").is_file())
 FOLDERS = ("protocols", "recordings", "server")
@@ -30,7 +35,7 @@ ROUTES = {
     "analysis": "/api/analysis",
     "fleet": "/api/uploads",
     "calibration": "/api/devices/1/calibration",
-    "viser": "/api/views/scene",
+    "viser": "/viser",
     "rerun": "/rerun/",
     "ros2": "/api/ros2",
 }
@@ -49,18 +54,110 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def served(tree: Path, data: Path) -> Iterator[str]:
-    """Address of a server of that tree."""
-    environment = os.environ | {"PYTHONPATH": str(tree)}
-    words = ["serve", "sim:xbus", "--host", "127.0.0.1", "--port", "0", "--data", str(data)]
-    command = tied([sys.executable, "-m", PACKAGE, *words])
-    with subprocess.Popen(command, env=environment, cwd=tree, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            yield next(line for line in process.stdout if line.startswith("http://")).strip()
-        finally:
+@contextlib.contextmanager
+def left_out_of(tree: Path, names: Sequence[str], aside: Path) -> Iterator[None]:
+    """Without the folders of these extensions, meanwhile."""
+    folder = tree / "server" / "extensions"
+    for name in names:
+        (folder / name).rename(aside / name)
+    try:
+        yield
+    finally:
+        for name in names:
+            (aside / name).rename(folder / name)
+
+
+FORKS = """
+import ctypes, gc, importlib, json, os, runpy, signal, sys
+own, errors = sys.argv[1:]
+for name in ("server.app", "server.links.simulator", "protocols.simulator.trajectory"):
+    importlib.import_module(f"{own}.{name}")
+for name in ("uvicorn.loops.auto", "uvicorn.protocols.http.auto", "uvicorn.lifespan.on", "anyio._backends._asyncio"):
+    importlib.import_module(name)
+gc.collect()
+gc.freeze()
+print("ready", flush=True)
+for line in sys.stdin:
+    if (pid := os.fork()) == 0:
+        ctypes.CDLL(None).prctl(1, int(signal.SIGTERM))  # PR_SET_PDEATHSIG
+        os.dup2(os.open(errors, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        importlib.invalidate_caches()
+        sys.argv[1:] = json.loads(line)
+        runpy.run_module(own, run_name="__main__", alter_sys=True)
+        sys.exit()
+    print("begun", pid, flush=True)
+    print("ended", os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), flush=True)
+"""
+"""A process that has imported the heart while no extension was there, and forks for each command line that it is given.
+Extensions are found and imported after that, in the folders that are there then.
+"""
+
+
+class Commands:
+    """`imuscope WORDS` in the tree, one after the other."""
+
+    def __init__(self, tree: Path, aside: Path) -> None:
+        self.errors = aside / "errors.txt"  # of the last command
+        with left_out_of(tree, NAMES, aside):
+            self._start(tree)
+
+    def _start(self, tree: Path) -> None:
+        self._process = subprocess.Popen(
+            tied([sys.executable, "-c", FORKS, PACKAGE, str(self.errors)]),
+            env=os.environ | {"PYTHONPATH": str(tree), "PYTHONUNBUFFERED": "1"},
+            cwd=tree,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.line("ready")
+
+    def begin(self, *words: str) -> int:
+        """Process id of the command, which runs."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(words) + "\n")
+        self._process.stdin.flush()
+        return int(self.line("begun ").split()[1])
+
+    def line(self, start: str) -> str:
+        """The next line of output that starts with this."""
+        assert self._process.stdout is not None
+        return next(line for line in self._process.stdout if line.startswith(start)).strip()
+
+    def end(self) -> int:
+        """Exit status of the command, which is waited for."""
+        return int(self.line("ended ").split()[1])
+
+    def close(self) -> None:
+        with self._process as process:
             process.terminate()
-    assert process.returncode == 0
+
+
+@pytest.fixture(scope="module")
+def commands(tree: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Commands]:
+    running = Commands(tree, tmp_path_factory.mktemp("aside"))
+    yield running
+    running.close()
+
+
+def served(commands: Commands, data: Path) -> Iterator[str]:
+    """Address of a server of that tree."""
+    pid = commands.begin("serve", "sim:xbus", "--host", "127.0.0.1", "--port", "0", "--data", str(data))
+    try:
+        yield commands.line("http://")
+    finally:
+        os.kill(pid, signal.SIGTERM)
+        assert commands.end() == 0, commands.errors.read_text()
+
+
+def status_there(address: str) -> int:
+    """Status of a GET request, which may be that of a redirection: where that leads, a viewer would be started."""
+    parts = urlsplit(address)
+    connection = HTTPConnection(parts.netloc, timeout=PATIENCE_S)
+    with contextlib.closing(connection):
+        connection.request("GET", parts.path)
+        return connection.getresponse().status
 
 
 def test_every_folder_is_an_extension() -> None:
@@ -68,44 +165,38 @@ def test_every_folder_is_an_extension() -> None:
 
 
 @each_row("left_out", [*([name] for name in NAMES), NAMES])
-def test_a_server_starts_without_an_extension(tree: Path, tmp_path: Path, left_out: list[str]) -> None:
-    folder = tree / "server" / "extensions"
+def test_a_server_starts_without_an_extension(
+    tree: Path, commands: Commands, tmp_path: Path, left_out: list[str]
+) -> None:
     gone = {*left_out}
     for one in extensions():  # each comes after those that it requires
         if gone & {*one.requires}:
             gone.add(one.name)
-    for name in left_out:
-        (folder / name).rename(tmp_path / name)
-    try:
-        for url in served(tree, tmp_path / "data"):
+    with left_out_of(tree, left_out, tmp_path):
+        for url in served(commands, tmp_path / "data"):
             assert status_of(url) == 200
             assert status_of(f"{url}api/devices") == 200
             assert status_of(f"{url}metrics") == 200
             if left_out == NAMES:  # takes a second
                 assert status_of(f"{url}openapi.json") == 200
             for name, path in ROUTES.items():
-                assert (status_of(url.rstrip("/") + path) == 404) == (name in gone), path
-    finally:
-        for name in left_out:
-            (tmp_path / name).rename(folder / name)
+                assert (status_there(url.rstrip("/") + path) == 404) == (name in gone), path
 
 
 @each_row("name", [*SHIPPED])
-def test_a_setting_of_an_extension_that_is_not_installed(tree: Path, tmp_path: Path, name: str) -> None:
+def test_a_setting_of_an_extension_that_is_not_installed(
+    tree: Path, commands: Commands, tmp_path: Path, name: str
+) -> None:
     """It names the extension, and how to add it, in place of all valid settings."""
     path = tmp_path / "imuscope.toml"
     path.write_text(f"{SHIPPED[name][0]} = 1\n")
-    folder = tree / "server" / "extensions" / name
-    folder.rename(tmp_path / name)
-    try:
-        command = [sys.executable, "-m", PACKAGE, "serve", "sim:xbus", "--config", str(path)]
-        environment = os.environ | {"PYTHONPATH": str(tree)}
-        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
-    finally:
-        (tmp_path / name).rename(folder)
-    assert done.returncode == 1, done.stderr
-    assert f"is a setting of the extension {name}, which is not installed" in done.stderr
-    assert "install imuscope again to add it" in done.stderr
+    with left_out_of(tree, [name], tmp_path):
+        commands.begin("serve", "sim:xbus", "--config", str(path))
+        status = commands.end()
+    errors = commands.errors.read_text()
+    assert status == 1, errors
+    assert f"is a setting of the extension {name}, which is not installed" in errors
+    assert "install imuscope again to add it" in errors
 
 
 def test_the_settings_of_the_shipped_extensions_are_known() -> None:
