@@ -204,7 +204,10 @@ def _learn_to_serve() -> None:
     importlib.import_module(
         "imuscope.server.library.decoder_fingerprint"
     ).decoding_mark()  # of the sources as they are now
-    _learn(*LEARNT, *WORKERS)
+    for name in WORKERS:
+        with contextlib.suppress(ModuleNotFoundError):  # an installation without the packages of an extension
+            importlib.import_module(name)
+    _learn(*LEARNT)
 
 
 def _learn(*modules: str) -> None:

@@ -6,11 +6,10 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
 import tomllib
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,9 +17,10 @@ from playwright.sync_api import Page
 
 from imuscope.protocols.plugins import ProtocolPlugin
 from imuscope.server.extension import GROUP, load_extensions
+from tests import fork_server
 from tests.chromium import until
-from tests.server_process import tied
-from tests.source_files import PACKAGE, ROOT
+from tests.fork_server import ForkServer
+from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, status_of
 from tests.waiting import block_until
 
@@ -29,8 +29,8 @@ FILES = ("__init__.py", "counter.py", "routes.py", "command.py")
 
 
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Environment of processes that find the package, as an installer writes it."""
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the package, as an installer writes it."""
     folder = tmp_path_factory.mktemp("site")
     [declared] = re.findall(r"^```toml\n(.*?)^```", DOCUMENT, re.M | re.S)
     project = tomllib.loads(declared)["project"]
@@ -46,31 +46,41 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (folder / "imuscope_total" / "page").mkdir()
     [module] = re.findall(r"^```js\n(.*?)^```", DOCUMENT, re.M | re.S)
     (folder / "imuscope_total" / "page" / "index.js").write_text(module)
-    return os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])}
+    return folder
 
 
-@pytest.fixture
-def url(environment: dict[str, str], tmp_path: Path) -> Iterator[str]:
-    words = ["serve", "sim:xbus?rate=50", "--host", "127.0.0.1", "--port", "0", "--data", str(tmp_path)]
-    command = tied([sys.executable, "-m", PACKAGE, *words])
-    with subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            yield next(line for line in process.stdout if line.startswith("http://")).strip()
-        finally:
-            process.terminate()
+@contextmanager
+def finding(site: Path) -> Iterator[None]:
+    """Processes that are started meanwhile find the package."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])]))
+        yield
 
 
-def test_it_brings_a_part_a_route_and_a_command(url: str, environment: dict[str, str]) -> None:
+@pytest.fixture(scope="module")
+def own(site: Path) -> Iterator[ForkServer | None]:
+    """Starts commands that find the package."""
+    with finding(site):
+        yield ForkServer() if fork_server.IS_THERE else None
+
+
+@pytest.fixture(scope="module")
+def url(own: ForkServer | None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    data = tmp_path_factory.mktemp("data")
+    with ServerProcess("sim:xbus?rate=50", data=data, fresh=own is None, by=own) as server:
+        yield f"{server.url}/"
+
+
+def test_it_brings_a_part_a_route_and_a_command(url: str, own: ForkServer | None) -> None:
     def samples() -> int:
         with urllib.request.urlopen(f"{url}api/total", timeout=PATIENCE_S) as answer:
             return int(json.load(answer)["samples"])
 
     block_until(samples, "samples are counted")
     before = samples()
-    words = [sys.executable, "-m", PACKAGE, "total", url]
-    printed = subprocess.check_output(words, env=environment, cwd=ROOT, text=True, timeout=PATIENCE_S)
-    assert int(printed) >= before
+    done = imuscope("total", url, fresh=own is None, by=own)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) >= before
     with urllib.request.urlopen(f"{url}openapi.json", timeout=PATIENCE_S) as answer:
         assert "/api/total" in json.load(answer)["paths"]
 
@@ -104,40 +114,25 @@ def test_only_files_of_the_package_are_passed_on(url: str) -> None:
 
 
 @pytest.mark.parametrize("broken", ["counter.py", "routes.py", "command.py"])
-def test_one_that_fails_when_it_is_used_stops_nothing(environment: dict[str, str], tmp_path: Path, broken: str) -> None:
+def test_one_that_fails_when_it_is_used_stops_nothing(site: Path, tmp_path: Path, broken: str) -> None:
     """An import error in a package of others ended every command."""
-    site = Path(environment["PYTHONPATH"].split(os.pathsep)[0])
     shutil.copytree(site, tmp_path / "site")
     (tmp_path / "site" / "imuscope_total" / broken).write_text("raise RuntimeError('of the package')\n")
-    there = environment | {"PYTHONPATH": str(tmp_path / "site")}
-    words = ["serve", "sim:xbus", "--host", "127.0.0.1", "--port", "0", "--data", str(tmp_path / "data")]
-    command = tied([sys.executable, "-m", PACKAGE, *words])
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, env=there, cwd=ROOT, stdout=pipe, stderr=subprocess.STDOUT, text=True) as process:
-        try:
-            assert process.stdout is not None
-            lines = []
-            for line in process.stdout:
-                lines.append(line)
-                if "cannot be used" in line:
-                    break
-            url = next(line for line in lines if line.startswith("http://")).strip()
-            with urllib.request.urlopen(f"{url}api/devices", timeout=PATIENCE_S) as answer:
-                assert json.load(answer)
-        finally:
-            process.terminate()
-    assert "The extension 'total' of imuscope-total 1.0 cannot be used: RuntimeError: of the package." in lines[-1]
+    with (
+        finding(tmp_path / "site"),
+        ServerProcess("sim:xbus", data=tmp_path / "data", fresh=True) as server,
+    ):
+        block_until(lambda: "cannot be used" in server.log, "it is said")
+        assert server.ask("GET", "/api/devices")
+        said = next(line for line in server.lines if "cannot be used" in line)
+    assert "The extension 'total' of imuscope-total 1.0 cannot be used: RuntimeError: of the package." in said
 
 
-def test_doctor_names_what_cannot_be_used(environment: dict[str, str], tmp_path: Path) -> None:
-    site = Path(environment["PYTHONPATH"].split(os.pathsep)[0])
+def test_doctor_names_what_cannot_be_used(site: Path, tmp_path: Path) -> None:
     shutil.copytree(site, tmp_path / "site")
     (tmp_path / "site" / "imuscope_total" / "__init__.py").write_text("raise RuntimeError('of the package')\n")
-    words = [sys.executable, "-m", PACKAGE, "doctor", "--data", str(tmp_path / "data")]
-    there = environment | {"PYTHONPATH": str(tmp_path / "site")}
-    printed = subprocess.run(
-        words, env=there, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-    )
+    with finding(tmp_path / "site"):
+        printed = imuscope("doctor", "--data", str(tmp_path / "data"), fresh=True)
     assert re.search(
         r"^warning +extension +The extension 'total' of imuscope-total 1\.0 cannot be used", printed.stdout, re.M
     )

@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -16,9 +15,10 @@ import pytest
 from playwright.sync_api import Page
 
 from imuscope.recordings.optional_packages import EXTRAS, installation_of
+from tests import fork_server
 from tests.chromium import until
-from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S
+from tests.fork_server import ForkServer
+from tests.server_process import ROOT, ServerProcess, imuscope
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 ABSENT = sorted({module for modules in EXTRAS.values() for module in modules})
@@ -28,21 +28,21 @@ CAPTURE = bytes.fromhex("fa ff 36 05 10 20 02 00 01 93") * 50
 
 
 @pytest.fixture(scope="module")
-def hidden(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A PYTHONPATH that hides the packages."""
+def smaller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer | None]:
+    """Starts commands of such an installation."""
     folder = tmp_path_factory.mktemp("hidden")
     (folder / "sitecustomize.py").write_text(HIDE)
-    return f"{folder}{os.pathsep}{ROOT}"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", f"{folder}{os.pathsep}{ROOT}")
+        yield ForkServer() if fork_server.IS_THERE else None
 
 
 @pytest.fixture
-def run(hidden: str) -> Run:
+def run(smaller: ForkServer | None) -> Run:
     """Run a command of such an installation."""
 
     def start(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "imuscope", *map(str, arguments)]
-        env = os.environ | {"PYTHONPATH": hidden}
-        return subprocess.run(command, env=env, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+        return imuscope(*map(str, arguments), fresh=smaller is None, by=smaller)
 
     return start
 
@@ -76,8 +76,10 @@ def test_commands_name_what_they_lack(run: Run, tmp_path: Path) -> None:
         assert installation_of(extra) in doctor.stdout
 
 
-def test_the_page_offers_only_what_is_there(open_page: Callable[..., Page], hidden: str, tmp_path: Path) -> None:
-    with ServerProcess("sim:idtp", data=tmp_path, prefix=("env", f"PYTHONPATH={hidden}")) as server:
+def test_the_page_offers_only_what_is_there(
+    open_page: Callable[..., Page], smaller: ForkServer | None, tmp_path: Path
+) -> None:
+    with ServerProcess("sim:idtp", data=tmp_path, fresh=smaller is None, by=smaller) as server:
         page = open_page(server.url)
         until(page, "window.imuscope?.store.channels.value.length > 0")
         assert page.get_by_title("Show in").count() == 0
