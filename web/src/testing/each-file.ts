@@ -7,6 +7,7 @@
 import { afterEach, vi } from "vitest";
 
 const PATIENCE = { timeout: 20_000 };
+const FRAME_MS = 4;
 
 const waitFor = Reflect.get(vi, "plainWaitFor") ?? vi.waitFor;
 Reflect.set(vi, "plainWaitFor", waitFor);
@@ -34,6 +35,11 @@ if (typeof document !== "undefined") {
     };
     return Object.defineProperty(error, "message", { get, set: (value) => (text = value), configurable: true });
   }
+
+  // happy-dom has the next frame at once, so that a page which a test waits for would draw all the time.
+  const { setTimeout, clearTimeout } = globalThis; // not those of a test that turns the clock
+  window.requestAnimationFrame = (paint) => Number(setTimeout(() => paint(performance.now()), FRAME_MS));
+  window.cancelAnimationFrame = (frame) => clearTimeout(frame);
 
   // No style sheet is loaded, so a style is what its element says. Roles and names ask for the style of each element and of all that it
   // is in, for which happy-dom takes a tenth of the time.
