@@ -169,6 +169,25 @@ def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) ->
     assert held == [""] + ["1"] * 10 + ["2"] * 10 + ["3"] * 20 + [""] * 40 + ["4"] * 19
 
 
+def test_segments_of_the_clock_are_numbered_where_there_are_several(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store", devices=1)
+    begin = float(columns.exact(1, 600, 601).time[0])
+    columns.manifest["segments"] = {"1": [begin]}
+    wanted = (columns.exact(1, 0, 1000).time >= begin).astype(int)
+    names = [*OF_COLUMNS, "csv-plotjuggler"]
+    made = {name: export(name, ExportRequest(columns), tmp_path / f"run.{name}")[0] for name in names}
+    for name in ("csv", "csv-plotjuggler"):
+        head, rows = rows_of(made[name])
+        assert head[2] == "segment"
+        some = [row for row in rows if row[5]]
+        assert [int(row[2]) for row in some] == wanted.tolist()
+    np.testing.assert_array_equal(pq.read_table(made["parquet"]).column("segment").to_numpy(), wanted)
+    assert f"A segment of its clock begins at {begin:.6f} s." in made["csv-aligned"].read_text().splitlines()[0]
+    with made["mcap"].open("rb") as file:
+        told = make_reader(file).iter_messages(topics=["/MTi-630/MTData2/arrival"])
+        assert [json.loads(message.data)["segment"] for _, _, message in told] == wanted.tolist()
+
+
 def test_plotjuggler_finds_one_table_of_numbers_and_its_time(tmp_path: Path) -> None:
     """As its loader reads: the separator is what the first line has most of, and blanks count; times never go back."""
     columns = store(tmp_path / "store")

@@ -3,7 +3,8 @@
     __time,arrival,/MTi-630/Acceleration/x_m_s2,…      names as in MCAP, so a layout made with one fits the other
 
 A cell without a sample is empty, as is one that is not a finite number. A name has no blank: PlotJuggler would take
-blanks for the separator. Tables (satellites) and undescribed bytes are left out.
+blanks for the separator. The segment of the clock is a column if there are several, of one device. Tables (satellites)
+and undescribed bytes are left out.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     import pyarrow.compute as pc
 
     from imuscope.recordings.exporters.csv_tables import heading, lines
-    from imuscope.recordings.exporters.message_table import MessageTable, batches
+    from imuscope.recordings.exporters.message_table import SEGMENT, MessageTable, batches
     from imuscope.recordings.topics import fields_of
 
     topics = channel_topics(request)
@@ -28,9 +29,12 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     if not infos:
         raise ExportError("This range contains no channel with one value at a time.", "Choose other channels.")
     names = [[f"{topics[info['id']]}/{field}" for field in fields_of(info)] for info in infos]
-    table = MessageTable("", "", infos, names)
+    devices = {info["device"] for info in infos}
+    segments = request.segments(devices.pop()) if len(devices) == 1 else ()
+    table = MessageTable("", "", infos, names, segments=segments)
     with out.open("wb") as file:
-        heading(file, ["__time", "arrival", *(name for some in names for name in some)])
+        own = [name for some in names for name in some]
+        heading(file, ["__time", "arrival", *([SEGMENT] if segments else ()), *own])
         for batch in batches(request, table, step):
             time, *cells = batch.columns
             cells = [

@@ -23,11 +23,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from imuscope.recordings.exporters.message_table import windows
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
-from imuscope.recordings.file_names import device_names
 from imuscope.recordings.time_units import UNITS
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.extensions.ros2 import type_support
-from imuscope.server.extensions.ros2.key_expressions import name_of
+from imuscope.server.extensions.ros2.key_expressions import name_of, node_names
 from imuscope.server.extensions.ros2.messages import FrameNames, MessageBuilder, builders_of, clock_builder
 from imuscope.server.extensions.ros2.quantities import Place, recorded_quantities
 from imuscope.server.wire_codec import SampleFrame
@@ -83,7 +82,7 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
 
 def _topics(request: ExportRequest, device: Mapping[str, Any]) -> list[tuple[str, MessageBuilder]]:
     """The topics of a device, with their builders."""
-    name = name_of(device_names(request.columns.manifest["devices"])[device["id"]])
+    name = node_names(request.columns.manifest["devices"])[device["id"]]
     frames = FrameNames(name)
     builders = builders_of(
         recorded_quantities(device, request.infos), frames, sensors_of(device["protocol"], device.get("product", ""))

@@ -22,10 +22,11 @@ mapping to DDS".
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
+from imuscope.recordings.file_names import device_names
 from imuscope.server.extensions.ros2.settings import NAME
 
 ADMIN_SPACE = "@ros2_lv"
@@ -227,6 +228,15 @@ def ros_type(type: str) -> str:
     """The name of a type in ROS 2, of its name on the wire; other names stay as they are."""
     parts = _DDS_TYPE.fullmatch(type)
     return type if parts is None else f"{parts[1]}/{parts[2]}/{parts[3]}"
+
+
+def node_names(devices: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Unique name of the node of each device, by its id."""
+    names: dict[str, str] = {}
+    for id, name in device_names(devices).items():
+        full_name = name_of(name)
+        names[id] = f"{full_name}_{name_of(id)}" if full_name in names.values() else full_name
+    return names
 
 
 def name_of(text: str) -> str:

@@ -22,10 +22,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from imuscope.protocols.sensor_properties import SensorProperties
-from imuscope.recordings.file_names import device_names
 from imuscope.server.extensions.ros2.diagnostics import DiagnosticCounts, diagnostics
 from imuscope.server.extensions.ros2.graph import RosGraph, TopicPublisher
-from imuscope.server.extensions.ros2.key_expressions import QosProfile, RosNode, name_of
+from imuscope.server.extensions.ros2.key_expressions import QosProfile, RosNode, node_names
 from imuscope.server.extensions.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
 from imuscope.server.extensions.ros2.quantities import DeviceQuantities, quantities_of
 from imuscope.server.extensions.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
@@ -194,16 +193,12 @@ class Ros2Bridge:
     def _names(self) -> dict[str, str]:
         """Name of the node of each device that is identified, or has had the time to be."""
         now = time.monotonic()
-        names: dict[str, str] = {}
-        for id, name in device_names(self._client.devices).items():
-            full_name = name_of(name)
-            names[id] = f"{full_name}_{name_of(id)}" if full_name in names.values() else full_name
         ready = set()
         for device in self._client.devices:
             since = self._first_seen.setdefault(device["id"], now)
             if device.get("product") or device["id"] in self._nodes or now - since >= NAME_S:
                 ready.add(device["id"])
-        return {id: name for id, name in names.items() if id in ready}
+        return {id: name for id, name in node_names(self._client.devices).items() if id in ready}
 
     def _update(self, device: Mapping[str, Any], name: str) -> None:
         assert self._graph is not None
