@@ -25,7 +25,6 @@ import numpy as np
 
 from imuscope.protocols.framing import Ints
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers import blackbox_kernel as kernel
 from imuscope.recordings.readers.flight_log import (
     BLOCK_BYTES,
     MOST_COLUMNS,
@@ -35,6 +34,7 @@ from imuscope.recordings.readers.flight_log import (
     LogColumn,
     LogTable,
 )
+from imuscope.recordings.readers.formats import blackbox_kernel as kernel
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 

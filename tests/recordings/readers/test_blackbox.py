@@ -15,7 +15,7 @@ import pytest
 from imuscope.protocols.compiled import plain
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers import blackbox_kernel
+from imuscope.recordings.readers.formats import blackbox_kernel
 from imuscope.recordings.readers.formats.blackbox import Blackbox
 from tests.each_row import each_row
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage

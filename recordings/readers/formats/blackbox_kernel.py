@@ -1,4 +1,4 @@
-"""Frames of a Betaflight blackbox log (formats/blackbox.py): encodings of the numbers, and their predictions.
+"""Frames of a Betaflight blackbox log (blackbox.py): encodings of the numbers, and their predictions.
 
     'I' a whole main frame · 'P' differences to the main frames before · 'S' slow · 'G' GPS · 'H' GPS home · 'E' event
 
