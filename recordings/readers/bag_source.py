@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from imuscope.protocols.framing import Ints
 from imuscope.protocols.messages.decoder import MOST_CHANNELS, reader_of
 from imuscope.protocols.messages.records import (
     LONGEST,
-    MESSAGE,
-    MESSAGE_FIXED,
     MESSAGE_HEAD,
     MessageChannel,
     definition,
@@ -20,6 +19,7 @@ from imuscope.protocols.messages.records import (
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import DEVICE, MessageFile
+from imuscope.recordings.readers.formats.bag_kernels import NUMBER, SIZE, TIME, copy_records
 from imuscope.recordings.sources import ChunkBlock
 
 BLOCK_BYTES = 4 << 20
@@ -31,12 +31,21 @@ class BagPiece:
     """Messages that were read together.
 
     Args:
-        messages: (channel, arrival ns, data) of each.
+        data: has their bytes.
+        table: NUMBER, TIME, START and SIZE of each message (formats/bag_kernels.py).
         done: share of the file read, 0..1.
     """
 
-    messages: list[tuple[int, int, bytes]]
+    data: bytes
+    table: Ints
     done: float
+
+
+def piece_of(done: float, numbers: Sequence[int], times: Sequence[int], data: Sequence[bytes]) -> BagPiece:
+    """A piece of single messages: number of the topic, arrival in ns and bytes of each."""
+    sizes = np.fromiter(map(len, data), np.int64, len(data))
+    table = np.stack([np.array(numbers, np.int64), np.array(times, np.int64), np.cumsum(sizes) - sizes, sizes])
+    return BagPiece(b"".join(data), table, done)
 
 
 @dataclass(slots=True)
@@ -100,34 +109,18 @@ class BagSource(MessageFile):
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         self.damage.clear()
-        defined: set[int] = set()
-        records: list[bytes] = []
-        ends: list[int] = []
-        times: list[int] = []
-        size = odd = 0
-        pack = MESSAGE_HEAD.pack
-        channels: Mapping[int, MessageChannel] = self.topics.channels
+        block = _Block(self.topics.channels)
+        odd = 0
         for piece in self.pieces(start_ns, stop_ns):
-            for number, time_ns, data in piece.messages:
-                channel = channels.get(number)
-                if channel is None:
-                    continue
-                if not 0 <= time_ns < LATEST_NS or len(data) >= LONGEST:
-                    odd += 1
-                    continue
-                record = pack(MESSAGE, MESSAGE_FIXED + len(data), channel.id, 0, 0, 0) + data
-                if number not in defined:
-                    defined.add(number)
-                    record = definition(channel) + record
-                records.append(record)
-                size += len(record)
-                ends.append(size)
-                times.append(time_ns)
-                if size >= BLOCK_BYTES:
-                    yield _block(records, ends, times, piece.done)
-                    size = 0
-        if records:
-            yield _block(records, ends, times, 1.0)
+            table = piece.table
+            usable = (table[TIME] >= 0) & (table[TIME] < LATEST_NS) & (table[SIZE] < LONGEST)
+            usable &= np.isin(table[NUMBER], list(self.topics.channels))
+            odd += int(np.count_nonzero(~usable & np.isin(table[NUMBER], list(self.topics.channels))))
+            block.add(BagPiece(piece.data, np.ascontiguousarray(table[:, usable]), piece.done))
+            if block.size >= BLOCK_BYTES:
+                yield block.take(piece.done)
+        if block.size:
+            yield block.take(1.0)
         if odd:
             self.damage.append(FileDamage(-1, f"Messages with an impossible time or size are left out: {odd}."))
         self.damage += [FileDamage(-1, words) for words in self.topics.left_out]
@@ -136,11 +129,38 @@ class BagSource(MessageFile):
         return b"".join(map(definition, self.topics.channels.values()))
 
 
-def _block(records: list[bytes], ends: list[int], times: list[int], done: float) -> ChunkBlock:
-    """A block of these records; the lists are empty afterwards."""
-    block = ChunkBlock(
-        DEVICE, "rx", b"".join(records), np.array(ends, np.int64), np.array(times, np.int64), min(done, 1.0)
-    )
-    for one in (records, ends, times):
-        one.clear()
-    return block
+class _Block:
+    """Messages gathered for a block of the stream.
+
+    Args:
+        channels: of the stream, by the number that the bag has for them.
+    """
+
+    def __init__(self, channels: Mapping[int, MessageChannel]) -> None:
+        self._channels = channels
+        self._defined: set[int] = set()
+        self._pieces: list[BagPiece] = []
+        self.size = 0
+
+    def add(self, piece: BagPiece) -> None:
+        """Add messages of channels that are known."""
+        if piece.table.shape[1]:
+            self._pieces.append(piece)
+            self.size += int(piece.table[SIZE].sum()) + MESSAGE_HEAD.size * piece.table.shape[1]
+
+    def take(self, done: float) -> ChunkBlock:
+        """The block, with the definitions of channels that are new in it before its first message."""
+        pieces, self._pieces = self._pieces, []
+        new = sorted({int(number) for one in pieces for number in np.unique(one.table[NUMBER])} - self._defined)
+        self._defined.update(new)
+        head = b"".join(definition(self._channels[number]) for number in new)
+        out = np.empty(len(head) + self.size, np.uint8)
+        out[: len(head)] = np.frombuffer(head, np.uint8)
+        at, self.size = len(head), 0
+        for one in pieces:
+            numbers, place = np.unique(one.table[NUMBER], return_inverse=True)
+            channels = np.array([self._channels[number].id for number in numbers.tolist()], np.int64)[place]
+            at = copy_records(np.frombuffer(one.data, np.uint8), one.table, channels, out, at)
+        sizes, times = (np.concatenate([one.table[row] for one in pieces]) for row in (SIZE, TIME))
+        ends = len(head) + np.cumsum(sizes + MESSAGE_HEAD.size)
+        return ChunkBlock(DEVICE, "rx", out.tobytes(), ends, times, min(done, 1.0))

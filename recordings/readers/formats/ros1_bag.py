@@ -16,15 +16,18 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from operator import itemgetter
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
 
 from imuscope.recordings.mcap_reader import FileDamage
-from imuscope.recordings.readers.bag_source import BagPiece, BagSource
+from imuscope.recordings.readers.bag_source import BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.decompressing import inflated
+from imuscope.recordings.readers.formats.bag_kernels import alike_messages
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 
@@ -35,46 +38,30 @@ CHUNK_MARK = b"\x04\x00\x00\x00op=\x05"
 SEARCH_BYTES = 1 << 20
 BEFORE_MARK = 96  # bytes of a chunk's header before its op
 MOST_DAMAGE = 100
+MESSAGES = 1 << 14  # of a chunk that are taken together
 _LENGTH = struct.Struct("<I")
 
 
 @dataclass(frozen=True, slots=True)
 class _MessageHeader:
-    """Layout of the header of messages: a writer has the same for all.
+    """Layout of the header of messages: a writer has the same for all. Arguments as for `alike_messages`."""
 
-    Args:
-        form: the header with the lengths before and after it.
-        constant, numbers: of the unpacked values those that are the same for all, and conn and time.
-    """
-
-    form: struct.Struct
-    constant: Callable[[tuple[Any, ...]], tuple[Any, ...]]
-    numbers: Callable[[tuple[Any, ...]], tuple[Any, ...]]
-    expected: tuple[Any, ...]
+    header: NDArray[np.uint8]
+    is_constant: NDArray[np.uint8]
+    number_at: int
+    time_at: int
 
     @classmethod
     def of(cls, content: bytes, at: int) -> _MessageHeader:
         """The layout of the message at a place."""
-        (length,) = _LENGTH.unpack_from(content, at)
-        header = content[at + 4 : at + 4 + length]
-        codes, constant, place = ["<I"], [0], 0
-        places: dict[tuple[bytes, int], int] = {}
-        while place < len(header):
-            (size,) = _LENGTH.unpack_from(header, place)
-            name, _, value = header[place + 4 : place + 4 + size].partition(b"=")
-            if name in (b"conn", b"time"):
-                constant.append(len(constant) + len(places))
-                codes += [f"{5 + len(name)}s", "I" * (len(value) // 4)]
-                for number in range(len(value) // 4):
-                    places[name, number] = len(constant) + len(places)
-            else:
-                constant.append(len(constant) + len(places))
-                codes.append(f"{4 + size}s")
-            place += 4 + size
-        form = struct.Struct("".join([*codes, "I"]))
-        take = itemgetter(*constant)
-        numbers = itemgetter(places[b"conn", 0], places[b"time", 0], places[b"time", 1])
-        return cls(form, take, numbers, take(form.unpack_from(content, at)))
+        size = 4 + int(_LENGTH.unpack_from(content, at)[0])
+        header = np.frombuffer(content, np.uint8, size, at)
+        is_constant = np.ones(size, np.uint8)
+        text = content[at : at + size]
+        places = [text.index(name) + len(name) for name in (b"conn=", b"time=")]
+        for place, count in zip(places, (4, 8), strict=True):
+            is_constant[place : place + count] = 0
+        return cls(header, is_constant, *places)
 
 
 class Ros1Bag(BagSource):
@@ -123,9 +110,10 @@ class Ros1Bag(BagSource):
                     except ValueError as error:
                         self._note(at, str(error))
                     if len(loose) >= 1024:
-                        yield BagPiece(loose, at / size)
+                        yield piece_of(at / size, *zip(*loose, strict=True))
                         loose = []
-            yield BagPiece(loose, 1.0)
+            if loose:
+                yield piece_of(1.0, *zip(*loose, strict=True))
 
     def _pieces_of(self, fields: dict[bytes, bytes], data: bytes, at: int, done: float) -> Iterator[BagPiece]:
         """The messages of one chunk."""
@@ -140,40 +128,35 @@ class Ros1Bag(BagSource):
             return
         if why:
             self._note(at - len(data), f"A part of a chunk cannot be read: {why}")
-        messages: list[tuple[int, int, bytes]] = []
         inner = io.BytesIO(content)
         place = 0
         try:
             while True:
-                place = self._take_alike(content, place, messages)
+                if self._alike is not None:
+                    place = yield from self._alike_pieces(self._alike, content, place, done)
                 inner.seek(place)
                 record = _record(inner, len(content))
                 if record is None:
                     break
-                messages += self._messages(record[0], record[1])
+                if message := self._messages(record[0], record[1]):
+                    yield piece_of(done, *zip(*message, strict=True))
                 if _byte(record[0]) == MESSAGE and self._alike is None:
                     self._alike = _MessageHeader.of(content, place)
                 place = record[2]
         except ValueError as error:
             self._note(at - len(data), f"A chunk is damaged: {error}")
-        yield BagPiece(messages, done)
 
-    def _take_alike(self, content: bytes, at: int, messages: list[tuple[int, int, bytes]]) -> int:
-        """Take messages whose headers are laid out as that of the first; returns the place after them."""
-        alike = self._alike
-        if alike is None:
-            return at
-        unpack, constant, numbers, size = alike.form.unpack_from, alike.constant, alike.numbers, alike.form.size
-        last = len(content) - size
-        while at <= last:
-            values = unpack(content, at)
-            end = at + size + values[-1]
-            if constant(values) != alike.expected or end > len(content):
-                break
-            number, second, nano = numbers(values)
-            messages.append((number, second * 1_000_000_000 + nano, content[at + size : end]))
-            at = end
-        return at
+    @staticmethod
+    def _alike_pieces(alike: _MessageHeader, content: bytes, at: int, done: float) -> Generator[BagPiece, None, int]:
+        """Messages whose headers are laid out as that of the first; returns the place after them."""
+        layout = alike.header, alike.is_constant, alike.number_at, alike.time_at
+        while True:
+            table = np.empty((4, MESSAGES), np.int64)
+            count, at = alike_messages(np.frombuffer(content, np.uint8), at, *layout, table)
+            if count:
+                yield BagPiece(content, np.ascontiguousarray(table[:, :count]), done)
+            if count < MESSAGES:
+                return at
 
     def _messages(self, fields: dict[bytes, bytes], data: bytes) -> list[tuple[int, int, bytes]]:
         """The message of a record, or none: a connection is learned."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from imuscope.recordings.mcap_reader import MAGIC, FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile, MessageSource
 from imuscope.recordings.readers.bag_folder import METADATA
-from imuscope.recordings.readers.bag_source import BagPiece, BagSource
+from imuscope.recordings.readers.bag_source import BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.decompressing import CODECS, UnpackedFolder, decompressed, inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
@@ -76,37 +76,50 @@ class Ros2Database(BagSource):
             self.topics.add(number, str(name), str(kind), ("cdr", "ros2msg"), text, why)
 
     def pieces(self, start_ns: int | None, stop_ns: int | None) -> Iterator[BagPiece]:
-        begin = start_ns if start_ns is not None else -(1 << 63)
-        end = stop_ns if stop_ns is not None else (1 << 63) - 1
+        span = () if start_ns is None and stop_ns is None else (start_ns or -(1 << 63), stop_ns or (1 << 63) - 1)
+        within = "WHERE timestamp BETWEEN ? AND ? " if span else ""  # the index of times would cost sorting
         unreadable = 0
         try:
             with closing(_connected(self.path)) as database:
                 (most,) = database.execute("SELECT max(rowid) FROM messages").fetchone()
                 cursor = database.execute(
-                    "SELECT topic_id, timestamp, data, rowid FROM messages "
-                    "WHERE timestamp BETWEEN ? AND ? ORDER BY rowid",
-                    (begin, end),
+                    f"SELECT topic_id, timestamp, data, rowid FROM messages {within}ORDER BY rowid",
+                    span,
                 )
                 while rows := cursor.fetchmany(ROWS):
-                    messages: list[tuple[int, int, bytes]] = []
-                    for number, time, data, _ in rows:
-                        if not (isinstance(time, int) and isinstance(data, bytes) and isinstance(number, int)):
-                            unreadable += 1
+                    done = rows[-1][3] / max(most or 1, 1)
+                    numbers, times, data, _ = zip(*rows, strict=True)
+                    if not _are_plain(numbers, times, data):
+                        usable = [unpacked for row in rows if (unpacked := _unpacked(*row[:3])) is not None]
+                        unreadable += len(rows) - len(usable)
+                        if not usable:
                             continue
-                        if data.startswith(ZSTD):
-                            try:
-                                data, why = inflated(data, "zstd", LONGEST_MESSAGE)
-                            except ValueError as error:
-                                data, why = b"", str(error)
-                            if why:
-                                unreadable += 1
-                                continue
-                        messages.append((number, time, data))
-                    yield BagPiece(messages, rows[-1][3] / max(most or 1, 1))
+                        numbers, times, data = zip(*usable, strict=True)
+                    yield piece_of(done, numbers, times, data)
         except SENSELESS as error:
             self.damage.append(FileDamage(-1, f"The database is damaged, the rest of it is missing: {error!s:.200}."))
         if unreadable:
             self.damage.append(FileDamage(-1, f"Messages that cannot be unpacked are left out: {unreadable}."))
+
+
+def _are_plain(numbers: Sequence[object], times: Sequence[object], data: Sequence[bytes]) -> bool:
+    """Whether rows of messages can be taken as they are."""
+    types = {*map(type, numbers), *map(type, times)}, {*map(type, data)}
+    return types == ({int}, {bytes}) and not any(one.startswith(ZSTD) for one in data)
+
+
+def _unpacked(number: object, time: object, data: object) -> tuple[int, int, bytes] | None:
+    """A row of a message with its data unpacked; None if it cannot be read."""
+    if not (isinstance(time, int) and isinstance(data, bytes) and isinstance(number, int)):
+        return None
+    if data.startswith(ZSTD):
+        try:
+            data, why = inflated(data, "zstd", LONGEST_MESSAGE)
+        except ValueError:
+            return None
+        if why:
+            return None
+    return number, time, data
 
 
 class SplitBag(MessageFile):

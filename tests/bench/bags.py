@@ -1,0 +1,104 @@
+"""Benchmark of bags: a bag of ROS, opened by `imuscope.open`, and one signal of it as Arrow.
+
+    python -m tests.bench.bags --mb 1000
+
+The yardstick, in the same run, is the library that reads bags without ROS: rosbags, each message deserialised, and a
+list of the values. The bags hold sensor_msgs/Imu: ROS 1 in chunks without compression, ROS 2 in SQLite.
+"""
+
+from __future__ import annotations
+
+import argparse
+import struct
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.bench.library import RATE_HZ, START_NS, TYPE, with_imuscope  # noqa: E402
+from tests.bench.report import report  # noqa: E402
+
+STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}
+
+
+def template_of(kind: str) -> tuple[bytearray, int]:
+    """A serialised message, and the place of its stamp."""
+    store = get_typestore(STORES[kind])
+    types = store.types
+    head = {"seq": 0} if kind == "ros1" else {}
+    stamp = types["builtin_interfaces/msg/Time"](sec=0x01020304, nanosec=0)
+    nine = np.zeros(9)
+    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    one = types[TYPE](
+        header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="imu", **head),
+        orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+        orientation_covariance=nine,
+        angular_velocity=vector(x=0.5, y=0.25, z=0.125),
+        angular_velocity_covariance=nine,
+        linear_acceleration=vector(x=0.0, y=0.0, z=9.81),
+        linear_acceleration_covariance=nine,
+    )
+    data = bytearray(store.serialize_ros1(one, TYPE) if kind == "ros1" else store.serialize_cdr(one, TYPE))
+    return data, data.index(b"\4\3\2\1")
+
+
+def write(path: Path, kind: str, megabytes: float) -> int:
+    """Write a bag; returns the number of messages."""
+    data, at = template_of(kind)
+    count = int(megabytes * 1e6 / (len(data) + 50))
+    bag: Any = Writer1(path) if kind == "ros1" else Writer2(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
+    with bag:
+        connection = bag.add_connection("/imu/data", TYPE, typestore=get_typestore(STORES[kind]))
+        for k in range(count):
+            when = START_NS + k * 1_000_000_000 // RATE_HZ
+            struct.pack_into("<iI", data, at, *divmod(when, 1_000_000_000))
+            bag.write(connection, when, bytes(data))
+    return count
+
+
+def with_rosbags(path: Path) -> int:
+    """The yardstick."""
+    rows = []
+    with AnyReader([path]) as bag:
+        for connection, when, raw in bag.messages():
+            rate: Any = bag.deserialize(raw, connection.msgtype).angular_velocity  # type: ignore[attr-defined]
+            rows.append((when, rate.x, rate.y, rate.z))
+    times, *columns = zip(*rows, strict=True)
+    return pa.table([times, *columns], names=["time", "x", "y", "z"]).num_rows
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--mb", type=float, default=300.0, help="size of each bag")
+    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
+    options = parser.parse_args()
+    figures: dict[str, Any] = {"mb": options.mb, "budget": {"ratio": 3}}
+    for kind in STORES:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / ("imu.bag" if kind == "ros1" else "imu")
+            count = write(path, kind, options.mb)
+            spent = {}
+            for name, read in (("imuscope_s", with_imuscope), ("yardstick_s", with_rosbags)):
+                began = time.perf_counter()
+                if read(path) != count:
+                    sys.exit(f"{name}: rows are missing")
+                spent[name] = time.perf_counter() - began
+            figures[kind] = {"messages": count, **spent, "ratio": spent["yardstick_s"] / spent["imuscope_s"]}
+    report("bags", figures)
+
+
+if __name__ == "__main__":
+    main()
