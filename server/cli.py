@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-OF_FILES = ("inspect", "decode", "time")
+OF_FILES = ("inspect", "decode")
 
 
 @contextlib.contextmanager
@@ -250,21 +250,6 @@ def _decode(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
-def _time(options: argparse.Namespace) -> None:
-    file = readable(str(options.file))
-    decode_options = decode_options_of(options)
-    warn_if_interpreted(size_of(file))
-    from imuscope.server.commands.decoded import DecodedFileError
-    from imuscope.server.commands.time import print_clocks
-
-    decode_options = checked_protocol(decode_options)
-    try:
-        with seekable(file) as path:
-            print_clocks(path, decode_options, sys.stdout, sys.stderr, format=options.format)
-    except DecodedFileError as error:
-        raise UsageError(str(error)) from None
-
-
 def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
@@ -330,7 +315,6 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "record": _record,
     "replay": _replay,
     "decode": _decode,
-    "time": _time,
     "simulate": _simulate,
     "completion": _completion,
 }

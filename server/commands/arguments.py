@@ -14,7 +14,7 @@ from imuscope.protocols.decode_options import DecodeOption, Scope
 from imuscope.protocols.plugins import protocol_names
 from imuscope.recordings.optional_packages import installation_of
 from imuscope.server import logging_setup
-from imuscope.server.commands.file_arguments import add_decode, add_file, add_table
+from imuscope.server.commands.file_arguments import add_decode
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
@@ -26,7 +26,7 @@ ABSENT = {command.name: one.extra for one in absent_extensions() for command in 
 """Commands of extensions whose packages are not installed, with the extra that has them."""
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "time", *extension_commands(), *ABSENT, "simulate", "completion"),
+    *("decode", *extension_commands(), *ABSENT, "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -59,7 +59,7 @@ ENVIRONMENT_HELP = """environment variables, used if the option is not given:
 ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
 """Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""
 DECODE_SCOPES: Mapping[str, Scope] = {
-    **dict.fromkeys(("serve", "send", "record", "decode", "time"), "source"),
+    **dict.fromkeys(("serve", "send", "record", "decode"), "source"),
     **{"inspect": "inspect", "compose": "compose", "commands": "commands"},
     **{one.name: one.scope for one in extension_commands().values() if one.scope},
 }
@@ -69,7 +69,7 @@ PROTOCOL_HELP = {
     "inspect": f"{ANY_OF}, or auto (the default)",
     "compose": f"{ANY_OF} (default: found by the name of the message)",
     "commands": f"{ANY_OF} (default: all)",
-    **dict.fromkeys(("decode", "time"), "protocol of a capture (default: detected)"),
+    "decode": "protocol of a capture (default: detected)",
     **{one.name: one.protocol_help for one in extension_commands().values()},
 }
 
@@ -205,7 +205,6 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_replay(commands.add_parser)
     _add_simulate(commands.add_parser)
     _add_data(add_decode(commands.add_parser, about.outputs))
-    _add_time(commands.add_parser)
     for made in add_commands(commands.add_parser, with_help=with_help):
         _add_data(made)
     _add_completion(commands.add_parser)
@@ -272,14 +271,6 @@ def _add_inspect(add_parser: _AddParser) -> None:
     _add_format(command, ("table", "jsonl"), "table for people (the default), jsonl: one JSON object a line")
     command.add_argument("--device", default="", metavar="D", help="device to list, if a recording has several")
     command.add_argument("--rejects", action="store_true", help="also list rejected frames")
-    _add_data(command)
-
-
-def _add_time(add_parser: _AddParser) -> None:
-    command = add_parser("time", help="list the clocks of a file, and which of them is its time axis")
-    add_file(command)
-    _add_format(command, ("table", "json"), "table for people (the default), json for programs")
-    add_table(command)
     _add_data(command)
 
 

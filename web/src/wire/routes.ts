@@ -1852,11 +1852,6 @@ export interface Routes {
     readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined };
     readonly answer: Blob | ChannelTable;
   };
-  /** Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps. */
-  "GET /api/recordings/{recording}/clocks": {
-    readonly path: { readonly recording: string };
-    readonly answer: FileTime;
-  };
   /** Choices on how a recording is read, and the open question of its table. */
   "GET /api/recordings/{recording}/reading": {
     readonly path: { readonly recording: string };
@@ -1967,6 +1962,11 @@ export interface Routes {
   "DELETE /api/devices/{device}/signals/{name}": {
     readonly path: { readonly device: string; readonly name: string };
     readonly answer: undefined;
+  };
+  /** Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps. */
+  "GET /api/recordings/{recording}/clocks": {
+    readonly path: { readonly recording: string };
+    readonly answer: FileTime;
   };
   /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
   "GET /api/devices/{device}/corrections": {

@@ -11,7 +11,7 @@ from imuscope.server.api.errors import responses
 from imuscope.server.api.file_readings import FileReadingBody, body_of, is_table
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.recordings import OneEntry
-from imuscope.server.library.file_clocks import MessageClocks, clocks_of
+from imuscope.server.extensions.clocks.figures import MessageClocks, clocks_of
 
 router = APIRouter(tags=["recordings"])
 

@@ -21,7 +21,7 @@ from imuscope.recordings.table_dates import utc_text
 from imuscope.recordings.time_units import rate_text
 from imuscope.server.commands.decoded import decoded
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.library.file_clocks import FileClock, MessageClocks, as_json, clocks_of
+from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, as_json, clocks_of
 
 HEADINGS = ("", "clock", "unit", "zero", "rate", "resolution", "drift", "jitter", "steps", "repeats", "bursts")
 NOTHING_S = 1e-9  # below the resolution of a time since 1970

@@ -1,0 +1,22 @@
+"""Clocks of a file or a live device: each with its unit, epoch, resolution, drift, jitter and steps.
+
+recording ──> columns ──> figures.py ──> routes.py, print_clocks.py
+"""
+
+from imuscope.server.extension import Extension, ExtensionCommand
+
+EXTENSION = Extension(
+    "clocks",
+    "Clocks",
+    routes=("imuscope.server.extensions.clocks.routes",),
+    commands=(
+        ExtensionCommand(
+            "time",
+            "imuscope.server.extensions.clocks.command:add",
+            "imuscope.server.extensions.clocks.command:run",
+            scope="source",
+            protocol_help="protocol of a capture (default: detected)",
+            reads_file=True,
+        ),
+    ),
+)
