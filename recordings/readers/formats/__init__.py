@@ -1,1 +1,1 @@
-"""Readers, one in each file; each is registered when it is imported."""
+"""Readers, one in each file, registered when it is imported; and what several of them share (flight_log, …)."""

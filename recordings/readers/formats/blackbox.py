@@ -25,7 +25,8 @@ import numpy as np
 
 from imuscope.protocols.framing import Ints
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers.flight_log import (
+from imuscope.recordings.readers.formats import blackbox_kernel as kernel
+from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
     MOST_COLUMNS,
     DatedBy,
@@ -34,7 +35,6 @@ from imuscope.recordings.readers.flight_log import (
     LogColumn,
     LogTable,
 )
-from imuscope.recordings.readers.formats import blackbox_kernel as kernel
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 

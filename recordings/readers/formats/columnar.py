@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers.arrow_table import (
+from imuscope.recordings.readers.formats.arrow_table import (
     BATCH_ROWS,
     SENSELESS,
     ArrowColumns,

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.readers.flight_log import (
+from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
     MOST_COLUMNS,
     DatedBy,

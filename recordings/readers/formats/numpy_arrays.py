@@ -13,8 +13,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers.array_columns import Array, columns_of
-from imuscope.recordings.readers.arrow_table import ArrowSource, first_line
+from imuscope.recordings.readers.formats.array_columns import Array, columns_of
+from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 

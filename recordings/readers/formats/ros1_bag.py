@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.recordings.mcap_reader import FileDamage
-from imuscope.recordings.readers.bag_source import BagPiece, BagSource, piece_of
-from imuscope.recordings.readers.decompressing import inflated
 from imuscope.recordings.readers.formats.bag_kernels import alike_messages
+from imuscope.recordings.readers.formats.bag_source import BagPiece, BagSource, piece_of
+from imuscope.recordings.readers.formats.decompressing import inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 

@@ -22,8 +22,8 @@ from imuscope.recordings.mcap_reader import MAGIC, FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile, MessageSource
 from imuscope.recordings.readers.bag_folder import METADATA
-from imuscope.recordings.readers.bag_source import BagPiece, BagSource, piece_of
-from imuscope.recordings.readers.decompressing import CODECS, UnpackedFolder, decompressed, inflated
+from imuscope.recordings.readers.formats.bag_source import BagPiece, BagSource, piece_of
+from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock

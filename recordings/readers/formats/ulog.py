@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers.flight_log import (
+from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
     MOST_COLUMNS,
     MOST_TABLES,

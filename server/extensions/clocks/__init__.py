@@ -8,7 +8,7 @@ from imuscope.server.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "clocks",
     "Clocks",
-    routes=("imuscope.server.extensions.clocks.routes",),
+    routes=("imuscope.server.extensions.clocks.routes", "imuscope.server.extensions.clocks.file_readings"),
     commands=(
         ExtensionCommand(
             "time",

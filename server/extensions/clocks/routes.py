@@ -8,10 +8,10 @@ from fastapi import APIRouter
 
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.api.errors import responses
-from imuscope.server.api.file_readings import FileReadingBody, body_of, is_table
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.recordings import OneEntry
 from imuscope.server.extensions.clocks.figures import MessageClocks, clocks_of
+from imuscope.server.extensions.clocks.file_readings import FileReadingBody, body_of, is_table
 
 router = APIRouter(tags=["recordings"])
 

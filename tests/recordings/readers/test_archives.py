@@ -19,7 +19,7 @@ from imuscope.recordings.download import full_recording
 from imuscope.recordings.importers import open_file, suffixes
 from imuscope.recordings.library import Library
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers import decompressing
+from imuscope.recordings.readers.formats import decompressing
 from imuscope.recordings.readers.known_files import FILES
 from tests.each_row import each_row
 from tests.recordings.field.field_files import field_file

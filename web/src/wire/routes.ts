@@ -1852,28 +1852,6 @@ export interface Routes {
     readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined };
     readonly answer: Blob | ChannelTable;
   };
-  /** Choices on how a recording is read, and the open question of its table. */
-  "GET /api/recordings/{recording}/reading": {
-    readonly path: { readonly recording: string };
-    readonly answer: ReadingState;
-  };
-  /** Choose how a recording is read. It is kept with it; a table's choices apply to later ones with its heading. */
-  "PUT /api/recordings/{recording}/reading": {
-    readonly path: { readonly recording: string };
-    readonly body: FileReadingBody;
-    readonly answer: ReadingState;
-  };
-  /** Read a recording as the file itself says, and forget the choices for its heading. */
-  "DELETE /api/recordings/{recording}/reading": {
-    readonly path: { readonly recording: string };
-    readonly answer: ReadingState;
-  };
-  /** The first rows of a table as they will be read with these choices alone. */
-  "POST /api/recordings/{recording}/reading/preview": {
-    readonly path: { readonly recording: string };
-    readonly body: FileReadingBody;
-    readonly answer: TablePreview;
-  };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };
   /** A workspace with its content. */
@@ -1967,6 +1945,28 @@ export interface Routes {
   "GET /api/recordings/{recording}/clocks": {
     readonly path: { readonly recording: string };
     readonly answer: FileTime;
+  };
+  /** Choices on how a recording is read, and the open question of its table. */
+  "GET /api/recordings/{recording}/reading": {
+    readonly path: { readonly recording: string };
+    readonly answer: ReadingState;
+  };
+  /** Choose how a recording is read. It is kept with it; a table's choices apply to later ones with its heading. */
+  "PUT /api/recordings/{recording}/reading": {
+    readonly path: { readonly recording: string };
+    readonly body: FileReadingBody;
+    readonly answer: ReadingState;
+  };
+  /** Read a recording as the file itself says, and forget the choices for its heading. */
+  "DELETE /api/recordings/{recording}/reading": {
+    readonly path: { readonly recording: string };
+    readonly answer: ReadingState;
+  };
+  /** The first rows of a table as they will be read with these choices alone. */
+  "POST /api/recordings/{recording}/reading/preview": {
+    readonly path: { readonly recording: string };
+    readonly body: FileReadingBody;
+    readonly answer: TablePreview;
   };
   /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
   "GET /api/devices/{device}/corrections": {

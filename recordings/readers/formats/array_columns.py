@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers.arrow_table import BATCH_ROWS, ArrowColumns
+from imuscope.recordings.readers.formats.arrow_table import BATCH_ROWS, ArrowColumns
 from imuscope.recordings.table_format import MAX_COLUMNS
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ class BagPiece:
 
     Args:
         data: has their bytes.
-        table: NUMBER, TIME, START and SIZE of each message (formats/bag_kernels.py).
+        table: NUMBER, TIME, START and SIZE of each message (bag_kernels.py).
         done: share of the file read, 0..1.
     """
 
