@@ -131,8 +131,9 @@ def plugins_of_others(group: str) -> list[ProtocolPlugin]:
     """
     others: dict[tuple[str, str], ProtocolPlugin] = {}
     of_group = re.compile(re.escape(group) + r"(?:\.(\d+))?")
-    groups = [match for name in metadata.entry_points().groups if (match := of_group.fullmatch(name))]
-    for match, entry in ((one, entry) for one in groups for entry in metadata.entry_points(group=one[0])):
+    installed = metadata.entry_points()  # reads files of every package
+    groups = [match for name in installed.groups if (match := of_group.fullmatch(name))]
+    for match, entry in ((one, entry) for one in groups for entry in installed.select(group=one[0])):
         if entry.dist is not None and entry.dist.name == PACKAGE:
             continue
         package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"

@@ -207,7 +207,10 @@ def _learn_to_serve() -> None:
     for name in WORKERS:
         with contextlib.suppress(ModuleNotFoundError):  # an installation without the packages of an extension
             importlib.import_module(name)
-    _learn(*LEARNT)
+    importlib.import_module("imuscope.server.extension").extension_problems()
+    importlib.import_module("imuscope.server.links.registry").link_kinds()
+    own = [one for one in importlib.import_module("imuscope.server.extension").extensions() if not one.package]
+    _learn(*LEARNT, *(name for one in own for name in (one.parts, *one.routes) if name))
 
 
 def _learn(*modules: str) -> None:

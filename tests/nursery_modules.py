@@ -16,8 +16,10 @@ LEARNT = (
         "imuscope.server.commands.serve",
         "imuscope.server.links.simulator",
         "imuscope.protocols.simulator.trajectory",
+        "imuscope.protocols.xbus.simulator.device",
     ),
     *("uvicorn.loops.auto", "uvicorn.protocols.http.auto", "uvicorn.lifespan.on", "anyio._backends._asyncio"),
+    "encodings.idna",  # of a name that is looked up
 )
 WORKERS = (
     *(
