@@ -12,8 +12,6 @@ from imuscope.protocols.framing import Ints
 from imuscope.protocols.registry import log_formats
 from imuscope.recordings.regular_file import read_regular
 
-MARKER_BYTES = 16  # at most
-
 
 def log_suffixes() -> tuple[str, ...]:
     return tuple(one.suffix for _, one in log_formats())

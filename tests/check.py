@@ -73,10 +73,6 @@ def _biome(options: argparse.Namespace) -> list[str]:
     return _web("@biomejs/biome/bin/biome", "check", "--error-on-warnings", "--colors=off", *fix)
 
 
-def _tool(name: str, *arguments: str) -> Callable[[argparse.Namespace], list[str]]:
-    return lambda _: [PYTHON, "-m", name, *arguments]
-
-
 def _vitest(options: argparse.Namespace) -> list[str]:
     files = options.page_files
     chosen = ("related", "--passWithNoTests", *files) if files is not None else ()

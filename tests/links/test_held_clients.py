@@ -79,6 +79,16 @@ def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_session, "MOST_WAIT_S", 0.3)
 
 
+async def configuring(link: SharedPortLink, share: Path) -> int:
+    """A client of the share, which has begun to configure the device."""
+    link.use_frames(*XBUS)
+    driver = opened(share)
+    await eventually(lambda: clients(link), link)
+    os.write(driver, GO_TO_CONFIG)
+    await eventually(lambda: link.state["configuring"], link)
+    return driver
+
+
 async def test_the_server_waits_until_a_client_has_configured_the_device(port: DevicePort, tmp_path: Path) -> None:
     async with shared(port, str(tmp_path / "imu0")) as link:
         link.use_frames(*XBUS)
@@ -129,11 +139,7 @@ async def test_what_a_program_that_left_could_not_send_is_counted(port: DevicePo
 @pytest.mark.usefixtures("short_waits")
 async def test_a_person_may_take_over_from_a_client_that_does_not_finish(port: DevicePort, tmp_path: Path) -> None:
     async with in_process(port, str(tmp_path / "imu0")) as link:
-        link.use_frames(*XBUS)
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
-        os.write(driver, GO_TO_CONFIG)
-        await eventually(lambda: link.state["configuring"], link)
+        driver = await configuring(link, tmp_path / "imu0")
         with pytest.raises(LinkError, match="is configuring the device") as raised:
             await link.write(b"server")
         assert raised.value.hint == "Wait until it has finished, or take over under Share port."
@@ -146,11 +152,7 @@ async def test_a_person_may_take_over_from_a_client_that_does_not_finish(port: D
 @pytest.mark.usefixtures("short_waits")
 async def test_what_has_waited_too_long_is_refused(port: DevicePort, tmp_path: Path) -> None:
     async with in_process(port, str(tmp_path / "imu0")) as link:
-        link.use_frames(*XBUS)
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
-        os.write(driver, GO_TO_CONFIG)
-        await eventually(lambda: link.state["configuring"], link)
+        driver = await configuring(link, tmp_path / "imu0")
         with pytest.raises(LinkError) as raised:
             await link.write(b"server")
         assert raised.value.kind == "busy"

@@ -22,7 +22,6 @@ STEP_S = 0.1
 WINDOW_S = 1.0
 TURN_SPREAD, TURN_CHANGE = 0.3, 0.15  # °/s: a hand that tries to hold still has 0.5 and more
 FORCE_SPREAD, FORCE_CHANGE = 0.15, 0.15  # m/s²: 0.15 is a tilt of 0.9°
-MIN_RATE = 5.0  # Hz; slower signals cannot show rest within a second
 WINDOW_STEPS = 10  # of 0.1 s
 MOST_STEPS = 100_000  # of samples, for the level of their noise
 
@@ -74,9 +73,6 @@ class Stillness:
     @property
     def longest(self) -> RestRun | None:
         return max(self.runs, key=lambda run: run.seconds, default=None)
-
-    def is_still_at(self, time: float) -> bool:
-        return any(run.begin <= time <= run.end for run in self.runs)
 
 
 def step_means(samples: Samples, step: float = STEP_S) -> StepMeans:
