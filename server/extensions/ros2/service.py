@@ -31,7 +31,7 @@ from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.ros2.worker"
-PER_S = 125.0  # how often samples are passed on: a message is at most 8 ms late
+PER_S = 80.0  # how often samples are passed on: a message is at most 12 ms late
 AGAIN_S, LONGEST_S = 1.0, 60.0
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
 
