@@ -356,7 +356,7 @@ class ClockSearch:
     def _number(self, column: int, heading: ColumnHeading, rank: int) -> TableClock:
         """A column of numbers, its unit by the options, its heading, or the numbers."""
         sure: Sure = "stated"
-        unit, why = SPELLINGS.get(self.options.unit, ""), "as an option names it"
+        unit, why = SPELLINGS.get(self.options.unit, ""), "as chosen"
         if not unit and (unit := named_unit(heading)):
             why = "the heading names it"
         if not unit and (heading.name.startswith("%") or heading.name.startswith("field.")):

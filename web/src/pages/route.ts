@@ -87,6 +87,8 @@ export function href(page: PageName, ...parts: readonly (string | undefined)[]):
 
 export const route = signal<Route>(parse(typeof location === "undefined" ? "" : location.hash) ?? LIVE);
 
+/** Counts how often the open recording changed as a whole: its page begins anew. */
+export const reopened = signal(0);
 /** Starts following the address. */
 export function startRoute(): void {
   route.value = parse(location.hash) ?? LIVE; // pages of extensions are known by now

@@ -12,7 +12,6 @@ import type { ExtensionOverlay } from "../extension";
 import { type CursorReading, readingAt } from "./cursor-time";
 import type { SampleAccess } from "../measure/sample-access";
 
-/** Frame to show: that of a sample, or the nearest of its kind. */
 /** A sample as a plot shows it, and where it is in its frame. */
 export interface ShownSample {
   /** "Rate of turn z" and "−45.58 °/s". */

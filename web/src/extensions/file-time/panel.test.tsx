@@ -1,9 +1,10 @@
 // @vitest-environment happy-dom
 /** Clocks of a file: figures with their units, and steps that lead into the plots. */
-import { fireEvent, screen } from "@testing-library/preact";
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { newApp } from "../../testing/live-page";
-import { answering } from "../../testing/recorded";
+import { reopened } from "../../pages/route";
+import { answering, type Answers } from "../../testing/recorded";
 import { clock } from "../../ui/format";
 import { shortDuration } from "./duration";
 import { mountClocks } from "./panel";
@@ -25,6 +26,7 @@ const AXIS = {
   bursts: 0.25,
   steps: [{ kind: "back", by_s: -2, row: 251, time: START + 2.59 }],
   steps_in_all: 21,
+  use: "time (s)",
 };
 const OTHER = {
   ...AXIS,
@@ -34,31 +36,37 @@ const OTHER = {
   jitter_s: 6e-8,
   steps: [],
   steps_in_all: 0,
+  use: "seconds",
 };
 
-function open(sentences: readonly string[]) {
-  answering({
+function open(sentences: readonly string[], more: Answers = {}) {
+  const asked = answering({
+    ...more,
     "GET /api/recordings/yard/clocks": {
       start: START,
       end: START + 4,
       sentences,
       sure: "stated",
+      reading: { rate: 50 },
+      is_chosen: true,
+      is_table: true,
       messages: [{ device: "1", message: "walk", clocks: [AXIS, OTHER] }],
     },
   });
   const host = document.createElement("div");
   document.body.replaceChildren(host);
   const jump = vi.fn();
-  mountClocks(host, { ...newApp(), jump, recording: { id: "yard", rate: () => 0 } });
-  return jump;
+  const app = newApp();
+  mountClocks(host, { ...app, jump, recording: { id: "yard", rate: () => 0 } });
+  return { jump, app, asked };
 }
 
 test("each clock has its figures, and a step leads to its moment", async () => {
-  const jump = open(["The time axis is time in s."]);
+  const { jump } = open(["The time axis is time in s."]);
   await screen.findByText("The time axis is time in s.");
   const rows = screen.getAllByRole("row").map((row) => row.textContent);
   expect(rows[1]).toContain("time axis");
-  expect(rows[2]).toBe("seconds s1970100 Hz10 ms−3.3 ppm60 ns1025 %");
+  expect(rows[2]).toBe("seconds Use this clocks1970100 Hz10 ms−3.3 ppm60 ns1025 %");
   expect(screen.getByText("Steps in all: 21")).toBeTruthy();
   expect(document.querySelector(".file-time-strip path")?.getAttribute("d")).toBe("M647.5 0v12");
   fireEvent.click(screen.getByText(clock(START + 2.59, 3)));
@@ -68,6 +76,26 @@ test("each clock has its figures, and a step leads to its moment", async () => {
 test("a recording of devices says which clock its axis is", async () => {
   open([]);
   await screen.findByText(/time of the devices/);
+});
+
+test("another clock is used, or the usual one again", async () => {
+  const before = reopened.peek();
+  const { asked } = open([], {
+    "PUT /api/recordings/yard/reading": {},
+    "DELETE /api/recordings/yard/reading": {},
+  });
+  fireEvent.click(await screen.findByText("Use this clock"));
+  await waitFor(() => expect(reopened.peek()).toBe(before + 1));
+  expect(asked.find(({ method }) => method === "PUT")?.body).toMatchObject({ time_column: "seconds", rate: 0 });
+  fireEvent.click(screen.getByText("Automatic"));
+  await waitFor(() => expect(reopened.peek()).toBe(before + 2));
+});
+
+test("a table can be read otherwise", async () => {
+  const { app } = open([]);
+  fireEvent.click(await screen.findByText("Read otherwise…"));
+  expect(app.overlay.value).toBe("file-time/reading");
+  expect(app.subject.value).toMatchObject({ reading: { rate: 50 }, is_chosen: true });
 });
 
 test("durations have three digits and a unit", () => {

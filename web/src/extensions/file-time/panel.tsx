@@ -9,6 +9,8 @@ import { clock as timeOfDay, rate as rateText, signed } from "../../ui/format";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import { shortDuration } from "./duration";
+import { readingOf, withTimes } from "./reading";
+import { reopen } from "./reopen";
 import { TEXT } from "./texts";
 import "./file-time.css";
 
@@ -53,13 +55,58 @@ function ClocksPanel({ deps }: { readonly deps: Deps }) {
   const time = file.value;
   if (!time) return <p class="foot-note dim">{TEXT.loading}</p>;
   const sentences = time.sentences.length > 0 ? time.sentences : [TEXT.ofDevice];
+  const use = async (clock: FileClock): Promise<void> => {
+    const { reading, is_table } = time;
+    const choice = clock.use === "arrival" ? ("arrival" as const) : ("" as const);
+    const body = is_table ? withTimes(readingOf(reading), clock.use) : { ...reading, clock: choice };
+    const outcome = await request("PUT /api/recordings/{recording}/reading", { path: { recording: id }, body });
+    if (outcome.ok) reopen(id);
+    else if (is_table) deps.open.dialog("file-time/reading", { ...time, reading: body });
+    else problem.value = outcome.problem;
+  };
+  const automatic = async (): Promise<void> => {
+    const outcome = await request("DELETE /api/recordings/{recording}/reading", { path: { recording: id } });
+    if (outcome.ok) reopen(id);
+    else problem.value = outcome.problem;
+  };
   return (
     <div class="file-time">
       {sentences.map((sentence) => (
         <p key={sentence}>{sentence}</p>
       ))}
+      {(time.is_table || time.is_chosen) && (
+        <div class="file-time-choice">
+          {time.is_chosen && <span class="dim">{TEXT.isChosen}</span>}
+          {time.is_table && (
+            <button
+              type="button"
+              class="btn small edge"
+              title={TEXT.readOtherwiseHint}
+              onClick={() => deps.open.dialog("file-time/reading", time)}
+            >
+              {TEXT.readOtherwise}
+            </button>
+          )}
+          {time.is_chosen && (
+            <button
+              type="button"
+              class="btn small edge"
+              title={time.is_table ? TEXT.automaticHint : TEXT.automaticClock}
+              onClick={() => void automatic()}
+            >
+              {TEXT.automatic}
+            </button>
+          )}
+        </div>
+      )}
       {time.messages.map((one) => (
-        <Clocks key={`${one.device} ${one.message}`} of={one} file={time} deps={deps} />
+        <Clocks
+          key={`${one.device} ${one.message}`}
+          of={one}
+          file={time}
+          deps={deps}
+          onUse={(clock) => void use(clock)}
+        />
       ))}
     </div>
   );
@@ -69,9 +116,10 @@ interface ClocksProps {
   readonly of: MessageClocks;
   readonly file: FileTime;
   readonly deps: Deps;
+  readonly onUse: (clock: FileClock) => void;
 }
 
-function Clocks({ of, file, deps }: ClocksProps) {
+function Clocks({ of, file, deps, onUse }: ClocksProps) {
   return (
     <section>
       <h4>{of.message}</h4>
@@ -88,7 +136,7 @@ function Clocks({ of, file, deps }: ClocksProps) {
           </thead>
           <tbody>
             {of.clocks.map((one) => (
-              <Row key={one.name} clock={one} />
+              <Row key={one.name} clock={one} onUse={onUse} />
             ))}
           </tbody>
         </table>
@@ -100,7 +148,7 @@ function Clocks({ of, file, deps }: ClocksProps) {
   );
 }
 
-function Row({ clock }: { readonly clock: FileClock }) {
+function Row({ clock, onUse }: { readonly clock: FileClock; readonly onUse: ClocksProps["onUse"] }) {
   const { drift_ppm: drift, jitter_s: jitter, rate_hz: rate, resolution_s: resolution } = clock;
   return (
     <tr>
@@ -110,6 +158,11 @@ function Row({ clock }: { readonly clock: FileClock }) {
           <span class="file-time-axis" title={TEXT.axisHint}>
             {TEXT.axis}
           </span>
+        )}
+        {!clock.is_axis && clock.use !== "" && (
+          <button type="button" class="btn small edge" title={TEXT.useHint} onClick={() => onUse(clock)}>
+            {TEXT.use}
+          </button>
         )}
       </th>
       <td>{clock.unit}</td>

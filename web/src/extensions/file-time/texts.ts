@@ -1,4 +1,4 @@
-/** Texts of the panel with the clocks of a file. */
+/** Texts of the panel with the clocks of a file, and of the dialog of a table. */
 import type { Value } from "../../texts/plural";
 
 export const TEXT = {
@@ -31,4 +31,41 @@ export const TEXT = {
   more: (count: Value) => `Steps in all: ${count}`,
   steps: (clock: Value) => `Steps of ${clock} over the length of the file`,
   of: (message: Value) => `Clocks of ${message}`,
+  use: "Use this clock",
+  useHint: "Make it the time axis of this recording, for plots, exports and analyses",
+  isChosen: "Chosen for this recording.",
+  automatic: "Automatic",
+  automaticHint: "Read it as the file itself says, and forget the choices for this heading",
+  automaticClock: "Use the usual clock again",
+  readOtherwise: "Read otherwise…",
+  readOtherwiseHint: "Time column, unit, rate, names and units of the columns, with the first rows",
+  readingOf: (file: Value) => `Read ${file}`,
+  loadingRows: "Reading the first rows…",
+  remembered: "Saved with the recording, and used for later files with this heading.",
+  readSo: "Read it so",
+  questions: {
+    time: () => "No column is known to be the time. Choose one, or count the rows at a known rate.",
+    unit: (clock: Value) => `The unit of ${clock} is not certain. Choose the one with the right rate.`,
+    order: () => "The dates have the day or the month first. Choose the order.",
+  },
+  timeColumn: "Time column",
+  chooseColumn: "Choose a column",
+  countRows: "None: count the rows",
+  samplesPerSecond: "Samples per second",
+  unitOf: (name: Value) => `Unit of ${name}`,
+  oneIn: (seconds: Value) => `one in ${seconds} s`,
+  dateOrder: "Order of dates",
+  orders: { dmy: "day, month, year", mdy: "month, day, year" },
+  separatedBy: (separator: Value) => `Columns separated by ${separator}`,
+  separators: { ",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks" } as Record<string, string>,
+  decimalComma: "decimal comma",
+  decimalPoint: "decimal point",
+  startsAt: (date: Value) => `starts ${date} UTC`,
+  firstRows: "First rows as they will be read",
+  timeUtc: "Time, UTC",
+  otherClock: "clock",
+  columnNames: "Names and units of the columns",
+  columnNamesHint: "Columns x, y and z of one name become a vector.",
+  columnNumber: (place: Value) => `Column ${place}`,
+  nameOf: (column: Value) => `Name of ${column}`,
 };

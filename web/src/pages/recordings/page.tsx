@@ -1,6 +1,6 @@
 /** The Recordings page: the library, or an open recording. Loaded on first use. */
 import type { App } from "../app-state";
-import { route } from "../route";
+import { reopened, route } from "../route";
 import { LibraryPage } from "./library";
 import { OpenPage } from "./open-page";
 import "./library.css";
@@ -10,5 +10,5 @@ import "./replay.css";
 
 export function RecordingsPage({ app }: { readonly app: App }) {
   const id = route.value.recording;
-  return id === undefined ? <LibraryPage app={app} /> : <OpenPage key={id} id={id} app={app} />;
+  return id === undefined ? <LibraryPage app={app} /> : <OpenPage key={id + reopened.value} id={id} app={app} />;
 }

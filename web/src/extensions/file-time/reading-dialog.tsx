@@ -1,0 +1,223 @@
+/** The dialog of a table: its first rows as they will be read, and everything about them that can be chosen. */
+import { type Signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { dateWords } from "../../recordings/library-filter";
+import { Dialog } from "../../ui/dialog";
+import { type HttpProblem, request } from "../../ui/http";
+import { Icon } from "../../ui/icons";
+import { ProblemNote } from "../../ui/problem-note";
+import type { ReadingState, TablePreview } from "../../wire/routes";
+import { COMMON } from "../../texts/common";
+import { ColumnNames } from "./column-names";
+import { FirstRows } from "./first-rows";
+import { COUNT_ROWS, samplingWords, type Reading, readingOf, timeChoices, unitOption, withTimes } from "./reading";
+import { TEXT } from "./texts";
+import "./reading.css";
+
+/** Pause after which what is typed is shown, ms. */
+const TYPED_MS = 200;
+
+interface Props {
+  /** RecordingInfo.id */
+  readonly recording: string;
+  /** Name of its file. */
+  readonly title: string;
+  readonly state: Pick<ReadingState, "reading" | "is_chosen">;
+  readonly onClose: () => void;
+  /** It is read otherwise from now on. */
+  readonly onChosen: () => void;
+}
+
+export function ReadingDialog({ recording, title, state, onClose, onChosen }: Props) {
+  const reading = useSignal<Reading>(readingOf(state.reading));
+  const preview = useSignal<TablePreview | undefined>(undefined);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
+  const busy = useSignal(false);
+  const path = { recording };
+  const body = reading.value;
+  useEffect(() => {
+    const over = new AbortController();
+    const show = async (): Promise<void> => {
+      const input = { path: { recording }, body, signal: over.signal };
+      const outcome = await request("POST /api/recordings/{recording}/reading/preview", input);
+      if (over.signal.aborted) return;
+      problem.value = outcome.ok ? undefined : outcome.problem;
+      if (outcome.ok) preview.value = outcome.value;
+    };
+    const timer = setTimeout(() => void show(), preview.peek() ? TYPED_MS : 0);
+    return () => {
+      clearTimeout(timer);
+      over.abort();
+    };
+  }, [body, recording]);
+  const choose = async (isAutomatic: boolean): Promise<void> => {
+    if (busy.value) return;
+    busy.value = true;
+    const outcome = isAutomatic
+      ? await request("DELETE /api/recordings/{recording}/reading", { path })
+      : await request("PUT /api/recordings/{recording}/reading", { path, body: reading.value });
+    busy.value = false;
+    if (outcome.ok) onChosen();
+    else problem.value = outcome.problem;
+  };
+  const table = preview.value;
+  return (
+    <Dialog title={TEXT.readingOf(title)} onClose={onClose}>
+      <form
+        class="table-reading form"
+        autocomplete="off"
+        onSubmit={(event) => {
+          event.preventDefault();
+          void choose(false);
+        }}
+      >
+        {!table && !problem.value && <p class="dim">{TEXT.loadingRows}</p>}
+        {table && <Question table={table} />}
+        {table && <Choices table={table} reading={reading} />}
+        {problem.value && <ProblemNote problem={problem.value} />}
+        {table && <Facts table={table} />}
+        {table && <FirstRows table={table} />}
+        {table && <ColumnNames table={table} reading={reading} />}
+        <div class="row">
+          <span class="grow dim">{TEXT.remembered}</span>
+          {state.is_chosen && (
+            <button type="button" class="btn edge" title={TEXT.automaticHint} onClick={() => void choose(true)}>
+              {TEXT.automatic}
+            </button>
+          )}
+          <button type="button" class="btn edge" onClick={onClose}>
+            {COMMON.cancel}
+          </button>
+          <button type="submit" class="btn main" disabled={busy.value || !table || table.about !== ""}>
+            {TEXT.readSo}
+          </button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}
+
+/** The open question, until it is answered. */
+function Question({ table }: { readonly table: TablePreview }) {
+  if (table.about === "") return null;
+  const words = table.about === "rate" ? table.problem : TEXT.questions[table.about](table.clock);
+  return (
+    <p class="hint table-question" role="status">
+      {words}
+    </p>
+  );
+}
+
+interface ChoicesProps {
+  readonly table: TablePreview;
+  readonly reading: Signal<Reading>;
+}
+
+function Choices({ table, reading }: ChoicesProps) {
+  const { value } = reading;
+  const set = (part: Partial<Reading>): void => void (reading.value = { ...reading.peek(), ...part });
+  const isCounted = value.time_column === COUNT_ROWS;
+  const column = value.time_column || table.time_column;
+  const asksOrder = table.about === "order" || value.date_order !== "";
+  return (
+    <div class="table-choices">
+      <div>
+        <label for="table-times">{TEXT.timeColumn}</label>
+        <div class="select">
+          <select
+            id="table-times"
+            value={column}
+            onChange={(event) => (reading.value = withTimes(reading.peek(), event.currentTarget.value))}
+          >
+            {column === "" && <option value="">{TEXT.chooseColumn}</option>}
+            {timeChoices(table, value.columns).map(([option, name]) => (
+              <option key={option} value={option}>
+                {name}
+              </option>
+            ))}
+            <option value={COUNT_ROWS}>{TEXT.countRows}</option>
+          </select>
+          <Icon name="down" />
+        </div>
+      </div>
+      {isCounted && (
+        <div>
+          <label for="table-rate">{TEXT.samplesPerSecond}</label>
+          <div class="field">
+            <input
+              id="table-rate"
+              type="text"
+              inputMode="decimal"
+              value={value.rate || ""}
+              onInput={(event) => set({ rate: Math.max(0, Number(event.currentTarget.value.replace(",", ".")) || 0) })}
+            />
+            <span class="unit">Hz</span>
+          </div>
+        </div>
+      )}
+      {!isCounted && table.units.length > 0 && <Units table={table} reading={reading} />}
+      {asksOrder && (
+        <div>
+          <span class="label">{TEXT.dateOrder}</span>
+          <div class="segmented" role="group" aria-label={TEXT.dateOrder}>
+            {(["dmy", "mdy"] as const).map((order) => (
+              <button
+                type="button"
+                key={order}
+                aria-pressed={value.date_order === order}
+                onClick={() => set({ date_order: order })}
+              >
+                {TEXT.orders[order]}
+              </button>
+            ))}
+          </div>
+        </div>
+      )}
+    </div>
+  );
+}
+
+/** The units, each with the sampling rate that it gives. */
+function Units({ table, reading }: ChoicesProps) {
+  const chosen = reading.value.unit || unitOption(table.unit);
+  return (
+    <div>
+      <span class="label">{TEXT.unitOf(table.clock)}</span>
+      <div class="segmented table-units" role="group" aria-label={TEXT.unitOf(table.clock)}>
+        {table.units.map(({ unit, rate, is_plausible }) => (
+          <button
+            type="button"
+            key={unit}
+            class={is_plausible ? "" : "unlikely"}
+            aria-pressed={chosen === unitOption(unit)}
+            onClick={() => (reading.value = { ...reading.peek(), unit: unitOption(unit), rate: 0 })}
+          >
+            <b>{unit}</b>
+            <span>{rate === null ? TEXT.none : samplingWords(rate, TEXT.oneIn)}</span>
+          </button>
+        ))}
+      </div>
+    </div>
+  );
+}
+
+/** Form of the file, and the axis in words. */
+function Facts({ table }: { readonly table: TablePreview }) {
+  const [first] = table.times;
+  const facts = [
+    TEXT.separatedBy(TEXT.separators[table.separator] ?? table.separator),
+    table.decimal === "," ? TEXT.decimalComma : TEXT.decimalPoint,
+    ...(table.rate === null ? [] : [samplingWords(table.rate, TEXT.oneIn)]),
+    ...(first === null || first === undefined ? [] : [TEXT.startsAt(dateWords(first, true))]),
+  ];
+  return (
+    <div class="table-facts">
+      <p>{facts.join(" · ")}</p>
+      {table.sentences.map((sentence) => (
+        <p key={sentence} class="dim">
+          {sentence}
+        </p>
+      ))}
+    </div>
+  );
+}
