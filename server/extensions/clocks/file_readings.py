@@ -22,7 +22,7 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.recordings.table_clock import AmbiguousTableError
 from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.table_preview import TablePreview, may_be_table, preview_of, question_of
+from imuscope.recordings.table_preview import TABLES, TablePreview, may_be_table, preview_of, question_of
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_recording
 from imuscope.server.api.recordings import OneEntry, still_recording
@@ -30,6 +30,7 @@ from imuscope.server.errors import DomainError
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
+MOST_PACKED = 20_000_000  # bytes of an archive that is unpacked to look for a question
 Heading = Annotated[str, Field(max_length=LONGEST)]
 
 
@@ -154,7 +155,7 @@ async def _state(services: TheServices, entry: LibraryEntry) -> ReadingState:
         raise unknown_recording(entry.id) from None
     if store is not None:
         return ReadingState(body_of(reading), bool(reading), is_table(store))
-    if not may_be_table(entry.probe.format):
+    if not may_be_table(entry.probe.format) or (entry.probe.format not in TABLES and entry.size > MOST_PACKED):
         return ReadingState(body_of(reading), bool(reading), False)
     question = await asyncio.to_thread(_question, entry)
     if question is None:
