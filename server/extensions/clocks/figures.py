@@ -1,16 +1,16 @@
-"""Clocks of an opened file: each with its unit, epoch, resolution and steps, against the clock that is the time axis.
+"""Clocks of a decoded file: each with its unit, epoch, resolution and steps, against the clock that is the time axis.
 
     axis      ├──┼──┼──┼──┼──┤        drift    slope of the clock against the axis, ppm
     clock     ├──┼───┼──┼─┼──┤        jitter   standard deviation of the differences from that line
-                                      steps    back, ahead, wraps: where the clock does not continue
+                                      steps    back, ahead, restarts, wraps: where the clock does not continue
                                       bursts   share of samples that come at once, after a pause
 
-Drift and jitter are those of the longest stretch without a step.
+Drift and jitter are those of the longest stretch in which the difference has no step; samples that are missing on both
+clocks, or a stall that is caught up, are none.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.clock_steps import ClockWatch, periods_of
+from imuscope.recordings.clock_steps import ClockWatch, StepOfClock, periods_of
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.table_axis import step_limits
+from imuscope.recordings.table_axis import AHEAD, step_limits
 from imuscope.recordings.time_units import UNITS, is_dated
+from imuscope.server.extensions.clocks.against import ClockDifference, difference_between
 from imuscope.server.library.collector import DEVICE_TIME
 
 Floats = NDArray[np.float64]
@@ -30,14 +31,23 @@ MOST_ROWS = 4_000_000  # examined of one message: an hour at 1 kHz
 MOST_STEPS = 20  # listed of one clock
 BURST = 0.2  # of the usual step: samples that follow sooner came with the one before
 SAME = 0.05  # of a rate that is that of a unit
-STAMPS = ("stamp", "utc", "timestamp", "time", "SampleTimeFine", "SampleTimeCoarse", "timeOfWeek", "iTOW")
+LONG = 20.0  # usual steps: a longer one is none by which the unit is found
+RESTART = 0.1  # of a clock: one that goes back below that share of it has begun again
+STAMPS = (
+    *("stamp", "utc", "timestamp", "time", "sequence", "PacketCounter"),
+    *("SampleTimeFine", "SampleTimeCoarse", "timeOfWeek", "iTOW"),
+)
+COUNTS = "counts of"
 LATEST = 4e9  # unix s
 FINE = {"100 µs": 1e-4}
 
 
 @dataclass(frozen=True, slots=True)
 class ClockStepFigures:
-    """A step of a clock: `row` from 1 in its message, `time` on the axis, unix s."""
+    """A step of a clock: "back", "ahead", "restart" or "wrap".
+
+    `row` counts from 1 in its message, `time` is on the axis, unix s.
+    """
 
     kind: str
     by_s: float
@@ -55,8 +65,11 @@ class FileClock:
         resolution_s: least step that occurs.
         rate_hz: by the usual step; None without one.
         drift_ppm, jitter_s: against the axis; None for the axis itself, and where they are unknown.
+        drift_error_ppm: standard error of the drift.
         repeats: samples with the time of the one before.
         bursts: share of samples that came at once with the one before, 0..1.
+        burst_samples: of a burst, on average; 0 without one.
+        difference: to the axis, over its length; None as for the jitter.
         use: the choice that makes it the axis: the heading of a time column, "device" or "arrival"; "" if it cannot be.
     """
 
@@ -69,13 +82,16 @@ class FileClock:
     resolution_s: float | None = None
     rate_hz: float | None = None
     drift_ppm: float | None = None
+    drift_error_ppm: float | None = None
     jitter_s: float | None = None
     repeats: int = 0
     gaps: int = 0
     bursts: float = 0.0
+    burst_samples: float = 0.0
     steps: list[ClockStepFigures] = field(default_factory=list)
     steps_in_all: int = 0
     use: str = ""
+    difference: ClockDifference | None = None
 
 
 @dataclass(slots=True)
@@ -123,6 +139,8 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
         if unit:
             clock = _figures(name, values * factor, axis, factor=factor)
             clock.unit, clock.use = unit, uses.get(name, "")
+            if unit.startswith(COUNTS):  # of the axis itself
+                clock.drift_ppm = clock.drift_error_ppm = None
             yield clock
 
 
@@ -164,7 +182,9 @@ def _columns(
         if store.rows(info["id"]) < n:
             continue
         for at, column in enumerate(info["columns"]):
-            name = info["title"] if column["name"] == "value" else column["name"]
+            name = column["name"]
+            if name == "value":
+                name = info["title"] if info["title"] in names else info["name"]
             if name in names:
                 [values] = store.exact(info["id"], 0, n, columns=[at]).columns
                 columns.setdefault(name, values.astype(np.float64))
@@ -178,11 +198,15 @@ def _unit_of(values: Floats, axis: Floats) -> tuple[float, str]:
     forward = (steps > 0) & (passed > 0)
     if not forward.any():
         return 1.0, ""
+    forward &= (steps <= LONG * np.median(steps[forward])) & (passed <= LONG * np.median(passed[forward]))
+    if not forward.any():
+        return 1.0, ""
     ratio = float(passed[forward].sum() / steps[forward].sum())
     for unit, factor in {**UNITS, **FINE}.items():
         if abs(ratio / factor - 1) < SAME:
             return factor, unit
-    return ratio, f"counts of {ratio:.6g} s"
+    ratio = float(np.median(passed[forward] / steps[forward]))
+    return ratio, f"{COUNTS} {ratio:.4g} s"
 
 
 def _figures(
@@ -197,34 +221,41 @@ def _figures(
     if len(times) < 2:
         return made
     usual, ahead = step_limits(times)
+    expected = usual if is_axis else step_limits(on_axis)[0]
     steps = np.diff(times)
     forward = steps[steps > 0]
     made.resolution_s = float(forward.min()) if len(forward) else None
+    _count_bursts(made, steps, expected)
+    if made.bursts and expected:  # then single steps say nothing on the rate
+        usual, ahead = expected, max(ahead, AHEAD * expected)
     made.rate_hz = 1 / usual if usual else None
-    made.bursts = float(np.mean((steps >= 0) & (steps < BURST * usual))) if usual else 0.0
     watch = ClockWatch(usual, ahead, periods_of(factor, "counter" if factor else "text", "start"))
     watch.feed(times)
     watch.end()
     made.repeats, made.steps_in_all = watch.repeats, len(watch.steps) + watch.left_out
     made.gaps = sum(step.kind == "ahead" for step in watch.steps)
     made.steps = [
-        ClockStepFigures(step.kind, step.by_s, step.row + 1, float(on_axis[step.row]))
+        ClockStepFigures(_kind(step), step.by_s, step.row + 1, float(on_axis[step.row]))
         for step in watch.steps[:MOST_STEPS]
     ]
     if not is_axis:
-        made.drift_ppm, made.jitter_s = _against(times, on_axis, [step.row for step in watch.steps])
+        against = difference_between(times, on_axis, watch.steps)
+        made.drift_ppm, made.drift_error_ppm = against.drift_ppm, against.drift_error_ppm
+        made.jitter_s, made.difference = against.jitter_s, against.series
     return made
 
 
-def _against(times: Floats, axis: Floats, edges: list[int]) -> tuple[float | None, float | None]:
-    """Drift, ppm, and jitter, s, of the longest stretch between steps."""
-    bounds = [0, *edges, len(times)]
-    begin, end = max(itertools.pairwise(bounds), key=lambda pair: pair[1] - pair[0])
-    x, y = axis[begin:end] - axis[begin], times[begin:end] - times[begin]
-    if len(x) < 3 or not np.ptp(x) > 0:
-        return None, None
-    slope, offset = np.polyfit(x, y, 1)
-    return float((slope - 1) * 1e6), float(np.std(y - slope * x - offset))
+def _kind(step: StepOfClock) -> str:
+    return "restart" if step.kind == "back" and 0 <= step.after < RESTART * step.before else step.kind
+
+
+def _count_bursts(clock: FileClock, steps: Floats, usual: float) -> None:
+    """Share and size of bursts; samples of a clock that stands still (a coarse one) are at once, too."""
+    at_once = (steps >= 0) & (steps < BURST * usual)
+    followers = int(at_once.sum())
+    bursts = int(np.count_nonzero(at_once & ~np.concatenate(([False], at_once[:-1]))))
+    clock.bursts = followers / len(steps)
+    clock.burst_samples = followers / bursts + 1 if bursts else 0.0
 
 
 def as_json(store: ColumnStore) -> dict[str, Any]:

@@ -24,9 +24,11 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, as_json, clocks_of
 
 HEADINGS = ("", "clock", "unit", "zero", "rate", "resolution", "drift", "jitter", "steps", "repeats", "bursts")
+SHOWN = 0.005  # of a share, in whole percents
 NOTHING_S = 1e-9  # below the resolution of a time since 1970
 WORDS = {
     "back": "goes back by {} at sample {} ({})",
+    "restart": "restarts: it goes back by {} at sample {} ({})",
     "ahead": "goes ahead by {} at sample {} ({})",
     "wrap": "wraps after {} at sample {} ({})",
 }
@@ -75,6 +77,12 @@ def _short(seconds: float) -> str:
     return duration_text(float(f"{seconds:.3g}")) if seconds >= NOTHING_S else "0"
 
 
+def _drift_text(ppm: float | None, error: float | None) -> str:
+    if ppm is None:
+        return ""
+    return f"{ppm:+.1f} ppm" if error is None else f"{ppm:+.1f} ±{error:.1f} ppm"
+
+
 def _cells(clock: FileClock) -> Sequence[str]:
     return (
         "*" if clock.is_axis else "",
@@ -83,9 +91,9 @@ def _cells(clock: FileClock) -> Sequence[str]:
         clock.epoch,
         rate_text(clock.rate_hz) if clock.rate_hz else "—",
         _short(clock.resolution_s) if clock.resolution_s else "—",
-        "" if clock.drift_ppm is None else f"{clock.drift_ppm:+.1f} ppm",
+        _drift_text(clock.drift_ppm, clock.drift_error_ppm),
         "" if clock.jitter_s is None else _short(clock.jitter_s),
         str(clock.steps_in_all),
         str(clock.repeats),
-        f"{100 * clock.bursts:.0f} %",
+        f"{100 * clock.bursts:.0f} %" + (f" of {clock.burst_samples:.3g}" if clock.bursts >= SHOWN else ""),
     )

@@ -9,6 +9,7 @@ import pytest
 
 from imuscope.server.cli import main
 from tests.each_row import each_row
+from tests.recordings.recorded_drive import drive
 
 ROWS = 400
 
@@ -42,6 +43,7 @@ def test_drift_and_jitter_are_against_the_axis(tmp_path: Path, capsys: pytest.Ca
     [
         ([n * 10 + (5000 if n < 200 else 0) for n in range(ROWS)], "back", -5.0),
         ([n * 10 + (5000 if n >= 200 else 0) for n in range(ROWS)], "ahead", 5.0),
+        ([5000 + n * 10 if n < 200 else n * 10 - 2000 for n in range(ROWS)], "restart", -7.0),
         ([(65_536 - 2000 + n * 10) % 65_536 for n in range(ROWS)], "wrap", -65.536),
     ],
 )
@@ -64,6 +66,44 @@ def test_repeats_and_bursts_are_counted(tmp_path: Path, capsys: pytest.CaptureFi
     found = clocks(capsys, table(tmp_path / "a.csv", "time (s),host_time (s),gx", times, bursts, ["1"] * ROWS))
     assert found["host_time"]["repeats"] == 300
     assert found["host_time"]["bursts"] == pytest.approx(0.75, abs=0.01)
+    assert found["host_time"]["burst_samples"] == 4
+    assert found["host_time"]["rate_hz"] == pytest.approx(100)
+
+
+def test_the_difference_is_drawn_in_few_points(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    times = [f"{1_500_000_000 + n / 100:.2f}" for n in range(ROWS)]
+    device = [str(round(n * 10_000 * 1.001) + (10**9 if n >= 300 else 0)) for n in range(ROWS)]
+    found = clocks(capsys, table(tmp_path / "a.csv", "time (s),TimeUS,gx", times, device, ["1"] * ROWS))
+    course = found["TimeUS"]["difference"]
+    assert isinstance(course, dict)
+    assert len(course["times"]) == len(course["low"]) == len(course["high"]) == 200
+    assert course["edges"] == pytest.approx([1_500_000_003])
+    assert max(course["high"]) == pytest.approx(2.99e-3, abs=1e-5)  # from zero again after the step
+    assert found["TimeUS"]["drift_ppm"] == pytest.approx(1000, abs=1)
+    assert found["time"]["difference"] is None
+
+
+def test_a_stall_that_is_caught_up_is_no_step_of_the_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    times = [f"{1_500_000_000 + n / 100:.2f}" for n in range(ROWS)]
+    late = [f"{1_500_000_000 + max(n, 230 if 200 <= n < 230 else 0) / 100:.2f}" for n in range(ROWS)]
+    found = clocks(capsys, table(tmp_path / "a.csv", "time (s),host_time (s),gx", times, late, ["1"] * ROWS))
+    host = found["host_time"]
+    assert host["steps"]
+    assert host["difference"]["edges"] == []  # type: ignore[index]
+    assert abs(host["drift_ppm"]) < 4 * host["drift_error_ppm"]  # type: ignore[arg-type, operator]
+
+
+def test_a_counter_has_no_drift_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive(tmp_path / "drive.mcap", seconds=2.0)
+    assert main(["time", str(tmp_path / "drive.mcap"), "--json"]) == 0
+    found = [one for message in json.loads(capsys.readouterr().out)["messages"] for one in message["clocks"]]
+    [counter] = [one for one in found if one["name"] == "PacketCounter"]
+    assert counter["unit"] == "counts of 0.01 s"
+    assert counter["drift_ppm"] is None
+    [sampled] = [one for one in found if one["name"] == "SampleTimeFine"]
+    assert sampled["unit"] == "100 µs"
 
 
 def test_what_is_not_certain_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

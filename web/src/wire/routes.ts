@@ -296,7 +296,15 @@ export interface ChannelTable {
   readonly columns: Readonly<Record<string, readonly unknown[]>>;
 }
 
-/** A step of a clock: `row` from 1 in its message, `time` on the axis, unix s. */
+/** Course of a difference, in parts of its length: those without samples are absent. */
+export interface ClockDifference {
+  readonly times: readonly number[];
+  readonly low: readonly number[];
+  readonly high: readonly number[];
+  readonly edges: readonly number[];
+}
+
+/** A step of a clock: "back", "ahead", "restart" or "wrap". */
 export interface ClockStepFigures {
   readonly kind: string;
   readonly by_s: number;
@@ -562,13 +570,16 @@ export interface FileClock {
   readonly resolution_s: number | null;
   readonly rate_hz: number | null;
   readonly drift_ppm: number | null;
+  readonly drift_error_ppm: number | null;
   readonly jitter_s: number | null;
   readonly repeats: number;
   readonly gaps: number;
   readonly bursts: number;
+  readonly burst_samples: number;
   readonly steps: readonly ClockStepFigures[];
   readonly steps_in_all: number;
   readonly use: string;
+  readonly difference: ClockDifference | null;
 }
 
 /** Choices on how a recording is read; "" and 0 where the file decides. */

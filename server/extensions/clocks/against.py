@@ -1,0 +1,117 @@
+"""Difference of a clock to the time axis: its slope, its scatter, where it steps, and its course in few points.
+
+difference  ╱╱╱╱      ╱╱╱     it begins at zero again after each step that lasts, so that drift and jitter stay
+╱╱╱╱╱╱        visible beside a step of any size
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.recordings.clock_steps import StepOfClock
+
+Floats = NDArray[np.float64]
+
+MOST_POINTS = 200  # of the course of a difference
+SIDE_ROWS = (20, 4000)  # fewest and most rows on a side of a step that distinguish it from a stall
+STALLS = 4.0  # lengths of a step in which one is caught up
+LASTS = 0.5  # of a step: a difference that changes by less comes back
+BLOCKS = 64  # whose means are taken as independent
+FEWEST_BLOCKS = 4
+DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class ClockDifference:
+    """Course of a difference, in parts of its length: those without samples are absent.
+
+    Args:
+        times: middle of each part on the axis, unix s.
+        low, high: least and greatest difference in it, s; zero at the first sample after a step.
+        edges: steps of the difference, on the axis, unix s.
+    """
+
+    times: list[float]
+    low: list[float]
+    high: list[float]
+    edges: list[float]
+
+
+@dataclass(frozen=True, slots=True)
+class AgainstAxis:
+    """Figures of a difference; None where they are unknown."""
+
+    drift_ppm: float | None
+    drift_error_ppm: float | None
+    jitter_s: float | None
+    series: ClockDifference | None
+
+
+def difference_between(clock: Floats, axis: Floats, steps: Sequence[StepOfClock]) -> AgainstAxis:
+    """Figures of the difference of a clock to the axis, both in s; drift and jitter of the longest stretch.
+
+    Args:
+        steps: of the clock.
+    """
+    raw = (clock - clock[0]) - (axis - axis[0])
+    usual = float(np.median(np.diff(axis)))
+    edges = list(_edges(raw, steps, usual))
+    bounds = [0, *edges, len(clock)]
+    begin, end = max(itertools.pairwise(bounds), key=lambda pair: pair[1] - pair[0])
+    series = _series(raw, axis, bounds)
+    x, y = axis[begin:end] - axis[begin], raw[begin:end]
+    if len(x) < 3 or not np.ptp(x) > 0:
+        return AgainstAxis(None, None, None, series)
+    slope, offset = np.polyfit(x, y, 1)
+    rest = y - slope * x - offset
+    return AgainstAxis(float(slope * 1e6), _slope_error(x, rest), float(np.std(rest)), series)
+
+
+def _edges(difference: Floats, steps: Sequence[StepOfClock], usual: float) -> Iterator[int]:
+    """Rows at which a step of the clock is one of the difference, and stays."""
+    fewest, most = SIDE_ROWS
+    for step in steps:
+        if not step.row:
+            continue
+        wide = STALLS * abs(step.by_s) / usual if usual > 0 else fewest
+        n = int(min(max(wide, fewest), most))
+        before, after = difference[max(step.row - n, 0) : step.row], difference[step.row : step.row + n]
+        if abs(float(np.median(after) - np.median(before))) > LASTS * abs(step.by_s):
+            yield step.row
+
+
+def _slope_error(x: Floats, rest: Floats) -> float | None:
+    """Standard error of a slope, ppm, from means of blocks: single samples of a burst are not independent."""
+    count = min(BLOCKS, len(x) // FEWEST_BLOCKS)
+    if count < FEWEST_BLOCKS:
+        return None
+    starts = np.linspace(0, len(x), count, endpoint=False).astype(np.int64)
+    sizes = np.diff(np.append(starts, len(x)))
+    means_x, means = np.add.reduceat(x, starts) / sizes, np.add.reduceat(rest, starts) / sizes
+    spread = float(np.sum((means_x - means_x.mean()) ** 2))
+    return float(np.sqrt(np.sum(means**2) / (count - 2) / spread)) * 1e6 if spread > 0 else None
+
+
+def _series(difference: Floats, axis: Floats, bounds: Sequence[int]) -> ClockDifference | None:
+    first, length = float(axis.min()), float(np.ptp(axis))
+    if not length > 0:
+        return None
+    sizes = np.diff(bounds)
+    values = difference - np.repeat(difference[np.array(bounds[:-1])], sizes)
+    part = np.minimum(((axis - first) / length * MOST_POINTS).astype(np.int64), MOST_POINTS - 1)
+    low, high = np.full(MOST_POINTS, np.inf), np.full(MOST_POINTS, -np.inf)
+    np.minimum.at(low, part, values)
+    np.maximum.at(high, part, values)
+    filled = np.flatnonzero(np.isfinite(low))
+    middles = first + (filled + 0.5) * length / MOST_POINTS
+    return ClockDifference(
+        middles.tolist(),
+        [float(f"{value:.{DIGITS}g}") for value in low[filled].tolist()],
+        [float(f"{value:.{DIGITS}g}") for value in high[filled].tolist()],
+        axis[np.array(bounds[1:-1], np.int64)].tolist(),
+    )
