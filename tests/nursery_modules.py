@@ -30,6 +30,7 @@ WORKERS = (
     *filter(
         _is_there,
         (
+            "imuscope.server.extensions.clocks.worker",
             "imuscope.server.extensions.evidence.worker",
             "imuscope.server.extensions.fleet.query_worker",
             "imuscope.server.extensions.fleet.upload_worker",

@@ -1,13 +1,17 @@
-"""Arguments of `imuscope time`, and what it does with them."""
+"""Arguments of `imuscope time`, and what it does with them. A live source is recorded for some seconds first."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from imuscope.server.commands.common import (
     UsageError,
+    check_sources,
     checked_protocol,
     decode_options_of,
     readable,
@@ -15,13 +19,20 @@ from imuscope.server.commands.common import (
     size_of,
     warn_if_interpreted,
 )
-from imuscope.server.commands.file_arguments import add_file, add_table
+from imuscope.server.commands.file_arguments import add_table
+from imuscope.server.devices.decode_options import DecodeOptions
+
+MOST_S = 3600.0
 
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope time`."""
-    command = add_parser("time", help="list the clocks of a file, and which of them is its time axis")
-    add_file(command)
+    command = add_parser("time", help="list the clocks of a file or a live source, and which of them is the time axis")
+    words = 'recording, vendor log or capture ("-" reads standard input); or a live source, as for serve'
+    command.add_argument("file", metavar="FILE", help=words)
+    command.add_argument(
+        "--seconds", type=float, default=10.0, metavar="S", help="how long a live source is received (default 10)"
+    )
     words = "table for people (the default), json for programs"
     command.add_argument("--format", choices=("table", "json"), default="table", help=words)
     command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
@@ -30,15 +41,53 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
 
 
 def run(options: argparse.Namespace) -> None:
-    file = readable(str(options.file))
+    if not 0 < options.seconds <= MOST_S:
+        raise UsageError(f"--seconds {options.seconds:g} is outside 0 … {MOST_S:g}")
+    is_live = _is_live(options.file)
+    file = Path() if is_live else readable(options.file)
     decode_options = decode_options_of(options)
-    warn_if_interpreted(size_of(file))
+    if not is_live:
+        warn_if_interpreted(size_of(file))
     from imuscope.server.commands.decoded import DecodedFileError
     from imuscope.server.extensions.clocks.print_clocks import print_clocks
 
     decode_options = checked_protocol(decode_options)
+    opened = _received(options, decode_options) if is_live else seekable(file)
     try:
-        with seekable(file) as path:
+        with opened as path:
             print_clocks(path, decode_options, sys.stdout, sys.stderr, format=options.format)
     except DecodedFileError as error:
         raise UsageError(str(error)) from None
+
+
+def _is_live(source: str) -> bool:
+    """Whether it is a source of live data. A name that is neither counts as that of a missing file."""
+    from imuscope.server.links.base import LinkError
+    from imuscope.server.links.source_url import SourceUrl
+
+    if source == "-":
+        return False
+    try:
+        return SourceUrl.parse(source).kind != "file"
+    except LinkError:
+        return False
+
+
+@contextlib.contextmanager
+def _received(options: argparse.Namespace, reading: DecodeOptions) -> Iterator[Path]:
+    """A recording of the source, which is gone afterwards."""
+    from imuscope.server.commands.record import RecordError, RecordRequest, record
+    from imuscope.server.config import load
+    from imuscope.server.devices.decode_options import parse_source_options
+    from imuscope.server.links.base import LinkError
+
+    check_sources([options.file], reading)
+    data = load(data=options.data).data
+    with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
+        path = Path(folder) / "live.mcap"
+        source = parse_source_options(options.file, reading)
+        try:
+            record(RecordRequest((source,), path, options.seconds, data), sys.stderr)
+        except (RecordError, LinkError) as error:
+            raise UsageError(str(error)) from None
+        yield path

@@ -1,19 +1,24 @@
-"""Route of the clocks of an opened recording."""
+"""Routes of the clocks of an opened recording, and of a live device."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
 
 from imuscope.recordings.sidecar import stored_reading
+from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, while_connected
+from imuscope.server.api.devices import session_of
 from imuscope.server.api.errors import responses
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.recordings import OneEntry
 from imuscope.server.extensions.clocks.figures import MessageClocks, clocks_of
 from imuscope.server.extensions.clocks.file_readings import FileReadingBody, body_of, is_table
+from imuscope.server.extensions.clocks.live import LiveClocks, nothing_stored
+from imuscope.server.extensions.clocks.live_time import LiveTime
 
-router = APIRouter(tags=["recordings"])
+router = APIRouter()
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +45,7 @@ class FileTime:
     is_table: bool
 
 
-@router.get("/api/recordings/{recording}/clocks", responses=responses(404, 409, 422))
+@router.get("/api/recordings/{recording}/clocks", tags=["recordings"], responses=responses(404, 409, 422))
 def list_clocks(store: OneStore, entry: OneEntry) -> FileTime:
     """Every clock of an opened recording: unit, epoch, resolution, drift and jitter against the axis, steps."""
     manifest = store.manifest
@@ -56,3 +61,15 @@ def list_clocks(store: OneStore, entry: OneEntry) -> FileTime:
         bool(reading),
         is_table(store),
     )
+
+
+@router.get("/api/devices/{device}/clocks", tags=["devices"], responses=responses(404, 409, 422))
+async def list_live_clocks(device: str, services: TheServices, request: Request) -> LiveTime:
+    """Every clock of the link of a live device, over its bytes in memory, and how they arrive."""
+    session = session_of(device.partition(".")[0], services)  # a further device of a link shares its bytes
+    memory = services.sessions.memory_of(session.info.id)
+    if memory is None:
+        raise nothing_stored(session.info.id)
+    time = await while_connected(request, services.parts.get(LiveClocks).measure(session, memory))
+    status = CLIENT_GONE if time is None else 200
+    return Response(time, status, media_type="application/json")  # type: ignore[return-value] # a LiveTime as it is sent

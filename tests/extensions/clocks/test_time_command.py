@@ -126,3 +126,15 @@ def test_a_file_of_names_describes_the_columns(tmp_path: Path, capsys: pytest.Ca
     names.write_text("c1\n", encoding="utf-8")
     assert main(["time", str(path), "--columns", str(names)]) == 1
     assert "line 1" in capsys.readouterr().err
+
+
+def test_a_live_source_is_received_for_some_seconds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = ["--data", str(tmp_path)]
+    assert main(["time", "sim:xbus?rate=400&burst_ms=16&packet=0", "--seconds", "1", "--json", *data]) == 0
+    [message] = json.loads(capsys.readouterr().out)["messages"]
+    found = {one["name"]: one for one in message["clocks"]}
+    assert found["time"]["is_axis"]
+    assert found["arrival"]["bursts"] > 0.5
+    for words, problem in ((["none:here"], "none:here"), (["sim:xbus", "--seconds", "0"], "--seconds 0")):
+        assert main(["time", *words, *data]) == 1
+        assert problem in capsys.readouterr().err

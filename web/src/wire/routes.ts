@@ -696,6 +696,14 @@ export interface InstalledExtension {
   readonly module: string;
 }
 
+/** Time of a live device, over its bytes in memory. */
+export interface LiveTime {
+  readonly start: number;
+  readonly end: number;
+  readonly sentences: readonly string[];
+  readonly messages: readonly MessageClocks[];
+}
+
 /** Whether a map is configured, and its attribution. */
 export interface MapInfo {
   readonly tiles: boolean;
@@ -1956,6 +1964,11 @@ export interface Routes {
   "GET /api/recordings/{recording}/clocks": {
     readonly path: { readonly recording: string };
     readonly answer: FileTime;
+  };
+  /** Every clock of the link of a live device, over its bytes in memory, and how they arrive. */
+  "GET /api/devices/{device}/clocks": {
+    readonly path: { readonly device: string };
+    readonly answer: LiveTime;
   };
   /** Choices on how a recording is read, and the open question of its table. */
   "GET /api/recordings/{recording}/reading": {
