@@ -324,15 +324,22 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
         assert isinstance(desk.session, Session)
         desk.session.listeners.chunks(lambda data, time_ns, way: heard.append(data) if way == "rx" else None)
         await one.start()
-        await until(lambda: len(list(plan.folder.iterdir())) >= 4, "it was split")
+
+        def parts() -> list[Path]:
+            return sorted(plan.folder.iterdir(), key=lambda path: int(McapSource(path).header["part"]))
+
+        def with_head() -> list[Path]:
+            return [path for path in parts() if "configuration" in McapSource(path).devices["1"].identity]
+
+        await until(lambda: len(parts()) >= 4 and len(with_head()) >= 3, "it was split, and the device has answered")
         await one.stop()
-        paths = sorted(plan.folder.iterdir(), key=lambda path: int(McapSource(path).header["part"]))
+        paths = parts()
         found = b"".join(chunks(path, "rx/1") for path in paths)
         assert found in b"".join(heard), "it begins between two chunks, in the thread that reads"
         assert len(found) > 60_000
         for first, second in pairwise(paths):
             assert McapSource(second).header["previous"] == first.stem
-            assert McapSource(second).devices["1"].identity["configuration"]  # every part can be exported
+        assert with_head() == paths[-len(with_head()) :], "every part since the answer can be exported"
 
 
 async def test_the_time_until_a_recording_is_on_disk_is_a_setting(tmp_path: Path) -> None:

@@ -33,19 +33,19 @@ class BagPiece:
     Args:
         data: has their bytes.
         table: NUMBER, TIME, START and SIZE of each message (bag_kernels.py).
-        done: share of the file read, 0..1.
+        share: of the file that was read, 0..1.
     """
 
     data: bytes
     table: Ints
-    done: float
+    share: float
 
 
-def piece_of(done: float, numbers: Sequence[int], times: Sequence[int], data: Sequence[bytes]) -> BagPiece:
+def piece_of(share: float, numbers: Sequence[int], times: Sequence[int], data: Sequence[bytes]) -> BagPiece:
     """A piece of single messages: number of the topic, arrival in ns and bytes of each."""
     sizes = np.fromiter(map(len, data), np.int64, len(data))
     table = np.stack([np.array(numbers, np.int64), np.array(times, np.int64), np.cumsum(sizes) - sizes, sizes])
-    return BagPiece(b"".join(data), table, done)
+    return BagPiece(b"".join(data), table, share)
 
 
 @dataclass(slots=True)
@@ -116,9 +116,9 @@ class BagSource(MessageFile):
             usable = (table[TIME] >= 0) & (table[TIME] < LATEST_NS) & (table[SIZE] < LONGEST)
             usable &= np.isin(table[NUMBER], list(self.topics.channels))
             odd += int(np.count_nonzero(~usable & np.isin(table[NUMBER], list(self.topics.channels))))
-            block.add(BagPiece(piece.data, np.ascontiguousarray(table[:, usable]), piece.done))
+            block.add(BagPiece(piece.data, np.ascontiguousarray(table[:, usable]), piece.share))
             if block.size >= BLOCK_BYTES:
-                yield block.take(piece.done)
+                yield block.take(piece.share)
         if block.size:
             yield block.take(1.0)
         if odd:
