@@ -19,6 +19,7 @@ import numpy as np
 from imuscope.recordings.mcap_reader import TIME, McapReader
 from imuscope.server.config import Config
 from tests.bench.serial_device import frame
+from tests.each_row import each_row
 from tests.fault_injection.fault_harness import stage
 from tests.links.link_fixtures import pty
 from tests.server.fakes import FakeLinks, sample
@@ -55,7 +56,9 @@ def retimed(n: int, rate: float, later_s: int) -> bytes:
     return bytes(whole)
 
 
-def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
+@each_row(("by_s", "words"), [(-3600, "back by 3 600 s"), (63_072_000, "ahead by 63 072 000 s")])
+def test_this_hosts_clock_is_set(by_s: int, words: str, tmp_path: Path) -> None:
+    """By an hour, and by two years: a computer without a battery for its clock learns the date from the network."""
     links = FakeLinks()
     with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         sessions = running.services.sessions
@@ -64,10 +67,10 @@ def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
         for n in range(100):
             send(running, links, "/dev/one", sample(n))
             if n == 50:
-                running.call(setattr, sessions, "_wall_ns", lambda: wall() - 3600 * 10**9)
+                running.call(setattr, sessions, "_wall_ns", lambda: wall() + by_s * 10**9)
         told = block_until(lambda: running.call(events, running.services.telemetry, "clock"), "it is told")
         assert [event.text for event in told] == [
-            "This host's clock was set back by 3 600 s; times on this page stay as they were."
+            f"This host's clock was set {words}; times on this page stay as they were."
         ]
         settled(running)
         state: dict[str, Any] = running.client.post("/api/recordings/stop", json={}).json()

@@ -3,6 +3,7 @@
 fault                                   outcome
 unplugged, back under another number    found by the adapter's lasting name; a notice says where it is now
 … while another adapter has its name    not taken for it: said so, waited for
+a hub is reset with all its ports       each device is found by its own name, and has its own bytes
 unplugged while it is recorded          every byte of before and after is there; the hole is told as an event
 the device changes its rate by itself   the bytes are noise: rejected and counted, the person is asked for the rate
 garbage for a minute                    counted, two events a second at most, memory bounded; the next frame counts
@@ -16,16 +17,19 @@ UDP: nothing for a while                told lost; the same port hears the next 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import random
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from imuscope.server.devices.session import Session
 from tests.each_row import each_row
 from tests.fault_injection.fault_harness import FaultHarness, frames, stage, told
 from tests.links.link_fixtures import Pty, device, pty
@@ -79,6 +83,46 @@ async def test_unplugged_and_back_under_another_number(tmp_path: Path) -> None:
             assert here.bytes == frames(0, 20) + frames(30, 50)
             (hole,) = here.events("gap")
             assert "the link was down" in hole.text
+
+
+async def test_a_hub_is_reset_with_all_its_ports(tmp_path: Path) -> None:
+    """All adapters go at once and come back under each other's numbers: each device has its own bytes."""
+    serials = ["A1", "B2", "C3"]
+    with contextlib.ExitStack() as ports:
+        before, after = ([ports.enter_context(pty()) for _ in serials] for _ in range(2))
+        places = [plug(port, tmp_path, k, serials[k]) for k, port in enumerate(before)]
+        sources = [f"serial://{place}?baud=115200" for place in places]
+        async with stage(sources[0], tmp_path / "by-id") as here:
+            sessions = [here.session, *map(here.sessions.add, sources[1:])]
+            heard: list[list[bytes]] = [[] for _ in sessions]
+
+            def listen(session: Session, chunks: list[bytes]) -> None:
+                session.listeners.chunks(lambda data, time_ns, way: chunks.append(data) if way == "rx" else None)
+
+            def are(status: str) -> Callable[[], bool]:
+                return lambda: all(one.info.status == status for one in sessions)
+
+            for pair in zip(sessions, heard, strict=True):
+                listen(*pair)
+            await until(lambda: all("is open" in one.info.message for one in sessions), "all are open")
+            for k, port in enumerate(before):
+                port.let_go()
+                port.write(frames(100 * k, 100 * k + 20))
+            await until(are("live"), "all stream")
+            for k, port in enumerate(before):
+                unplug(port, tmp_path, k, serials[k])
+            await until(are("lost"), "all are gone")
+            for k, port in enumerate(after):
+                plug(port, tmp_path, (k + 1) % 3, serials[k])
+            await until(lambda: all(one.info.notices for one in sessions), "all are open again")
+            for k, port in enumerate(after):
+                port.let_go()
+                port.write(frames(100 * k + 30, 100 * k + 50))
+            await until(are("live"), "all stream again")
+            for k, chunks in enumerate(heard):
+                wanted = frames(100 * k, 100 * k + 20) + frames(100 * k + 30, 100 * k + 50)
+                await until(lambda: b"".join(chunks) == wanted, "its bytes are there")  # noqa: B023 - awaited here
+            assert {event.device for event in here.events("gap")} == {one.info.id for one in sessions}
 
 
 async def test_another_adapter_is_not_mistaken_for_the_previous_one(tmp_path: Path) -> None:
