@@ -21,7 +21,7 @@ MOST_POINTS = 200  # of the course of a difference
 SIDE_ROWS = (20, 4000)  # fewest and most rows on a side of a step that distinguish it from a stall
 STALLS = 4.0  # lengths of a step in which one is caught up
 LASTS = 0.5  # of a step: a difference that changes by less comes back
-BLOCKS = 64  # whose means are taken as independent
+BLOCKS = 8  # whose means are taken as independent: few, since the axis bends slowly until it is settled
 FEWEST_BLOCKS = 4
 DIGITS = 4
 

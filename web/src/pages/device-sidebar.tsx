@@ -208,7 +208,9 @@ function Why({ app, device, health, gaps }: WhyProps) {
     if (gaps === 0) return null;
     return (
       <span class="why">
-        <span class="tag warn">{TEXT.gapCount(gaps)}</span>
+        <span class="tag warn" data-about="time">
+          {TEXT.gapCount(gaps)}
+        </span>
         {TEXT.inTheLastMinute}
       </span>
     );

@@ -73,7 +73,7 @@ function line(group: EventGroup, deps: Deps): HTMLLIElement {
   );
   button.addEventListener("click", () => (deps.jump ? deps.jump(group) : show(group, deps)));
   const { device } = deps.viewState.view.peek();
-  if (group.kind !== "reject" || device === undefined) return el("li", {}, button);
+  if (group.kind !== "reject" || device === undefined) return el("li", { "data-event": group.kind }, button);
   const bytes = el(
     "button",
     { type: "button", class: "btn small event-bytes", title: PACKETS.rejectedBytes },

@@ -37,41 +37,20 @@ const ROWS: readonly {
   readonly spark: boolean;
 }[] = [
   { key: "samples", name: TEXT.samples, help: TEXT.samplesHelp, spark: true },
-  {
-    key: "gaps",
-    name: TEXT.gaps,
-    help: TEXT.gapsHelp,
-    spark: true,
-  },
-  {
-    key: "rejects",
-    name: COMMON.rejects,
-    help: TEXT.rejectsHelp,
-    spark: true,
-  },
+  { key: "gaps", name: TEXT.gaps, help: TEXT.gapsHelp, spark: true },
+  { key: "rejects", name: COMMON.rejects, help: TEXT.rejectsHelp, spark: true },
   { key: "bytes", name: COMMON.bytes, help: TEXT.bytesHelp, spark: false },
   { key: "shareText", name: TEXT.shareOfLink, help: TEXT.shareHelp, spark: false },
-  {
-    key: "jitter",
-    name: TEXT.arrivalJitter,
-    help: TEXT.jitterHelp,
-    spark: true,
-  },
+  { key: "jitter", name: TEXT.arrivalJitter, help: TEXT.jitterHelp, spark: true },
   { key: "age", name: TEXT.lastSample, help: TEXT.lastSampleHelp, spark: false },
-  {
-    key: "dropped",
-    name: TEXT.droppedHere,
-    help: TEXT.droppedHelp,
-    spark: false,
-  },
+  { key: "dropped", name: TEXT.droppedHere, help: TEXT.droppedHelp, spark: false },
   { key: "drift", name: TEXT.clockDrift, help: TEXT.driftHelp, spark: false },
-  {
-    key: "uncertainty",
-    name: COMMON.deviceTime,
-    help: TEXT.deviceTimeHelp,
-    spark: false,
-  },
+  { key: "uncertainty", name: COMMON.deviceTime, help: TEXT.deviceTimeHelp, spark: false },
 ];
+
+/** Attributes of a figure; an extension makes links of those on the time of the stream. */
+const about = (key: HealthKey): Readonly<Record<string, string>> =>
+  ["gaps", "jitter", "drift", "uncertainty"].includes(key) ? { "data-about": "time" } : {};
 
 /** A figure and its unit; with a tag if it needs attention. */
 class Cell {
@@ -117,7 +96,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       mini.append(uneven.button);
       mini.removeAttribute("aria-hidden");
     }
-    const row = el("div", { title: help }, el("dt", {}, name), mini, cell.node);
+    const row = el("div", { title: help }, el("dt", {}, el("span", about(key), name)), mini, cell.node);
     list.append(row);
     rows.set(key, row);
     cells.set(key, cell);
@@ -287,7 +266,7 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
   const items = STRIP.map((key) => {
     const [value, unit] = [new LiveText(), new LiveText()];
     const box = el("b", {}, value.node);
-    host.append(el("span", {}, box, el("span", { class: "unit" }, unit.node)));
+    host.append(el("span", about(key), box, el("span", { class: "unit" }, unit.node)));
     return { key, value, unit, box };
   });
   host.append(why.node);

@@ -1,5 +1,5 @@
 /** Texts of the panel with the clocks of a file, and of the dialog of a table. */
-import type { Value } from "../../texts/plural";
+import { count, type Value } from "../../texts/plural";
 
 export const TEXT = {
   title: "Time of this file",
@@ -16,7 +16,7 @@ export const TEXT = {
   jitter: "Jitter",
   repeats: "Repeats",
   bursts: "Bursts",
-  driftHint: "Slope against the time axis, in the longest stretch without a step",
+  driftHint: "Slope against the time axis, and its standard error, in the longest stretch without a step",
   jitterHint: "Standard deviation of the differences from that slope",
   repeatsHint: "Samples with the time of the one before",
   burstsHint: "Share of samples that come at once with the one before, after a pause",
@@ -25,6 +25,19 @@ export const TEXT = {
   none: "–",
   back: (size: Value) => `goes back by ${size}`,
   ahead: (size: Value) => `goes ahead by ${size}`,
+  restart: (size: Value) => `restarts, and goes back by ${size}`,
+  burstsOf: (share: Value, samples: Value) => `${share} %, ${samples} at once`,
+  difference: (clock: Value, low: Value, high: Value) => `${clock}, difference to the time axis: ${low} … ${high}`,
+  differenceOver: (clock: Value, low: Value, high: Value) =>
+    `Difference of ${clock} to the time axis over its length, from ${low} to ${high}`,
+  stepsOf: (clock: Value, steps: number) => `${count(steps, "step")} of ${clock}`,
+  stream: "Time of this stream",
+  streamButton: "Time",
+  streamHint: "Clocks of this stream: drift, jitter, steps, gaps and bursts",
+  figureHint: "Show the clocks behind this figure",
+  measuring: "Measuring the clocks…",
+  again: "Measure again",
+  spanOf: (length: Value) => `The last ${length}, as far as the bytes are in memory.`,
   wrap: (size: Value) => `wraps after ${size}`,
   atSample: (row: Value) => `sample ${row}`,
   show: "Show this moment in the plots",

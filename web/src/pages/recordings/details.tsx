@@ -146,7 +146,9 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
       <dl class="facts">
         {rows.map(([name, value, unit]) => (
           <div key={name}>
-            <dt>{name}</dt>
+            <dt>
+              <span {...(name === COMMON.lost ? { "data-about": "time", "data-recording": info.id } : {})}>{name}</span>
+            </dt>
             <dd>
               {value}
               {unit && <span class="unit">{unit}</span>}
@@ -163,7 +165,11 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
               {number(device.messages ?? undefined, 0)}
               <span class="unit">{TEXT.messagesUnit}</span>
             </span>
-            {device.lost > 0 && <span class="tag warn">{TEXT.lostCount(number(device.lost, 0))}</span>}
+            {device.lost > 0 && (
+              <span class="tag warn" data-about="time" data-recording={info.id}>
+                {TEXT.lostCount(number(device.lost, 0))}
+              </span>
+            )}
           </li>
         ))}
       </ul>

@@ -1,0 +1,175 @@
+/** All clocks of a message with their figures and steps, drawn over the length of the file or of the memory of a stream. */
+import type { Deps } from "../../panels/panel-context";
+import { number, rate as rateText, signed, clock as timeOfDay } from "../../ui/format";
+import type { FileClock, FileTime, MessageClocks } from "../../wire/routes";
+import { DifferencePlot, Strip } from "./difference-plot";
+import { shortDuration } from "./duration";
+import { TEXT } from "./texts";
+import "./file-time.css";
+
+type Step = FileClock["steps"][number];
+
+/** Of the file, or of the memory of a stream: unix s. */
+export type TimeSpan = Pick<FileTime, "start" | "end">;
+
+/** Seconds shown around a step. */
+const ROOM_S = 2;
+/** Steps that are listed at once; more are behind a line. */
+const FEW = 3;
+const HEADINGS = [
+  [TEXT.clock, undefined],
+  [TEXT.unit, undefined],
+  [TEXT.zero, undefined],
+  [TEXT.rate, undefined],
+  [TEXT.resolution, undefined],
+  [TEXT.drift, TEXT.driftHint],
+  [TEXT.jitter, TEXT.jitterHint],
+  [TEXT.gaps, TEXT.gapsHint],
+  [TEXT.repeats, TEXT.repeatsHint],
+  [TEXT.bursts, TEXT.burstsHint],
+] as const;
+
+interface ClocksProps {
+  readonly of: MessageClocks;
+  readonly span: TimeSpan;
+  readonly jump: Deps["jump"];
+  /** Makes a clock the time axis; without it, none can be chosen. */
+  readonly onUse?: (clock: FileClock) => void;
+}
+
+/** The clocks of a message: a table of figures, then the difference and the steps of each. */
+export function Clocks({ of, span, jump, onUse }: ClocksProps) {
+  return (
+    <section>
+      <h4>{of.message}</h4>
+      <div class="file-time-scroll">
+        <table aria-label={TEXT.of(of.message)}>
+          <thead>
+            <tr>
+              {HEADINGS.map(([text, hint]) => (
+                <th key={text} title={hint}>
+                  {text}
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {of.clocks.map((one, i) => (
+              <Row key={`${i} ${one.name}`} clock={one} onUse={onUse} />
+            ))}
+          </tbody>
+        </table>
+      </div>
+      {of.clocks.map((one, i) => (
+        <Course key={`${i} ${one.name}`} clock={one} span={span} jump={jump} />
+      ))}
+    </section>
+  );
+}
+
+interface RowProps {
+  readonly clock: FileClock;
+  readonly onUse: ClocksProps["onUse"];
+}
+
+function Row({ clock, onUse }: RowProps) {
+  const { jitter_s: jitter, rate_hz: rate, resolution_s: resolution } = clock;
+  return (
+    <tr>
+      <th scope="row">
+        {clock.name}{" "}
+        {clock.is_axis && (
+          <span class="file-time-axis" title={TEXT.axisHint}>
+            {TEXT.axis}
+          </span>
+        )}
+        {onUse && !clock.is_axis && clock.use !== "" && (
+          <button type="button" class="btn small edge" title={TEXT.useHint} onClick={() => onUse(clock)}>
+            {TEXT.use}
+          </button>
+        )}
+      </th>
+      <td>{clock.unit}</td>
+      <td>{clock.epoch}</td>
+      <td>{rate ? `${rateText(rate)} Hz` : TEXT.none}</td>
+      <td>{resolution ? shortDuration(resolution) : TEXT.none}</td>
+      <td>{driftWords(clock)}</td>
+      <td>{jitter === null ? TEXT.none : shortDuration(jitter)}</td>
+      <td>{clock.gaps}</td>
+      <td>{clock.repeats}</td>
+      <td>{burstWords(clock)}</td>
+    </tr>
+  );
+}
+
+/** Drift and its standard error. */
+function driftWords({ drift_ppm: drift, drift_error_ppm: error }: FileClock): string {
+  if (drift === null) return TEXT.none;
+  if (typeof error !== "number") return `${signed(drift, 1)} ppm`;
+  const digits = error < 10 ? 1 : 0;
+  return `${signed(drift, digits)} ±${number(error, digits)} ppm`;
+}
+
+/** Share of samples in bursts, and how many a burst has. */
+function burstWords({ bursts, burst_samples: samples }: FileClock): string {
+  const share = Math.round(100 * bursts);
+  return share > 0 && samples > 0 ? TEXT.burstsOf(share, Number(samples.toPrecision(2))) : `${share} %`;
+}
+
+function words({ kind, by_s: by }: Step): string {
+  const size = shortDuration(by);
+  if (kind === "back") return TEXT.back(size);
+  if (kind === "restart") return TEXT.restart(size);
+  return kind === "ahead" ? TEXT.ahead(size) : TEXT.wrap(size);
+}
+
+interface CourseProps {
+  readonly clock: FileClock;
+  readonly span: TimeSpan;
+  readonly jump: Deps["jump"];
+}
+
+/** A clock over the length of the file: its difference to the axis, where its steps are, and what each is. */
+function Course({ clock, span: { start, end }, jump }: CourseProps) {
+  if (start === null || end === null) return null;
+  const { difference, steps } = clock;
+  const marks = steps.map(({ time }) => time);
+  return (
+    <>
+      {difference ? (
+        <DifferencePlot name={clock.name} of={difference} marks={marks} start={start} end={end} />
+      ) : (
+        steps.length > 0 && <Strip name={clock.name} marks={marks} start={start} end={end} />
+      )}
+      {steps.length > FEW ? (
+        <details>
+          <summary>{TEXT.stepsOf(clock.name, clock.steps_in_all)}</summary>
+          <StepList clock={clock} jump={jump} />
+        </details>
+      ) : (
+        steps.length > 0 && <StepList clock={clock} jump={jump} />
+      )}
+      {clock.steps_in_all > steps.length && <p class="dim">{TEXT.more(clock.steps_in_all)}</p>}
+    </>
+  );
+}
+
+function StepList({ clock, jump }: Pick<CourseProps, "clock" | "jump">) {
+  return (
+    <ul>
+      {clock.steps.map((step) => (
+        <li key={step.row}>
+          <button
+            type="button"
+            class="btn small"
+            title={TEXT.show}
+            onClick={() => jump?.({ t0: step.time - ROOM_S, t1: step.time + ROOM_S })}
+          >
+            {timeOfDay(step.time, 3)}
+          </button>{" "}
+          {clock.name} {words(step)} <span class="dim no-wrap">{TEXT.atSample(step.row)}</span>
+        </li>
+      ))}
+    </ul>
+  );
+}
