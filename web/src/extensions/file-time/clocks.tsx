@@ -149,7 +149,7 @@ function Course({ clock, span: { start, end }, jump }: CourseProps) {
       ) : (
         steps.length > 0 && <StepList clock={clock} jump={jump} />
       )}
-      {clock.steps_in_all > steps.length && <p class="dim">{TEXT.more(clock.steps_in_all)}</p>}
+      {steps.length <= FEW && clock.steps_in_all > steps.length && <p class="dim">{TEXT.more(clock.steps_in_all)}</p>}
     </>
   );
 }
