@@ -19,7 +19,7 @@ LISTED: dict[str, tuple[set[str], str]] = {
     "extension.tsx": ({"extensions"}, "filled while modules are loaded"),
     "extensions/map/path.ts": ({"origins"}, "a cache by channel"),
     "main.tsx": ({"store", "app"}, "the page starts here"),
-    "pages/route.ts": ({"route"}, "a document has one address"),
+    "pages/route.ts": ({"route", "reopened"}, "a document has one address, which it may open once more"),
     "panels/registry.ts": ({"panels", "added"}, "filled while modules are loaded: those of packages come later"),
     "plots/canvas-style.ts": ({"hatches"}, "a cache of patterns"),
     "recordings/visible-range.ts": ({"#lastPixels"}, "a first guess, until its plots have a width"),

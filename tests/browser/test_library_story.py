@@ -21,6 +21,10 @@ NOTES = "document.querySelector('[data-panel=notes]')"
 CHANNEL_AND_SIZE = struct.Struct("<4xI16xI")  # of a frame's header (web/src/wire/types.ts)
 
 
+AS_IT_IS = {"reading": {}, "is_chosen": False, "is_table": False, "about": "", "problem": ""}
+"""How a recording is read without choices."""
+
+
 def answers() -> dict[str, Any]:
     """Windows of the recordings: all samples of the channels asked for, and health by device."""
     scene = recorded("recordings")
@@ -40,6 +44,7 @@ def answers() -> dict[str, Any]:
             return scene["answers"][f"GET /api/recordings/{name}/health?device={query['device'][0]}"]
 
         found |= {f"GET /api/recordings/{name}/window": window, f"GET /api/recordings/{name}/health": health}
+        found[f"GET /api/recordings/{name}/reading"] = AS_IT_IS
     return found
 
 

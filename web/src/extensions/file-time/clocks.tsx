@@ -2,7 +2,7 @@
 import type { Deps } from "../../panels/panel-context";
 import { number, rate as rateText, signed, clock as timeOfDay } from "../../ui/format";
 import type { FileClock, FileTime, MessageClocks } from "../../wire/routes";
-import { DifferencePlot, Strip } from "./difference-plot";
+import { DifferencePlot, DifferenceStrip } from "./difference-plot";
 import { shortDuration } from "./duration";
 import { TEXT } from "./texts";
 import "./file-time.css";
@@ -139,7 +139,7 @@ function Course({ clock, span: { start, end }, jump }: CourseProps) {
       {difference ? (
         <DifferencePlot name={clock.name} of={difference} marks={marks} start={start} end={end} />
       ) : (
-        steps.length > 0 && <Strip name={clock.name} marks={marks} start={start} end={end} />
+        steps.length > 0 && <DifferenceStrip name={clock.name} marks={marks} start={start} end={end} />
       )}
       {steps.length > FEW ? (
         <details>

@@ -32,7 +32,7 @@ function Marks({ places, height }: { readonly places: readonly number[]; readonl
   );
 }
 
-export function Strip(props: Props) {
+export function DifferenceStrip(props: Props) {
   const { name, marks } = props;
   return (
     <svg

@@ -9,6 +9,7 @@ import { route } from "../../pages/route";
 import { late } from "../../ui/late";
 import { latePanel } from "../../ui/late-panel";
 import { linkFigures } from "./figure-links";
+import "./layers.css";
 import { TEXT } from "./texts";
 
 /** Links figures to the clocks, and starts asking about tables once the page of recordings is shown. */
