@@ -105,8 +105,11 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     close,
   );
   const columns = el("tr", {}, el("th", { scope: "col" }, el("span", { class: "visually-hidden" }, TEXT.signal)));
-  for (const key of FIGURE_KEYS)
-    columns.append(el("th", { scope: "col", class: "num", title: TEXT.hints[key] }, TEXT.heads[key]));
+  for (const key of FIGURE_KEYS) {
+    const about = key === "gaps" ? { "data-about": "time" } : {}; // an extension makes a link of it
+    const name = el("span", about, TEXT.heads[key]);
+    columns.append(el("th", { scope: "col", class: "num", title: TEXT.hints[key] }, name));
+  }
   const body = el("tbody");
   const table = el(
     "table",
