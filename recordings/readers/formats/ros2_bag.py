@@ -31,7 +31,7 @@ from imuscope.recordings.sources import ChunkBlock
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27
 MOST_FILES = 10_000
-ROWS = 2000
+ROWS = 500
 ZSTD = b"\x28\xb5\x2f\xfd"
 SENSELESS = (sqlite3.Error, UnicodeDecodeError)  # the latter by what SQLite says about a damaged file
 SQLITE = b"SQLite format 3\0"
@@ -78,19 +78,20 @@ class Ros2Database(BagSource):
     def pieces(self, start_ns: int | None, stop_ns: int | None) -> Iterator[BagPiece]:
         span = () if start_ns is None and stop_ns is None else (start_ns or -(1 << 63), stop_ns or (1 << 63) - 1)
         within = "WHERE timestamp BETWEEN ? AND ? " if span else ""  # the index of times would cost sorting
-        unreadable = 0
+        unreadable = count = 0
         try:
             with closing(_connected(self.path)) as database:
                 (most,) = database.execute("SELECT max(rowid) FROM messages").fetchone()
                 cursor = database.execute(
-                    f"SELECT topic_id, timestamp, data, rowid FROM messages {within}ORDER BY rowid",
+                    f"SELECT topic_id, timestamp, data FROM messages {within}ORDER BY rowid",
                     span,
                 )
                 while rows := cursor.fetchmany(ROWS):
-                    done = rows[-1][3] / max(most or 1, 1)
-                    numbers, times, data, _ = zip(*rows, strict=True)
+                    count += len(rows)
+                    done = count / max(most or 1, 1)
+                    numbers, times, data = zip(*rows, strict=True)
                     if not _are_plain(numbers, times, data):
-                        usable = [unpacked for row in rows if (unpacked := _unpacked(*row[:3])) is not None]
+                        usable = [unpacked for row in rows if (unpacked := _unpacked(*row)) is not None]
                         unreadable += len(rows) - len(usable)
                         if not usable:
                             continue
@@ -105,7 +106,7 @@ class Ros2Database(BagSource):
 def _are_plain(numbers: Sequence[object], times: Sequence[object], data: Sequence[bytes]) -> bool:
     """Whether rows of messages can be taken as they are."""
     types = {*map(type, numbers), *map(type, times)}, {*map(type, data)}
-    return types == ({int}, {bytes}) and not any(one.startswith(ZSTD) for one in data)
+    return types == ({int}, {bytes}) and ZSTD not in {one[: len(ZSTD)] for one in data}
 
 
 def _unpacked(number: object, time: object, data: object) -> tuple[int, int, bytes] | None:
