@@ -16,7 +16,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
@@ -27,7 +26,7 @@ from rosbags.typesys import Stores, get_typestore
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.bench.library import RATE_HZ, START_NS, TYPE, with_imuscope  # noqa: E402
+from tests.bench.library import RATE_HZ, START_NS, TYPE, imu_message, with_imuscope  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}
@@ -36,20 +35,7 @@ STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}
 def template_of(kind: str) -> tuple[bytearray, int]:
     """A serialised message, and the place of its stamp."""
     store = get_typestore(STORES[kind])
-    types = store.types
-    head = {"seq": 0} if kind == "ros1" else {}
-    stamp = types["builtin_interfaces/msg/Time"](sec=0x01020304, nanosec=0)
-    nine = np.zeros(9)
-    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
-    one = types[TYPE](
-        header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="imu", **head),
-        orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
-        orientation_covariance=nine,
-        angular_velocity=vector(x=0.5, y=0.25, z=0.125),
-        angular_velocity_covariance=nine,
-        linear_acceleration=vector(x=0.0, y=0.0, z=9.81),
-        linear_acceleration_covariance=nine,
-    )
+    one = imu_message(store.types, 0x01020304, **({"seq": 0} if kind == "ros1" else {}))
     data = bytearray(store.serialize_ros1(one, TYPE) if kind == "ros1" else store.serialize_cdr(one, TYPE))
     return data, data.index(b"\4\3\2\1")
 

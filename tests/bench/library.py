@@ -13,9 +13,11 @@ import struct
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -32,18 +34,13 @@ BUDGET_RATIO = 10
 TYPE = "sensor_msgs/msg/Imu"
 
 
-def write(path: Path, minutes: float) -> int:
-    """Write the recording; returns the number of messages."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    definition, _ = store.generate_msgdef(TYPE, ros_version=2)
-    kinds = store.types
-    time_type, header_type = kinds["builtin_interfaces/msg/Time"], kinds["std_msgs/msg/Header"]
-    vector, quaternion = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Quaternion"]
-    import numpy as np
-
+def imu_message(types: Mapping[str, Any], second: int, **head: int) -> Any:
+    """A sensor_msgs/Imu with the second of its stamp, and more fields of its header."""
+    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
     nine = np.zeros(9)
-    one = kinds[TYPE](
-        header=header_type(stamp=time_type(sec=0, nanosec=0), frame_id="imu"),
+    return types[TYPE](
+        header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="imu", **head),
         orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
         orientation_covariance=nine,
         angular_velocity=vector(x=0.5, y=0.25, z=0.125),
@@ -51,6 +48,13 @@ def write(path: Path, minutes: float) -> int:
         linear_acceleration=vector(x=0.0, y=0.0, z=9.81),
         linear_acceleration_covariance=nine,
     )
+
+
+def write(path: Path, minutes: float) -> int:
+    """Write the recording; returns the number of messages."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    definition, _ = store.generate_msgdef(TYPE, ros_version=2)
+    one = imu_message(store.types, 0)
     template = bytearray(store.serialize_cdr(one, TYPE))
     count = int(minutes * 60 * RATE_HZ)
     with path.open("wb") as file:

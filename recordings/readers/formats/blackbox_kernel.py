@@ -77,51 +77,40 @@ def _three_sizes(data: Bytes, at: int, raw: Ints, first: int) -> int:
     return at
 
 
-@compiled(INT, BYTES, INT, INTS, INT)
-def _tag2_3s32(data: Bytes, at: int, raw: Ints, first: int) -> int:
-    if at + 3 > len(data):
+@compiled(INT, BYTES, INT, INTS, INT, INT)
+def _three(data: Bytes, at: int, raw: Ints, first: int, encoding: int) -> int:
+    """Three numbers in one, two or three bytes together, or of their own sizes: TAG2_3S32 and TAG2_3SVARIABLE."""
+    if at >= len(data):
         return len(data) + 1
     lead = int(data[at])
     kind = lead >> 6
-    if kind == 0:
-        raw[first] = _signed(lead >> 4, 2)
-        raw[first + 1] = _signed(lead >> 2, 2)
-        raw[first + 2] = _signed(lead, 2)
-        return at + 1
-    if kind == 1:
-        raw[first] = _signed(lead, 4)
-        raw[first + 1] = _signed(int(data[at + 1]) >> 4, 4)
-        raw[first + 2] = _signed(int(data[at + 1]), 4)
-        return at + 2
-    if kind == 2:
-        for k in range(3):
-            raw[first + k] = _signed(int(data[at + k]), 6)
-        return at + 3
-    return _three_sizes(data, at + 1, raw, first)
-
-
-@compiled(INT, BYTES, INT, INTS, INT)
-def _tag2_3svariable(data: Bytes, at: int, raw: Ints, first: int) -> int:
-    if at + 3 > len(data):
+    if kind == 3:
+        return _three_sizes(data, at + 1, raw, first)
+    if at + kind >= len(data):
         return len(data) + 1
-    lead, second, third = int(data[at]), int(data[at + 1]), int(data[at + 2])
-    kind = lead >> 6
+    second = int(data[at + 1]) if kind >= 1 else 0
+    third = int(data[at + 2]) if kind == 2 else 0
     if kind == 0:
         raw[first] = _signed(lead >> 4, 2)
         raw[first + 1] = _signed(lead >> 2, 2)
         raw[first + 2] = _signed(lead, 2)
-        return at + 1
-    if kind == 1:
+    elif kind == 1 and encoding == TAG2_3S32:
+        raw[first] = _signed(lead, 4)
+        raw[first + 1] = _signed(second >> 4, 4)
+        raw[first + 2] = _signed(second, 4)
+    elif kind == 1:
         raw[first] = _signed(lead >> 1, 5)
         raw[first + 1] = _signed((lead & 1) << 4 | second >> 4, 5)
         raw[first + 2] = _signed(second, 4)
-        return at + 2
-    if kind == 2:
+    elif encoding == TAG2_3S32:
+        raw[first] = _signed(lead, 6)
+        raw[first + 1] = _signed(second, 6)
+        raw[first + 2] = _signed(third, 6)
+    else:
         raw[first] = _signed((lead & 63) << 2 | second >> 6, 8)
         raw[first + 1] = _signed((second & 63) << 1 | third >> 7, 7)
         raw[first + 2] = _signed(third, 7)
-        return at + 3
-    return _three_sizes(data, at + 1, raw, first)
+    return at + kind + 1
 
 
 @compiled(INT, BYTES, INT, INTS, INT, INT)
@@ -187,11 +176,8 @@ def _numbers(data: Bytes, at: int, forms: Ints, row: int, count: int, version: i
                     if (present >> k) & 1 == 1:
                         raw[field + k], at = _signed_variable(data, at)
             field += group
-        elif encoding == TAG2_3S32:
-            at = _tag2_3s32(data, at, raw, field)
-            field += 3
-        elif encoding == TAG2_3SVARIABLE:
-            at = _tag2_3svariable(data, at, raw, field)
+        elif encoding in (TAG2_3S32, TAG2_3SVARIABLE):
+            at = _three(data, at, raw, field, encoding)
             field += 3
         elif encoding == TAG8_4S16:
             at = _tag8_4s16(data, at, raw, field, version)
@@ -259,9 +245,9 @@ def _event(data: Bytes, at: int) -> int:
     kind = int(data[at])
     at += 1
     count = 0
-    if kind == 0 or kind == 15:  # the beep at the start, disarming
+    if kind in (0, 15):  # the beep at the start, disarming
         count = 1
-    elif kind == 14 or kind == 30:  # logging resumes, flight mode
+    elif kind in (RESUMED, 30):  # logging resumes, flight mode
         count = 2
     elif kind == 13:  # adjustment in flight
         if at < len(data) and int(data[at]) >= 128:
@@ -291,6 +277,28 @@ def _row_of(kind: int) -> int:
     if kind == 72:
         return HOME
     return EVENT if kind == 69 else -1
+
+
+@compiled(INT, INT, INT, INTS, TABLE, INTS, TABLE)
+def _keep_main(row: int, count: int, parameters: Ints, state: Ints, counters: Ints, main: Ints) -> int:
+    """Write a main frame, unless its time cannot follow that of the last one; how many were written."""
+    time = state[VALUES, parameters[TIME]]
+    step = (time - state[LAST, parameters[TIME]]) & _BITS_32
+    if step > _FURTHEST_US and counters[JUMPS] == 0:
+        near = (time - counters[ODD_TIME]) & _BITS_32 < _FURTHEST_US
+        counters[ODD_TIME] = time
+        if row == INTER or not near:  # two whole frames in a row that jump are right
+            counters[FOLLOWS] = 0
+            counters[LOST] += 1
+            return 0
+    counters[JUMPS] = 0
+    counters[FOLLOWS] = 1
+    for field in range(count):
+        state[BEFORE, field] = state[VALUES if row == INTRA else LAST, field]
+        state[LAST, field] = state[VALUES, field]
+        main[field, counters[MAIN_COUNT]] = state[VALUES, field]
+    counters[MAIN_COUNT] += 1
+    return 1
 
 
 @compiled(INT, BYTES, TABLE, INTS, INTS, TABLE, INTS, INTS, TABLE, TABLE, TABLE, INT)
@@ -365,20 +373,5 @@ def frames_of(
             for field in range(counts[row]):
                 state[HOMES, field] = state[VALUES, field]
         else:
-            time = state[VALUES, parameters[TIME]]
-            step = (time - state[LAST, parameters[TIME]]) & _BITS_32
-            if step > _FURTHEST_US and counters[JUMPS] == 0:
-                near = (time - counters[ODD_TIME]) & _BITS_32 < _FURTHEST_US
-                counters[ODD_TIME] = time
-                if row == INTER or not near:  # two whole frames in a row that jump are right
-                    counters[FOLLOWS] = 0
-                    counters[LOST] += 1
-                    continue
-            counters[JUMPS] = 0
-            counters[FOLLOWS] = 1
-            for field in range(counts[row]):
-                state[BEFORE, field] = state[VALUES if row == INTRA else LAST, field]
-                state[LAST, field] = state[VALUES, field]
-                main[field, n] = state[VALUES, field]
-            counters[MAIN_COUNT] += 1
+            _keep_main(row, counts[row], parameters, state, counters, main)
     return at

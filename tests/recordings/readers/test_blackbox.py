@@ -106,3 +106,11 @@ def test_a_log_without_a_description_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="no records with a time") as error:
         open_file(path)
     assert "does not describe its frames" in error.value.hint
+
+
+@each_row("name", NAMES)
+def test_a_log_that_ends_with_a_frame_has_it(name: str, tmp_path: Path) -> None:
+    """Its last numbers may take one byte together."""
+    path = tmp_path / "a.bbl"
+    path.write_bytes((GOLDEN / f"{name}.bbl").read_bytes().partition(b"E\xffEnd of log")[0])
+    assert frames_of(path) == json.loads((GOLDEN / f"{name}.json").read_text())
