@@ -1,11 +1,11 @@
 """Common beat of periodic work, so that one wake-up of the event loop serves all of it.
 
     beats      |    |    |    |    |    |    |    |        multiples of an interval, by the loop's clock
-    sessions   x    x    x    x    x    x    x    x        10 Hz
-    decoding   x    x    x    x    x    x    x    x        10 Hz without viewers
+    sessions   x    x    x    x    x    x    x    x        5 Hz without viewers, else 10 Hz
+    decoding   x    x    x    x    x    x    x    x        5 Hz without viewers
     date       x                                           1 Hz
 
-On a small computer a wake-up costs more than most of this work.
+On a small computer a wake-up costs more than most of this work, and a turn of decoding as much as fifty samples in it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import math
 
+UNWATCHED_S = 0.2  # between two turns without viewers: nothing is needed sooner
 MARGIN = 0.1  # of an interval: a timer may be early by the resolution of the clock, and is not repeated then
 
 

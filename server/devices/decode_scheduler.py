@@ -5,7 +5,7 @@
                                             └─ pause as long as the turn took, some passes of the loop, next turn
 
 The interval is that of the most demanding viewer: 12 ms if samples are drawn as they arrive, the page's drawing
-interval if it reports one, 0.1 s without viewers; one turn for many samples costs far less than one for each. All
+interval if it reports one, 0.2 s without viewers; one turn for many samples costs far less than one for each. All
 sessions share one timer, because waking the loop costs more than most slices, and because samples decoded together are
 sent to clients together. A session that waits for an answer decodes at once.
 
@@ -18,9 +18,8 @@ import asyncio
 from collections.abc import Callable
 
 from imuscope.server.devices.decode_budget import Drain, RoundRobin
-from imuscope.server.heartbeat import next_beat
+from imuscope.server.heartbeat import UNWATCHED_S, next_beat
 
-UNWATCHED_S = 0.1  # without viewers, decoding at longer intervals saves most of the work
 PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request
 
 

@@ -1,4 +1,4 @@
-"""Registry of all device sessions of the server: adds, removes and retries them, and checks them ten times a second."""
+"""Registry of all device sessions of the server: adds, removes and retries them, and checks them at a beat."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dataclasses import replace
 from imuscope.server import wire
 from imuscope.server.devices.byte_memory import ByteMemory, LinkMemory
 from imuscope.server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
-from imuscope.server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
+from imuscope.server.devices.decode_scheduler import DecodeScheduler
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.processor_use import ProcessorUse
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sequence_store import EVERY_S, SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
-from imuscope.server.heartbeat import beat
+from imuscope.server.heartbeat import UNWATCHED_S, beat
 from imuscope.server.links.base import Link, LinkError, LinkSettings
 from imuscope.server.links.replay import split_devices
 from imuscope.server.links.source_url import SourceUrl
@@ -29,10 +29,9 @@ from imuscope.server.streaming.shedding import Shedding
 
 log = logging.getLogger("imuscope.session")
 
-TICK_S = 0.1
+TICK_S = 0.1  # with viewers; without them the checks share the wake-ups of decoding
 IDLE_TICK_S = 1.0  # without a session only the wall clock is watched
-HEALTH_EVERY = 5  # ticks
-SAVE_EVERY = round(EVERY_S / TICK_S)
+HEALTH_S = 0.5
 WALL_STEP_S = 0.05  # NTP slews at most 0.5 ms/s; more than this between two ticks is a step
 MAX_DEVICES = 64
 
@@ -88,7 +87,8 @@ class Sessions:
         self.names.on_change(self._renamed)
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
-        self._ticks = 0
+        self._sample_interval = sample_interval
+        self._health_due, self._save_due = 0.0, bus.now() + EVERY_S
         self._has_sessions = asyncio.Event()
         self.scan_lock = asyncio.Lock()
         self._shedding, self._processor = shedding or Shedding(), ProcessorUse()
@@ -209,7 +209,7 @@ class Sessions:
     async def _tick_forever(self) -> None:
         while True:
             if self._sessions:
-                await beat(TICK_S)
+                await beat(max(TICK_S, min(self._sample_interval(), UNWATCHED_S)))
             else:
                 self._has_sessions.clear()
                 with contextlib.suppress(TimeoutError):
@@ -227,8 +227,8 @@ class Sessions:
                 log.exception("watching %s failed", session.info.source)
         self._processor.update(now)
         self._shedding.update(max((session.behind(now) for session in self._sessions.values()), default=0.0), now)
-        self._ticks += 1
-        if self._ticks % HEALTH_EVERY == 0:
+        if now >= self._health_due:
+            self._health_due = now + HEALTH_S - TICK_S / 2
             sessions = self._sessions.values()
             health = [one for session in sessions for one in session.health_of_all(now)]
             for one in health:
@@ -236,7 +236,8 @@ class Sessions:
             self._bus.health.publish({one.device: one for one in health})
             self._bus.report_unknown_payloads([one for session in sessions for one in session.unknown_payloads(now)])
         self._watch_wall_clock()
-        if self._ticks % SAVE_EVERY == 0:
+        if now >= self._save_due:
+            self._save_due = now + EVERY_S
             for session in self._sessions.values():
                 session.restarts.save()
             if self._saving is None or self._saving.done():

@@ -30,7 +30,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from imuscope.server import wire
-from imuscope.server.streaming.clients import UNWATCHED_S, ClientFanout
+from imuscope.server.heartbeat import UNWATCHED_S
+from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.send_queue import SendQueue
 from imuscope.server.workers import Worker
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 from imuscope.server import wire, wire_codec
 from imuscope.server.capabilities import Capabilities
+from imuscope.server.heartbeat import UNWATCHED_S
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.streaming.event_log import EventLog
@@ -29,7 +30,6 @@ FEW_CLIENTS = 4
 FLUSH_S = 0.012
 FLUSH_MANY_S = 0.016
 SLACK_S = 0.002  # a flush may be earlier by this: decoding has the same interval, but not to the ms
-UNWATCHED_S = 0.1  # interval between samples if no client is connected
 
 
 @dataclass(frozen=True, slots=True)

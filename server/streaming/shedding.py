@@ -14,9 +14,9 @@ decoding has kept up for `CALM_S`.
 
 from __future__ import annotations
 
-PICTURES_S = 0.2
-PAGES_S = 0.4
-KEEPS_UP_S = 0.1  # more than the longest interval between two turns without viewers
+PICTURES_S = 0.3
+PAGES_S = 0.5
+KEEPS_UP_S = 0.25  # more than the longest interval between two turns without viewers
 CALM_S = 3.0
 PAGE_INTERVAL_S = 0.2
 PICTURE_FACTOR = 5.0

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.devices.processor_use import OVER_S, ProcessorUse
+from imuscope.server.heartbeat import UNWATCHED_S
 from imuscope.server.streaming.clients import FLUSH_S
 from imuscope.server.streaming.send_queue import SendQueue
-from imuscope.server.streaming.shedding import CALM_S, PAGE_INTERVAL_S, PICTURE_FACTOR, Shedding
+from imuscope.server.streaming.shedding import CALM_S, KEEPS_UP_S, PAGE_INTERVAL_S, PICTURE_FACTOR, PICTURES_S, Shedding
 from imuscope.server.streaming.telemetry import Telemetry
 
 TICK_S = 0.1
@@ -25,7 +26,12 @@ def after(behind: list[float]) -> list[int]:
 
 
 def test_pictures_are_left_out_before_rates_of_pages() -> None:
-    assert after([0.0, 0.15, 0.25, 0.35, 0.45, 9.0]) == [0, 0, 1, 1, 2, 2]
+    assert after([0.0, 0.25, 0.35, 0.45, 0.55, 9.0]) == [0, 0, 1, 1, 2, 2]
+
+
+def test_turns_without_viewers_are_no_delay() -> None:
+    assert UNWATCHED_S < KEEPS_UP_S < PICTURES_S
+    assert set(after([UNWATCHED_S] * 9)) == {0}
 
 
 def test_each_step_is_taken_back_once_decoding_has_kept_up() -> None:
