@@ -4,7 +4,7 @@
     /MTi-630/position     foxglove.LocationFix
     /events               foxglove.Log
 
-Both the live Foxglove server and the decoded MCAP export use these. recordings/rrd/entities.py chooses the attitude and
+Both the live Foxglove server and the decoded MCAP export use these. recordings/entities.py chooses the attitude and
 position channels, so that all views agree. Foxglove's SDK encodes the messages; it is imported with this module, which
 is imported only where they are needed.
 """
@@ -19,8 +19,8 @@ from foxglove.messages import FrameTransform, LocationFix, Log, LogLevel, Quater
 from numpy.typing import NDArray
 
 from imuscope.protocols.rotations import ENU_FROM, multiply, quaternions
-from imuscope.recordings.rrd.entities import Attitude, PositionEntity
-from imuscope.recordings.rrd.enu import is_place
+from imuscope.recordings.entities import Attitude, PositionEntity
+from imuscope.recordings.enu import is_place
 
 __all__ = ["ATTITUDE", "POSITION", "FrameTransform", "LocationFix", "Log", "fixes", "heights", "logged", "transforms"]
 

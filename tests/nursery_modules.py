@@ -45,7 +45,7 @@ _FEEDING: dict[str, tuple[str, ...]] = {
     "imuscope.server.extensions.foxglove.worker": (),
     "imuscope.server.extensions.rerun.worker": (),
     "imuscope.server.extensions.ros2.worker": ("zenoh",),
-    "imuscope.server.extensions.rerun.stream_worker": ("imuscope.recordings.rrd.writer",),
+    "imuscope.server.extensions.rerun.stream_worker": ("imuscope.server.extensions.rerun.rrd.writer",),
     "imuscope.server.extensions.viser.worker": ("imuscope.server.extensions.viser.scene",),
 }
 VIEWERS = {module: late for module, late in _FEEDING.items() if _is_there(module)}

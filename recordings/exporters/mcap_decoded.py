@@ -34,12 +34,12 @@ from numpy.typing import NDArray
 from imuscope.protocols.framing import Ints
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.column_store import ExactRows
+from imuscope.recordings.entities import DeviceEntity, devices_of
 from imuscope.recordings.exporters.message_table import SEGMENT, windows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 from imuscope.recordings.file_names import device_names
 from imuscope.recordings.mcap_reader import McapChannel
 from imuscope.recordings.optional_packages import lacks
-from imuscope.recordings.rrd.entities import DeviceEntity, devices_of
 from imuscope.recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
 Array = NDArray[Any]

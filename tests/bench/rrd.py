@@ -44,7 +44,7 @@ def export(store: Path, out: Path) -> dict[str, float]:
     from imuscope.recordings.column_store import ColumnStore
 
     start = time.perf_counter()
-    from imuscope.recordings.rrd.writer import write_rrd
+    from imuscope.server.extensions.rerun.rrd.writer import write_rrd
 
     imported = time.perf_counter() - start
     columns = ColumnStore(store)

@@ -29,8 +29,8 @@ from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
 from imuscope.recordings import standard_schemas
+from imuscope.recordings.entities import Attitude, DeviceEntity, PositionEntity, devices_of
 from imuscope.recordings.file_names import device_names
-from imuscope.recordings.rrd.entities import Attitude, DeviceEntity, PositionEntity, devices_of
 from imuscope.recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
 from imuscope.server.auth import Access, RefusedError
 from imuscope.server.config import Config

@@ -25,13 +25,13 @@ from fastapi.responses import FileResponse, RedirectResponse, Response, Streamin
 from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
-from imuscope.recordings.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.static_files import HEADERS
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.assets import NAMES, folder_of, viewer_files
+from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
 from imuscope.server.extensions.rerun.service import Rerun, RerunFeed, RerunViewer, recording_stream
 
 router = APIRouter()

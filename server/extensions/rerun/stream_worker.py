@@ -24,7 +24,7 @@ def main() -> int:
         os.nice(5)  # live devices come first
     request = json.loads(sys.stdin.read())
     columns = ColumnStore(Path(request["store"]))
-    from imuscope.recordings.rrd.writer import Work, fill, stream_of
+    from imuscope.server.extensions.rerun.rrd.writer import Work, fill, stream_of
 
     t0 = -math.inf if request["t0"] is None else request["t0"]
     t1 = math.inf if request["t1"] is None else request["t1"]

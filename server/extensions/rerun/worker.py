@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from imuscope.recordings.rrd import chunks, static
-from imuscope.recordings.rrd.blueprint import blueprint
-from imuscope.recordings.rrd.chunks import Array, Times, nanoseconds
-from imuscope.recordings.rrd.entities import DeviceEntity, devices_of
-from imuscope.recordings.rrd.enu import Origin, is_place
+from imuscope.recordings.entities import DeviceEntity, devices_of
+from imuscope.recordings.enu import Origin, is_place
+from imuscope.server.extensions.rerun.rrd import chunks, static
+from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
+from imuscope.server.extensions.rerun.rrd.chunks import Array, Times, nanoseconds
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.wire_codec import SampleFrame
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.rotations import quaternions
 from imuscope.protocols.sensor_properties import SensorProperties
-from imuscope.recordings.rrd.enu import is_place
+from imuscope.recordings.enu import is_place
 from imuscope.server.extensions.ros2.axes import Floats, body_vectors, enu_from_flu, world_vectors
 from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin, Times

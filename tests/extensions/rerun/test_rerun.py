@@ -23,16 +23,16 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 from websockets.exceptions import ConnectionClosed
 
-from imuscope.recordings.rrd.chunks import name_of
 from imuscope.server import wire
+from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.extensions.rerun.service import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
 from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.streaming.channels import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
+from tests.extensions.rerun.rrd_tables import entities, numbers
 from tests.recordings.recorded_drive import drive
-from tests.recordings.rrd_tables import entities, numbers
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connect, http_client
 from tests.waiting import block_until

@@ -18,17 +18,17 @@ from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.entities import devices_of
 from imuscope.recordings.exporters import ExportRequest, by_suffix, export
 from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.rrd.chunks import name_of
-from imuscope.recordings.rrd.entities import devices_of
-from imuscope.recordings.rrd.size_limit import MAX_ROWS, WHOLE, limit_for
-from imuscope.recordings.rrd.writer import Work, fill, stream_of, write_rrd
 from imuscope.recordings.sources import McapSource
 from imuscope.server.devices import protocol_set
+from imuscope.server.extensions.rerun.rrd.chunks import name_of
+from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_for
+from imuscope.server.extensions.rerun.rrd.writer import Work, fill, stream_of, write_rrd
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
-from tests.recordings.rrd_tables import column, entities, flat, numbers
+from tests.extensions.rerun.rrd_tables import column, entities, flat, numbers
 
 START = 1_760_000_000_000_000_000
 ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep settings there
@@ -180,7 +180,7 @@ def test_a_device_is_at_its_reported_position_on_a_map(
 def test_the_map_is_behind_the_track_so_that_no_tiles_are_requested(store: ColumnStore) -> None:
     import rerun.blueprint as rrb
 
-    from imuscope.recordings.rrd.blueprint import blueprint
+    from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
 
     infos = store.manifest["channels"]
     root = blueprint(devices_of(store.manifest["devices"], infos), infos, []).root_container
@@ -199,7 +199,7 @@ def test_the_map_is_behind_the_track_so_that_no_tiles_are_requested(store: Colum
 def test_live_plots_stand_in_two_columns_because_the_viewer_is_low_in_the_page(store: ColumnStore) -> None:
     import rerun.blueprint as rrb
 
-    from imuscope.recordings.rrd.blueprint import blueprint
+    from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
 
     infos = store.manifest["channels"]
     devices = devices_of(store.manifest["devices"], infos)
@@ -216,8 +216,8 @@ def test_live_plots_stand_in_two_columns_because_the_viewer_is_low_in_the_page(s
 def test_curves_of_one_message_with_units_of_their_own_have_colours_of_their_own() -> None:
     import rerun as rr
 
-    from imuscope.recordings.rrd.entities import Curve
-    from imuscope.recordings.rrd.static import send_style
+    from imuscope.recordings.entities import Curve
+    from imuscope.server.extensions.rerun.rrd.static import send_style
 
     columns = [{"name": name, "label": "", "axis": ""} for name in ("lat", "lon", "alt")]
     stream = rr.RecordingStream("imuscope")
@@ -362,7 +362,8 @@ def test_rerun_is_a_format_and_is_imported_on_demand_only(store: ColumnStore, tm
 
 
 def test_a_layout_is_known_without_rerun() -> None:
-    names = ", ".join(f"imuscope.recordings.rrd.{name}" for name in ("entities", "enu", "size_limit"))
+    own = "imuscope.server.extensions.rerun.rrd.size_limit"
+    names = f"imuscope.recordings.entities, imuscope.recordings.enu, {own}"
     code = f"import sys; import {names}; print('rerun' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert said.stdout.strip() == "False"

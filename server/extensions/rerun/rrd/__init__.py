@@ -1,7 +1,5 @@
 """Recordings for the Rerun viewer: `.rrd` files and live streams of the same shape.
 
-    entities.py    mapping from channels to entities; does not need Rerun
-    enu.py         latitude and longitude ⇄ metres on a plane
     size_limit.py  share of a recording that a viewer in a browser gets
     chunks.py      rows of a channel → columns of an entity: transforms, scalars, texts
     static.py      static entities: the body, its axes, names and colours of curves
@@ -25,6 +23,8 @@ The tree of entities, which is the same for a file and for a live stream:
 and three timelines: `device_time` (the device's clock mapped to the host's; the arrival if a message has none),
 `arrival_time`, and `sample` (the row's number within its channel). Times are whole nanoseconds since 1970.
 
-Only entities.py, enu.py and size_limit.py can be imported without Rerun; the others import it, which takes about a
+recordings/entities.py maps channels to entities, recordings/enu.py positions to metres on a plane.
+
+Only size_limit.py can be imported without Rerun; the others import it, which takes about a
 second and therefore happens in a subprocess, or on first use.
 """

@@ -18,11 +18,11 @@ from imuscope.protocols.isb.frames import build as isb_packet
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.rrd.chunks import name_of
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.library.decode import decode
-from tests.recordings.rrd_tables import column, entities
+from tests.extensions.rerun.rrd_tables import column, entities
 
 COUNT = 30
 OWN = [bytes([k, 0xAA]) * (1 + k % 3) for k in range(COUNT)]  # of three lengths

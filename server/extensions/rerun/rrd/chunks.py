@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.rotations import quaternion_columns
 from imuscope.recordings.column_store import ExactRows
-from imuscope.recordings.rrd.entities import Attitude, Curve, Path, PositionEntity
-from imuscope.recordings.rrd.enu import Origin, enu_of, is_place
+from imuscope.recordings.entities import Attitude, Curve, Path, PositionEntity
+from imuscope.recordings.enu import Origin, enu_of, is_place
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

@@ -33,9 +33,9 @@ from imuscope.server.devices.decode_options import DecodeOptions, checked_option
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
+from tests.extensions.rerun.rrd_tables import entities
 from tests.recordings import every_message
 from tests.recordings.recorded_drive import START
-from tests.recordings.rrd_tables import entities
 
 FAMILIES: Mapping[str, Callable[[], Iterator[every_message.Case]]] = {
     "xbus": every_message.xbus,

@@ -27,13 +27,13 @@ import rerun.blueprint as rrb
 
 from imuscope.recordings import atomic_write
 from imuscope.recordings.column_store import BLOCK_ROWS, Base, ColumnStore, ExactRows, MinMaxBuckets
+from imuscope.recordings.entities import DeviceEntity, Info, PositionEntity, devices_of
+from imuscope.recordings.enu import Origin, is_place
 from imuscope.recordings.file_names import device_names
 from imuscope.recordings.payloads import payloads_of
-from imuscope.recordings.rrd import chunks, static
-from imuscope.recordings.rrd.blueprint import blueprint
-from imuscope.recordings.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of
-from imuscope.recordings.rrd.entities import DeviceEntity, Info, PositionEntity, devices_of
-from imuscope.recordings.rrd.enu import Origin, is_place
+from imuscope.server.extensions.rerun.rrd import chunks, static
+from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
+from imuscope.server.extensions.rerun.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of
 
 MAX_TEXTS = 20_000  # of one status word: one that changes with every sample is better shown as a curve
 EVENTS, MARKERS = ("events",), ("markers",)

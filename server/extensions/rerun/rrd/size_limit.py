@@ -3,7 +3,7 @@
 A viewer in a browser keeps samples in memory, which is limited to 4 GB (32-bit addresses in WebAssembly), and drops the
 oldest before that; without a GPU it also draws each of them. So there are two limits, in rows of all quantities
 together: up to WHOLE a range is opened whole; up to MAX_ROWS it is on request. Beyond, every quantity with more than
-`most` rows is thinned to as many (recordings/rrd/writer.py explains how), and the page reports it.
+`most` rows is thinned to as many (server/extensions/rerun/rrd/writer.py explains how), and the page reports it.
 
     rows of the quantities      900 000   900 000    6 000
     kept, most = 20 000          20 000    20 000    6 000      one of 45 samples of those that have the most

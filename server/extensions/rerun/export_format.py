@@ -1,4 +1,4 @@
-"""RRD: one file for the Rerun viewer; recordings/rrd describes its contents.
+"""RRD: one file for the Rerun viewer; server/extensions/rerun/rrd describes its contents.
 
 Rerun is imported when the first such file is written: that takes a second, which other users should not wait for.
 """
@@ -13,7 +13,7 @@ from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """Write the file; returns it."""
-    from imuscope.recordings.rrd.writer import write_rrd
+    from imuscope.server.extensions.rerun.rrd.writer import write_rrd
 
     chosen = [info["id"] for info in request.infos]
     write_rrd(
