@@ -170,13 +170,26 @@ class McapWriter:
         """Write runs of chunks, (device, direction, (data, arrival ns) of each, at least one), at once."""
         records: list[bytes] = []
         for device, direction, chunks in runs:
-            topic = f"{direction}/{device}"
-            if topic not in self._channels:
-                records.append(self._channel(topic, topic, RAW_ENCODING, None, {}))
-            number = self._channels[topic].id
-            self._count(number, len(chunks), min(chunks, key=_time)[1], max(chunks, key=_time)[1])
+            number = self.bytes_channel(device, direction)
+            self.count(number, len(chunks), min(chunks, key=_time)[1], max(chunks, key=_time)[1])
             records += messages(number, chunks)
         self._write(records)
+
+    def bytes_channel(self, device: str, direction: Direction) -> int:
+        """Number of the channel of a device's bytes, which is described now if it is new."""
+        topic = f"{direction}/{device}"
+        if topic not in self._channels:
+            self._write([self._channel(topic, topic, RAW_ENCODING, None, {})])
+        return self._channels[topic].id
+
+    def fileno(self) -> int:
+        """The file's descriptor, for a loop that appends records by itself (direct_writer.py)."""
+        return self._file.fileno()
+
+    def note_written(self, size: int, unwritten: Sequence[bytes], part: int) -> None:
+        """Count bytes that were appended to the file, and append records of which a part was."""
+        self._file.count += size
+        self._write(unwritten, part)
 
     def messages(self, device: str, chunks: Iterable[tuple[bytes, int]]) -> None:
         """Write messages of a device, given as records of protocols/messages/records.py with their arrival, ns. One
@@ -207,7 +220,7 @@ class McapWriter:
             schema = (channel.schema, channel.schema_encoding, channel.schema_data) if channel.schema else None
             out.append(self._channel(key, channel.topic, channel.encoding, schema, metadata))
         number = self._channels[key].id
-        self._count(number, 1, arrival_ns, arrival_ns)
+        self.count(number, 1, arrival_ns, arrival_ns)
         head = MESSAGE_HEAD.pack(opcode, size, number, sequence, arrival_ns, publish_ns or arrival_ns)
         return [*out, head + record[MESSAGE_HEAD.size :]]
 
@@ -287,10 +300,10 @@ class McapWriter:
             as_bytes = (schema[0], "jsonschema", json.dumps(schema[1]).encode()) if schema is not None else None
             described = self._channel(topic, topic, encoding, as_bytes, {})
         number = self._channels[topic].id
-        self._count(number, 1, time_ns, time_ns)
+        self.count(number, 1, time_ns, time_ns)
         return described + message(number, time_ns, data)
 
-    def _count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
+    def count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
         """Count messages for the summary."""
         self._counts[channel] = self._counts.get(channel, 0) + count
         self._first = first_ns if self._first is None or first_ns < self._first else self._first
@@ -346,11 +359,11 @@ class McapWriter:
             (Opcode.METADATA_INDEX, list(self._metadata)),
         ]
 
-    def _write(self, records: list[bytes]) -> None:
+    def _write(self, records: Sequence[bytes], part: int = 0) -> None:
         if self._closed:
             raise RecordingError(f"{self.path.name} is closed.", "Begin another recording.")
         try:
-            self._file.write(records)
+            self._file.write(records, part)
         except OSError as error:
             self._closed = True
             self._file.cut()
@@ -371,10 +384,13 @@ class AtomicRecordFile:
         file_lock.hold(self._fd)
         self.count = 0
 
-    def write(self, records: list[bytes]) -> None:
+    def fileno(self) -> int:
+        return self._fd
+
+    def write(self, records: Sequence[bytes], done: int = 0) -> None:
+        """Write records, of which `done` bytes are there already."""
         data = b"".join(records)
         view = memoryview(data)
-        done = 0
         try:
             while done < len(view):
                 done += os.write(self._fd, view[done:])

@@ -1,19 +1,18 @@
 """Recording writer: a queue and its threads, so that every chunk reaches the disk at once.
 
     any thread ──put──> queue (unbounded, never drops) ──> writer thread: one write for everything queued, at intervals
-    links <───────────────────── collect ─────────────────── before each write
+    memory of live links ─────────────────────────────────> the same thread, in machine code (direct_writer.py)
                                                                   │ a part is full, or old enough
                                                                   v
                                            part 1 │ part 2 │ part 3 …        consecutive files
                                                 │
     sync thread: fdatasync once in `sync_s`; checks that the file still exists; finishes the parts that are full
 
-Writes go to the kernel's memory, which survives a killed process: at most `COLLECT_S` of the received data is lost with
-it. The writer thread has the links pass on what they have read just before it writes, so that one wake-up serves them
-all; a link that delivers nothing wakes it with the next bytes. Only the sync
-thread waits for the disk, so that a slow disk delays nothing else: `behind_s` is the age of the queue. A power cut
-loses what came after the last fdatasync: at most `sync_s` and the time that the disk takes, or, if that is left to the
-system, what the kernel has not written by itself yet. A finished part is always forced to disk.
+Writes go to the kernel's memory, which survives a killed process: at most `TURN_S` of the received data is lost with
+it. One wake-up serves all links whose memory can be shared; when all are silent, the next bytes wake the thread. Only
+the sync thread waits for the disk, so that a slow disk delays nothing else: `behind_s` is the age of what waits. A
+power cut loses what came after the last fdatasync: at most `sync_s` and the time that the disk takes, or, if that is
+left to the system, what the kernel has not written by itself yet. A finished part is always forced to disk.
 
 A part begins with all that is known (devices, configurations) and names its predecessor; its first chunk is the one
 that follows the predecessor's last.
@@ -34,12 +33,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 from imuscope.protocols.messages.records import Definitions
+from imuscope.recordings.direct_writer import DirectWriter
 from imuscope.recordings.mcap_writer import Direction, McapWriter, RecordingError
+from imuscope.recordings.read_memory import NEVER, ReadFollower
 
 log = logging.getLogger("imuscope.recording")
 
 GATHER_S = 0.005  # between two writes, at least
-COLLECT_S = 0.015  # between two collections, which are followed by a write; a killed process may lose 20 ms
+TURN_S = 0.015  # between two writes from the memory of links; a killed process may lose 20 ms
+TURNS_S = 1.0  # after which new links and the limits of a part are looked at
 SYNC_S = 1.0
 CHECK_S = 1.0  # at most, between two checks of the file
 MAX_WAITING = 256 << 20  # bytes
@@ -85,8 +87,7 @@ class RecordingWriter:
         sync_s: time between two fdatasyncs of an unfinished part; 0 to leave writing to the system.
 
     Attributes:
-        collect: called (in a thread) before each write, with the time until the next call, s: has the links pass on
-            what they have read. Whether there was anything.
+        follow: called (in the writer's thread) about once a second: devices and their links' memory from now on.
 
     Raises:
         RecordingError: the first part cannot be created.
@@ -111,7 +112,8 @@ class RecordingWriter:
         self._on_notice = on_notice
         self.shift_ns = shift_ns
         self.sync_s = sync_s
-        self.collect: Callable[[float], bool] = lambda again_s: False
+        self.follow: Callable[[], Iterable[tuple[str, ReadFollower]]] = tuple
+        self._direct = DirectWriter()
         self._shortened: McapWriter | None = None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._wake_event = threading.Event()
@@ -161,8 +163,7 @@ class RecordingWriter:
             chunks = [(data, arrival_ns + shift_ns) for data, arrival_ns in chunks]
         queued_ns = self._now_ns() + shift_ns if late else chunks[0][1]
         self._queue.append(("chunks", queued_ns, device, direction, chunks, size))
-        if not self._wake_event.is_set():
-            self._wake_event.set()
+        self._wake()
 
     def messages(self, device: str, chunks: Sequence[tuple[bytes, int]], *, late: bool = False) -> None:
         """Queue messages received from a device; see McapWriter.messages, and `chunks`. Never waits."""
@@ -210,7 +211,12 @@ class RecordingWriter:
 
     def _put(self, kind: Kind, time_ns: int, *what: Any) -> None:
         self._queue.append((kind, time_ns + self.shift_ns, *what))
-        self._wake_event.set()
+        self._wake()
+
+    def _wake(self) -> None:
+        self._direct.stop_flag[0] = 1
+        if not self._wake_event.is_set():
+            self._wake_event.set()
 
     # ── state ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -222,7 +228,7 @@ class RecordingWriter:
     @property
     def bytes(self) -> int:
         """Bytes written so far, over all parts."""
-        return self._done_bytes + self._writer.size
+        return self._done_bytes + self._writer.size + self._direct.written
 
     @property
     def behind_s(self) -> float:
@@ -232,7 +238,8 @@ class RecordingWriter:
             try:
                 oldest = int(self._queue[0][1])
             except IndexError:
-                return 0.0
+                oldest = NEVER
+        oldest = min(oldest, self._direct.oldest_ns + self.shift_ns + round(TURN_S * 1e9))
         return max(0.0, (self._now_ns() + self.shift_ns - oldest) / 1e9)
 
     @property
@@ -243,7 +250,7 @@ class RecordingWriter:
     def stop(self) -> None:
         """Write everything queued and finish the file; returns when it is on disk."""
         self._stopping = True
-        self._wake_event.set()
+        self._wake()
         self._sync_now.set()
         for thread in self._threads:
             thread.join()
@@ -252,20 +259,25 @@ class RecordingWriter:
 
     def _write_forever(self) -> None:
         due = 0.0
-        collects = False
+        is_busy = False
         try:
             while True:
-                if not (self._queue or collects):
+                if not (self._queue or is_busy):
                     self._wake_event.clear()
-                    if not (self._queue or self._stopping or self.error):
+                    if not (self._queue or self._stopping or self.error) and self._direct.sleep():
                         self._wake_event.wait()
                 if not self._stopping and (wait := due - time.monotonic()) > 0:
                     time.sleep(wait)
-                collects = self.collect(COLLECT_S)
-                due = time.monotonic() + (COLLECT_S if collects else GATHER_S)
+                due = time.monotonic() + GATHER_S
+                self._direct.stop_flag[0] = 0
+                for device, follower in self.follow():
+                    follower.wake = self._wake
+                    self._direct.add(device, follower)
                 while self._queue and self.error is None:
                     self._write_some()
-                if self._stopping or self.error is not None:
+                is_busy = bool(self._direct) and self.error is None and self._write_direct()
+                has_all = not self._queue and self._direct.oldest_ns == NEVER
+                if (self._stopping and has_all) or self.error is not None:
                     return
         except RecordingError as error:
             self._fail(error)
@@ -279,6 +291,16 @@ class RecordingWriter:
     def _fail(self, error: RecordingError) -> None:
         self.error = self.error or error
         self._wake_event.set()
+
+    def _write_direct(self) -> bool:
+        """Write from the memory of links for a while; whether anything came lately."""
+        if self._is_full():
+            self._split()
+        split_bytes, split_s = self._limits.split_bytes, self._limits.split_s
+        most = split_bytes - self._writer.size if split_bytes else NEVER
+        longest_s = 0.0 if self._stopping else min(TURNS_S, split_s or TURNS_S)
+        turn_ns = round(TURN_S * 1e9)
+        return self._direct.write(self._writer, self.shift_ns, turn_ns, round(longest_s * 1e9), most)
 
     def _write_some(self) -> None:
         """Write the chunks up to the next other item at once, then that item."""

@@ -469,10 +469,10 @@ class _Translation:
 
     def _call_library(self, function: LibraryFunction, arguments: list[Value]) -> Value:
         result, *kinds = function.types
-        types = ", ".join(f"{one}_t" for one in kinds)
-        self.source.externals[function.__name__] = f"extern {result}_t {function.__name__}({types});"
+        types, name = ", ".join(f"{one}_t" for one in kinds), function.__name__
+        self.source.externals[name] = f'extern {result}_t library_{name}({types}) __asm__("{name}");'
         texts = ", ".join(f"({kind}_t){one.text}" for one, kind in zip(arguments, kinds, strict=True))
-        return Value(INT, f"((i64){function.__name__}({texts}))")
+        return Value(INT, f"((i64)library_{name}({texts}))")
 
 
 def _fits(value: Kind, expected: Kind) -> bool:

@@ -166,9 +166,9 @@ class Recorder:
             self._now = now
             for session in self._sessions.all if every else chosen:
                 now.join(session)
-            now.collect_from_links()
             if since is not None:
                 now.note_past(await asyncio.to_thread(now.write_past))
+            now.follow_links()
             self._watcher = asyncio.get_running_loop().create_task(self._watch(now), name="recorder")
             self._publish()
             self._bus.library_changed()

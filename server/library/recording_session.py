@@ -30,6 +30,7 @@ from typing import Any, Literal
 
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.recordings.mcap_writer import Direction
+from imuscope.recordings.read_memory import ReadFollower
 from imuscope.recordings.recording_writer import RecordingWriter
 from imuscope.server import wire, wire_codec
 from imuscope.server.configuration.controllers import ControllerRegistry
@@ -40,7 +41,7 @@ from imuscope.server.devices.session import Session
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.log_header import LogHeaderRequest
 from imuscope.server.library.signal_definitions import SignalDefinitions
-from imuscope.server.links.base import NEVER, RECORDING, Chunk
+from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.bus import TelemetryBus
 
 Piece = list[tuple[bytes, int]]
@@ -92,8 +93,8 @@ class RecordingSession:
         self._written_signals: dict[str, Any] = {}  # device → definitions written last
         self._heads: dict[str, LogHeaderRequest] = {}
         self._sessions: dict[str, Session] = {}
-        self._collecting = threading.Lock()  # held while links are collected from, and while one leaves
-        self._collects = False
+        self._following = threading.Lock()  # held while the writer looks for links to follow, and while one leaves
+        self._follows = False
         self._size_history: list[tuple[float, int]] = []  # (time, bytes) of the last updates
         self._unsubscribe = [
             bus.events.subscribe(self._event),
@@ -123,6 +124,8 @@ class RecordingSession:
 
         def write(received: Sequence[tuple[bytes, int]], way: Direction, *, late: bool = False) -> None:
             nonlocal described
+            if way == "rx" and session.access.link.is_followed and not late:
+                return
             if way == "rx" and session.access.link.protocol == MESSAGES:
                 if not described:  # earlier messages define the layout of these
                     received = [(session.access.link.preamble, received[0][1]), *received]
@@ -145,7 +148,7 @@ class RecordingSession:
             self._unsubscribe_traffic[device] = follower.stop
 
         async def removed() -> None:
-            with self._collecting:
+            with self._following:
                 if (stop := self._unsubscribe_traffic.pop(device, None)) is not None:
                     self._stop(device, stop)
 
@@ -186,33 +189,32 @@ class RecordingSession:
         if past is not None:
             self.started = min(self.started, past[0] / 1e9)
 
-    def collect_from_links(self) -> None:
-        """Let the writer fetch the bytes that links have read, just before it writes."""
-        self._collects = True
-        self.writer.collect = self._collect
+    def follow_links(self) -> None:
+        """Let the writer take the bytes of links from their own memory where that is possible. After `write_past`."""
+        self._follows = True
+        self.writer.follow = self._followers
 
-    def _collect(self, again_s: float) -> bool:
-        """Pass on the bytes that the links have read; whether there were any. In the writer's thread."""
-        with self._collecting:
-            links = [self._sessions[device].access.link for device in self.devices] if self._collects else []
-            return any([link.collect(round(again_s * 1e9)) for link in links])  # noqa: C419 - all of them
+    def _followers(self) -> list[tuple[str, ReadFollower]]:
+        """The links that the writer takes from by itself. In its thread."""
+        with self._following:
+            devices = self.devices if self._follows else []
+            followers = [(device, self._sessions[device].access.link.follow()) for device in devices]
+        return [(device, follower) for device, follower in followers if follower is not None]
 
     def _stop(self, device: str, stop: Callable[[], None]) -> None:
         """Stop recording a session, with its last bytes. The lock is held."""
-        link = self._sessions[device].access.link
-        if self._collects:
-            link.collect(0)
-            link.flow.deadlines[RECORDING] = NEVER
+        if self._follows:
+            self._sessions[device].access.link.unfollow()
         stop()
 
     def detach(self) -> None:
         """Stop recording all sessions."""
         for off in self._unsubscribe:
             off()
-        with self._collecting:
+        with self._following:
             for device, stop in self._unsubscribe_traffic.items():
                 self._stop(device, stop)
-            self._collects = False
+            self._follows = False
         for head in self._heads.values():
             head.close()
 

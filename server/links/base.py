@@ -42,6 +42,7 @@ from typing import Literal
 import numpy as np
 
 from imuscope.protocols.framing import Ints
+from imuscope.recordings.read_memory import NEVER, ReadFollower
 from imuscope.server.errors import DomainError
 from imuscope.server.listeners import CallbackList
 from imuscope.server.wire import Attempt
@@ -51,7 +52,6 @@ __all__ = ["Attempt", "Chunk", "ErrorKind", "Link", "LinkError", "LinkSettings",
 AT_ONCE = 1 << 16
 MAX_HELD = 8 << 20  # bytes queued for decoding: some ten seconds of the fastest serial line
 CHUNK_COST = 128  # overhead of a chunk in memory and work, in bytes
-NEVER = (1 << 63) - 1
 SESSION, RECORDING = 0, 1  # positions in Flow.deadlines
 
 ErrorKind = Literal["gone", "denied", "busy", "full", "refused", "not-found", "bad-source", "ended"]
@@ -143,7 +143,7 @@ class Flow:
         arrivals: called with all chunks in order, in one thread at a time.
         dropped: bytes dropped so far because they were not read in time.
         deadlines: (2,) for the session and for a recording, the time by the monotonic clock until which it will have
-            taken the bytes; 0 if it is to be woken; NEVER if it does not take.
+            taken the bytes; 0 if it is to be woken; NEVER if it needs none.
     """
 
     at_once: int = AT_ONCE
@@ -260,10 +260,18 @@ class Link(ABC):
         """
         return []
 
-    def collect(self, again_ns: int) -> bool:
-        """Pass the bytes that have arrived to `Flow.arrivals` now, for a recording; whether there were any. If so, the
-        caller calls again after about `again_ns`; else `Flow.arrivals` is called with the next ones by itself.
+    def follow(self) -> ReadFollower | None:
+        """Let a recording take the bytes from the reading loop's memory, after all earlier ones were passed to
+        `Flow.arrivals`; the one that does so already, or None if this link has no such memory. In any thread.
         """
+        return None
+
+    def unfollow(self) -> None:  # noqa: B027 - a link without such a memory has nothing to do
+        """End the follower, after all its bytes were passed to `Flow.arrivals`, too."""
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether a recording takes the bytes that are passed to `Flow.arrivals` by itself."""
         return False
 
     def expect_reply(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do

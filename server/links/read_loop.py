@@ -2,16 +2,17 @@
 
     reading thread   ──gather──> ppoll ─> read ─> clock_gettime ─> buffer, ends, arrivals ──┐ until a stop, or until
                                    ^________________________________________________________┘ a taker is late
-    takers           take ──> Chunk, Chunk, Chunk …   of all reads since the last call
+    session          take ──> Chunk, Chunk, Chunk …   of all reads since the last call
+    recording        follows the memory by itself (recordings/read_memory.py)
 
 A device that sends 2000 times a second wakes its thread as often. In Python each time costs ten times what the kernel
 needs, and the thread waits for the interpreter's lock before it can take the time. The compiled loop needs neither: it
 releases the lock for the whole call, and stamps a read right after it. As plain Python (protocols/compiled.py) it
 releases the lock for each call of the system.
 
-Takers fetch the bytes while the loop goes on: the event loop when it decodes, a recording when it writes.
-Each promises by when it will take again (`Flow.deadlines`). While all keep their promise the thread never runs Python;
-it does when one is late, when one has found nothing and wants to be woken, and when the memory is full.
+Both fetch the bytes while the loop goes on: the event loop when it decodes, a recording when it writes. The session
+promises by when it will take again (`Flow.deadlines`). While it keeps its promise the thread never runs Python; it does
+when it is late, when one of both has found nothing and wants to be woken, and when the memory is full.
 
 The loop reports a failed read without its cause; the caller then reads itself, and gets the exception.
 
@@ -29,17 +30,17 @@ from itertools import pairwise
 import numpy as np
 
 from imuscope.protocols.framing import Ints
-from imuscope.server.links.base import Chunk
-from imuscope.server.read_kernel import SECOND_NS, gather, promise
+from imuscope.recordings.read_memory import BUFFER_BYTES, MAX_READS, NEVER, READ_COUNT, ReadFollower, ReadMemory
+from imuscope.server.links.base import RECORDING, Chunk
+from imuscope.server.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise
 
-BUFFER_BYTES = 1 << 16
-MAX_READS = 1024  # per call
+MAX_MEMORIES = 4096  # 256 MB
 
 _POLLED = np.dtype([("fd", "i4"), ("events", "i2"), ("revents", "i2")])  # struct pollfd, as four int16
 
 
 class ReadLoop:
-    """Memory of the loop for one descriptor. Only one thread at a time may take.
+    """Loop for one descriptor. Only one thread at a time may take, follow or unfollow.
 
     Args:
         fd: non-blocking.
@@ -49,21 +50,20 @@ class ReadLoop:
 
     Attributes:
         failed: whether the last read failed.
+        follower: takes all reads for a recording; None if none does.
     """
 
     def __init__(self, fd: int, stop: int, now_ns: Callable[[], int], deadlines: Ints) -> None:
         self.failed = False
+        self.follower: ReadFollower | None = None
         self._deadlines = deadlines
-        self._read_count = np.zeros(1, np.int64)
         self._take_count = 0
+        self._was_followed = False  # in the present memory
         self._fd = fd
         self._offset_ns = monotonic_offset_ns(now_ns)
         both = np.array([(fd, select.POLLIN, 0), (stop, select.POLLIN, 0)], _POLLED)
         self._polled = both.view(np.int16)
-        data = bytearray(BUFFER_BYTES)
-        self._view, self._buffer = memoryview(data), np.frombuffer(data, np.uint8)
-        self._ends = np.empty(MAX_READS, np.int64)
-        self._arrivals = np.empty(MAX_READS, np.int64)
+        self._memory = ReadMemory(self._offset_ns)
         self._timespec = np.zeros(2, np.int64)
 
     def read(self, timeout_s: float | None, until_ns: int) -> None:
@@ -74,40 +74,87 @@ class ReadLoop:
             until_ns: with a late taker, reading goes on until then, by the monotonic clock.
         """
         first_ns = -1 if timeout_s is None else math.ceil(timeout_s * SECOND_NS)
-        memory = self._polled, self._buffer, self._ends, self._arrivals, self._timespec, self._read_count
-        self.failed = gather(self._fd, *memory, self._deadlines, first_ns, until_ns) < 0
+        memory = self._memory
+        arrays = self._polled, memory.buffer, memory.ends, memory.arrivals, self._timespec, memory.state
+        self.failed = gather(self._fd, *arrays, self._deadlines, first_ns, until_ns) < 0
 
     def take(self) -> list[Chunk]:
         """Chunks since the last call."""
-        return self._chunks(int(self._read_count[0]))
+        return self._chunks(int(self._memory.state[READ_COUNT]))
 
     def take_for(self, taker: int, until_ns: int) -> list[Chunk]:
         """Chunks since the last call, for a taker who promises to call again by then, ns by the monotonic
         clock. If there is nothing, the reading thread is to wake it (0).
         """
-        count = promise(self._deadlines, taker, until_ns, self._read_count)
+        state = self._memory.state
+        count = promise(self._deadlines, taker, until_ns, state)
         if count == self._take_count and until_ns:
-            count = promise(self._deadlines, taker, 0, self._read_count)
+            count = promise(self._deadlines, taker, 0, state)
             if count > self._take_count:  # read in the meantime
                 self._deadlines[taker] = until_ns
         return self._chunks(count)
 
     def take_last(self) -> list[Chunk]:
-        """Chunks since the last call, in the reading thread; the next reads begin with empty memory."""
+        """Chunks since the last call, in the reading thread; if the memory is full, the next reads begin with an
+        empty one.
+        """
         chunks = self.take()
-        self._read_count[0] = self._take_count = 0
+        count, memory = self._take_count, self._memory
+        if count == MAX_READS or (count and BUFFER_BYTES - memory.ends[count - 1] < ROOM_BYTES):
+            self._take_count = 0
+            if self._was_followed:
+                self._memory = ReadMemory(self._offset_ns)
+                self._was_followed = self.follower is not None
+            else:
+                memory.state[READ_COUNT] = 0
+            if self.follower is not None:
+                self.follower.extend(count, self._memory)
         return chunks
+
+    def follow(self) -> ReadFollower:
+        """Begin to follow, after all earlier reads were taken."""
+        self.follower = ReadFollower(self._memory, self._take_count, self._sleep)
+        self._was_followed = True
+        return self.follower
+
+    def unfollow(self) -> None:
+        """End the follower, after all earlier reads were taken."""
+        if self.follower is not None:
+            follower, self.follower = self.follower, None
+            self._deadlines[RECORDING] = NEVER
+            follower.extend(self._take_count, None)
+            follower.wake()
+
+    @property
+    def is_far_ahead(self) -> bool:
+        """Whether so much waits for the follower that reading must pause."""
+        return self.follower is not None and len(self.follower.memories) > MAX_MEMORIES
+
+    def wake_follower(self) -> None:
+        """Wake the follower if it wants that, in the reading thread."""
+        if self.follower is not None and not self._deadlines[RECORDING]:
+            self._deadlines[RECORDING] = NEVER
+            self.follower.wake()
+
+    def _sleep(self, follower: ReadFollower) -> bool:
+        memory = follower.memories[-1]
+        count = promise(self._deadlines, RECORDING, 0, memory.state)
+        if len(follower.memories) == 1 and count == follower.take_count and follower is self.follower:
+            return True
+        self._deadlines[RECORDING] = NEVER
+        return False
 
     def _chunks(self, count: int) -> list[Chunk]:
         first, self._take_count = self._take_count, count
         if first == count:
             return []
-        begin = int(self._ends[first - 1]) if first else 0
-        ends, arrivals = self._ends[first:count].tolist(), (self._arrivals[first:count] + self._offset_ns).tolist()
+        memory = self._memory
+        view, begin = memory.view, int(memory.ends[first - 1]) if first else 0
+        ends, arrivals = memory.ends[first:count].tolist(), (memory.arrivals[first:count] + self._offset_ns).tolist()
         if count == first + 1:
-            return [Chunk(bytes(self._view[begin : ends[0]]), arrivals[0])]
+            return [Chunk(bytes(view[begin : ends[0]]), arrivals[0])]
         parts = zip(pairwise([begin, *ends]), arrivals, strict=True)
-        return [Chunk(bytes(self._view[at:end]), when) for (at, end), when in parts]
+        return [Chunk(bytes(view[at:end]), when) for (at, end), when in parts]
 
 
 def monotonic_offset_ns(now_ns: Callable[[], int], tries: int = 5) -> int:

@@ -10,9 +10,9 @@ runs. A link with one descriptor does so in a compiled loop (read_loop.py), from
 because Python's part costs more than the read itself.
 
 The thread wakes the loop at most once per `WAKE_NS`, because that costs even more. While bytes arrive it hardly ever
-does: a session takes the received chunks on its own before it decodes, and a recording before it writes, so they are
-never late and already stamped. While an answer is expected, wake-ups come sooner, because their delay would add up
-over a dialogue of fifty requests.
+does: a session takes the received chunks on its own before it decodes, and a recording the bytes before it writes, so
+they are never late and already stamped. While an answer is expected, wake-ups come sooner, because their delay would
+add up over a dialogue of fifty requests.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from imuscope.protocols.framing import Ints
-from imuscope.server.links.base import CHUNK_COST, MAX_HELD, RECORDING, SESSION, Chunk, Link, LinkError
+from imuscope.recordings.read_memory import ReadFollower
+from imuscope.server.links.base import CHUNK_COST, MAX_HELD, SESSION, Chunk, Link, LinkError
 from imuscope.server.links.read_loop import ReadLoop
 
 log = logging.getLogger(__name__)
@@ -136,16 +137,34 @@ class ChunkQueue:
         with self._collecting:
             if chunks := self.source.take_last():
                 self.put_all(chunks)
+            self.source.wake_follower()
 
-    def collect(self, taker: int, again_ns: int) -> bool:
-        """Put what the loop has read, for a taker who will call again after `again_ns`; whether there was anything."""
-        if self.source is None:
-            return False
+    def collect(self, again_ns: int) -> None:
+        """Put what the loop has read, for the session, which will take again after `again_ns`."""
+        if self.source is not None:
+            with self._collecting:
+                if chunks := self.source.take_for(SESSION, again_ns and time.monotonic_ns() + again_ns + LATE_NS):
+                    self.put_all(chunks)
+
+    def follow(self) -> ReadFollower | None:
+        """Put what the loop has read, and let a recording follow it from here; None if there is no loop."""
+        source = self.source
+        if source is None:
+            return None
+        if source.follower is not None:
+            return source.follower
         with self._collecting:
-            chunks = self.source.take_for(taker, again_ns and time.monotonic_ns() + again_ns + LATE_NS)
-            if chunks:
+            if chunks := source.take():
                 self.put_all(chunks)
-        return bool(chunks)
+            return source.follow()
+
+    def unfollow(self) -> None:
+        """Put what the loop has read, and end its follower there."""
+        if self.source is not None:
+            with self._collecting:
+                if chunks := self.source.take():
+                    self.put_all(chunks)
+                self.source.unfollow()
 
     def wait(self, most: int, stopped: Callable[[float], bool]) -> None:
         """Hold the sender back while more than `most` bytes are queued.
@@ -172,7 +191,7 @@ class ChunkQueue:
         now_ns = time.monotonic_ns()
         if now_ns < self._awaited_until_ns:
             again_ns = 0
-        self.collect(SESSION, again_ns)
+        self.collect(again_ns)
         if not self._chunks:
             self._deadlines[SESSION] = 0
             return []
@@ -226,7 +245,7 @@ class ChunkQueue:
             LinkError: the link is dead and drained.
         """
         if not self._deadlines[SESSION]:  # a session that took by itself was not woken for the last bytes
-            self.collect(SESSION, 0)
+            self.collect(0)
         while True:
             with self._lock:
                 self._is_waking = False
@@ -278,7 +297,10 @@ class ReaderThread(threading.Thread):
                     loop, failed = self._loop
                     loop.read(timeout, until_ns)
                     self.queue.put_read()
+                    while loop.is_far_ahead and not self._stopped:
+                        time.sleep(HOLD_S)  # a disk that is slower than a link for minutes must not fill the memory
                     if loop.failed and not self._stopped:
+                        self.queue.unfollow()
                         failed()
                     until_ns = self.queue.gather_until_ns()
                 else:
@@ -344,9 +366,16 @@ class ThreadedLink(Link):
     def read_now(self, again_ns: int) -> list[Chunk]:
         return [] if self._queue is None else self._queue.take_now(again_ns)
 
-    def collect(self, again_ns: int) -> bool:
-        queue = self._queue
-        return queue is not None and queue.collect(RECORDING, again_ns)
+    def follow(self) -> ReadFollower | None:
+        return None if self._queue is None else self._queue.follow()
+
+    def unfollow(self) -> None:
+        if self._queue is not None:
+            self._queue.unfollow()
+
+    @property
+    def is_followed(self) -> bool:
+        return self._queue is not None and self._queue.source is not None and self._queue.source.follower is not None
 
     @property
     def backlog(self) -> int:
@@ -369,6 +398,7 @@ class ThreadedLink(Link):
             self._reader.stop()
             self._reader = None
         if self._queue is not None:
+            self._queue.unfollow()
             self._queue.fail(closed(self.source))
             self._queue = None
         await self._release()

@@ -53,6 +53,7 @@ from collections.abc import Callable
 
 from imuscope.protocols.plugins import protocol_names
 from imuscope.protocols.simulator.family import SimulatedDevice
+from imuscope.recordings.read_memory import ReadFollower
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from imuscope.server.links.reader_thread import closed
 from imuscope.server.links.registry import LinkDefinition, register_link
@@ -315,8 +316,16 @@ class SimulatorLink(Link):
     def read_now(self, again_ns: int) -> list[Chunk]:
         return [] if self._serial is None else self._serial.read_now(again_ns)
 
-    def collect(self, again_ns: int) -> bool:
-        return self._serial is not None and self._serial.collect(again_ns)
+    def follow(self) -> ReadFollower | None:
+        return None if self._serial is None else self._serial.follow()
+
+    def unfollow(self) -> None:
+        if self._serial is not None:
+            self._serial.unfollow()
+
+    @property
+    def is_followed(self) -> bool:
+        return self._serial is not None and self._serial.is_followed
 
     def expect_reply(self) -> None:
         if self._serial is not None:

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.compiled import plain
+from imuscope.recordings.read_memory import BUFFER_BYTES, LIMIT, MAX_READS, NEVER, ReadFollower
 from imuscope.server.links import read_loop
-from imuscope.server.links.base import NEVER, Chunk, steady_clock
-from imuscope.server.links.read_loop import BUFFER_BYTES, MAX_READS, ReadLoop, monotonic_offset_ns
+from imuscope.server.links.base import Chunk, steady_clock
+from imuscope.server.links.read_loop import ReadLoop, monotonic_offset_ns
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -142,9 +143,9 @@ class Reading:
 
     def write(self, data: bytes) -> None:
         """Write, and wait until it is published."""
-        count = int(self.end.loop._read_count[0])
+        count = int(self.end.loop._memory.state[0])
         os.write(self.end.writer, data)
-        block_until(lambda: self.end.loop._read_count[0] > count, "it is read")
+        block_until(lambda: self.end.loop._memory.state[0] > count, "it is read")
 
     def has_ended(self) -> bool:
         self.thread.join(PATIENCE_S)
@@ -229,3 +230,73 @@ def test_the_offset_of_a_clock_is_that_of_the_quickest_comparison() -> None:
         return now
 
     assert abs(monotonic_offset_ns(now_ns) - 1_000_000_000_000) < 1_000_000
+
+
+def read_of(follower: ReadFollower) -> bytes:
+    """All that it can take now."""
+    taken = b""
+    while True:
+        follower.advance()
+        memory = follower.memories[0]
+        count = int(min(memory.state))
+        begin = int(memory.ends[follower.take_count - 1]) if follower.take_count else 0
+        if count > follower.take_count:
+            taken += bytes(memory.view[begin : int(memory.ends[count - 1])])
+            follower.take_count = count
+        if memory.state[LIMIT] != count or len(follower.memories) == 1:
+            return taken
+
+
+def test_a_follower_has_every_read_that_the_session_has_from_then_on(end: ReadEnd) -> None:
+    """In memory after memory, while the session takes at its own pace."""
+    end.deadlines[SESSION] = 0
+    fcntl.fcntl(end.fd, fcntl.F_SETPIPE_SZ, 4 * BUFFER_BYTES)
+    os.write(end.writer, b"before")
+    assert end.read(1, 0) != []
+    follower = end.loop.follow()
+    data = bytes(range(256)) * (3 * BUFFER_BYTES // 256)
+    os.write(end.writer, data)
+    session = b""
+    while len(session) < len(data):
+        session += b"".join(chunk.data for chunk in end.read(1, 0))
+    assert len(follower.memories) > 3
+    assert read_of(follower) == session == data
+    assert len(follower.memories) == 1, "the others are not needed any longer"
+    os.write(end.writer, b"last")
+    end.read(1, 0)
+    end.loop.unfollow()
+    os.write(end.writer, b"after")
+    end.read(1, 0)
+    assert read_of(follower) == b"last"
+    assert follower.has_ended
+
+
+def test_a_follower_that_has_nothing_is_woken_by_the_next_bytes(end: ReadEnd) -> None:
+    follower = end.loop.follow()
+    woken: list[bytes] = []
+    follower.wake = lambda: woken.append(read_of(follower))
+    reading = Reading(end)
+    assert follower.sleep()
+    os.write(end.writer, b"wake up")
+    assert reading.has_ended()
+    end.loop.take_last()
+    end.loop.wake_follower()
+    end.loop.wake_follower()
+    assert woken == [b"wake up"]
+    reading = Reading(end)
+    reading.write(b"more")
+    assert not follower.sleep(), "there is something"
+    reading.write(b"and more")
+    assert reading.thread.is_alive(), "it is not to be woken"
+    os.write(end.stop, b"\0")
+    assert reading.has_ended()
+
+
+def test_a_follower_that_ends_while_it_waits_is_woken(end: ReadEnd) -> None:
+    follower = end.loop.follow()
+    woken: list[bool] = []
+    follower.wake = lambda: woken.append(follower.has_ended)
+    assert follower.sleep()
+    end.loop.unfollow()
+    assert woken == [True]
+    assert end.deadlines[RECORDING] == NEVER

@@ -16,7 +16,7 @@ from imuscope.recordings import recording_writer
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.mcap_reader import McapReader, json_messages
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
-from imuscope.recordings.recording_writer import COLLECT_S, GATHER_S, Limits, RecordingWriter
+from imuscope.recordings.recording_writer import GATHER_S, TURN_S, Limits, RecordingWriter
 from tests.each_row import each_row
 from tests.recordings.mcap_files import Message, read, theirs
 from tests.timeouts import PATIENCE_S
@@ -67,33 +67,7 @@ def test_queued_data_is_written_without_a_request(tmp_path: Path) -> None:
     wanted = put(tape, 100)
     block_until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
     tape.stop()
-    assert GATHER_S <= COLLECT_S <= 0.016  # of the allowed loss
-
-
-def test_links_pass_on_their_bytes_just_before_each_write(tmp_path: Path) -> None:
-    """While they have any; a link without wakes the writer with the next ones."""
-    calls: list[float] = []
-    waiting = [b"one", b"two", b"", b"after a pause"]
-    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
-
-    def collect(again_s: float) -> bool:
-        calls.append(again_s)
-        data = waiting.pop(0) if waiting else b""
-        if data:
-            tape.chunk("1", "rx", data, len(calls))
-        return bool(data)
-
-    tape.collect = collect
-    tape.device("1", {})
-    block_until(lambda: len(waiting) == 1, "it has collected until there was nothing")
-    count = len(calls)
-    tape.device("1", {"name": "MTi"})
-    block_until(lambda: not waiting, "it collects again")
-    tape.stop()
-    found = [message for message in read(tmp_path / "drive-1.mcap") if message[0] == "rx/1"]
-    assert [message[-1] for message in found] == [b"one", b"two", b"after a pause"]
-    assert set(calls) == {COLLECT_S}
-    assert count == 3
+    assert GATHER_S <= TURN_S <= 0.016  # of the allowed loss
 
 
 def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:

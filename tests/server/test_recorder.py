@@ -7,7 +7,7 @@ import itertools
 import os
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -204,7 +204,7 @@ def test_a_full_disk_ends_the_recording_with_a_message(
     send(running, links, "/dev/one", sample(1))
     settled(running)
 
-    def full(file: AtomicRecordFile, records: list[bytes]) -> None:
+    def full(file: AtomicRecordFile, records: Sequence[bytes], done: int = 0) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
