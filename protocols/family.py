@@ -282,6 +282,7 @@ class StreamTraits:
         utc: UTC of each sample of a batch as reported by the device, ns since the Unix epoch (UNKNOWN of dates.py if
             not reported); None if the device never reports it.
         dated: start of a log, by its head.
+        is_offered: False for a stream that only files have: it is not detected, and no choice.
     """
 
     datagrams: bool = False
@@ -292,6 +293,7 @@ class StreamTraits:
     counter: str = ""
     utc: Callable[[Batch], Ints | None] = lambda batch: None
     dated: Callable[[Reply], int | None] = lambda reply: None
+    is_offered: bool = True
 
 
 @dataclass(frozen=True, slots=True)

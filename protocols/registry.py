@@ -51,14 +51,15 @@ def load_families(plugins: Iterable[ProtocolPlugin]) -> tuple[dict[str, Protocol
 
 
 PROTOCOLS, PROBLEMS = load_families(protocol_plugins())
+OF_FILES = {name: PROTOCOLS.pop(name) for name, one in [*PROTOCOLS.items()] if not one.stream.is_offered}
+"""Streams that only files have."""
 
 
 def family_of(protocol: str) -> ProtocolInfo | None:
-    """The family of that name, or the stream of messages (protocols/messages/); None if unknown.
-
-    Messages are not a family of devices: they are neither detected nor offered as a choice.
+    """The family of that name, a stream that only files have, or that of messages (protocols/messages/); None if
+    unknown. Messages are not a family of devices: they are neither detected nor offered as a choice.
     """
-    return MESSAGES if protocol == MESSAGES.name else PROTOCOLS.get(protocol)
+    return MESSAGES if protocol == MESSAGES.name else PROTOCOLS.get(protocol) or OF_FILES.get(protocol)
 
 
 def decode_options() -> dict[str, DecodeOption]:

@@ -52,6 +52,7 @@ class FileReader:
         is_container: whether the file holds other files, which other readers open.
         modules: of packages that a smaller installation may lack.
         extra: what brings them.
+        recognises: whether these are the first bytes (HEAD_BYTES) of its files, if they have no fixed marks.
     """
 
     name: str
@@ -63,9 +64,12 @@ class FileReader:
     is_container: bool = False
     modules: tuple[str, ...] = ()
     extra: str = ""
+    recognises: Callable[[bytes], bool] | None = None
 
     def has_mark(self, head: bytes) -> bool:
         """Whether the first bytes of a file are those of this format."""
+        if self.recognises is not None and self.recognises(head):
+            return True
         return any(head.startswith(mark, offset) for offset, marks in self.marks.items() for mark in marks)
 
 
@@ -85,4 +89,6 @@ def marked_reader(head: bytes) -> FileReader | None:
 
 def suffix_reader(suffix: str) -> FileReader | None:
     """The reader of files with this suffix (".npy") whose first bytes are not known: only one without marks."""
-    return next((one for one in READERS.all().values() if suffix in one.suffixes and not one.marks), None)
+    return next(
+        (one for one in READERS.all().values() if suffix in one.suffixes and not (one.marks or one.recognises)), None
+    )

@@ -121,6 +121,7 @@ class EventReporter:
         words = {
             "reset": "The device's clock started again from zero.",
             "jump": f"The device's clock jumped by {_signed(step.by_ns / 1e9)}.",
+            "log": f"The clock of the log jumped by {_signed(step.by_ns / 1e9)}.",
             "sync": f"The device's clock was synchronised and moved by {_signed(step.by_ns / 1e9)}.",
         }
         if self._is_allowed("clock", GAPS_PER_PERIOD):

@@ -292,9 +292,12 @@ class Ingest:
             for i, times in zip(timed, self._map(list(whole.values())), strict=True):
                 out[i] = times
             return out
-        for edge in range(first + SLICE_NS, last + SLICE_NS + 1, SLICE_NS):
-            rows = {i: slice(*np.searchsorted(part.arrival, (edge - SLICE_NS, edge))) for i, part in whole.items()}
-            rows = {i: some for i, some in rows.items() if some.start < some.stop}
+        seconds = np.unique(np.concatenate([(part.arrival - first) // SLICE_NS for part in whole.values()]))
+        done = dict.fromkeys(whole, 0)
+        for edge in (first + (seconds + 1) * SLICE_NS).tolist():  # none of a long pause
+            ends = {i: int(np.searchsorted(part.arrival, edge)) for i, part in whole.items()}
+            rows = {i: slice(done[i], end) for i, end in ends.items() if done[i] < end}
+            done |= ends
             for i, times in zip(rows, self._map([whole[i].rows(some) for i, some in rows.items()]), strict=True):
                 out[i][rows[i]] = times
         return out

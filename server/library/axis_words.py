@@ -37,6 +37,6 @@ def segments_of(events: Sequence[wire.EventInfo]) -> dict[str, list[float]]:
     """Times at which the clock of a device stepped, unix s, by device."""
     segments: dict[str, list[float]] = {}
     for event in events:
-        if event.kind == "clock" and event.data.get("kind") in ("jump", "reset"):
+        if event.kind == "clock" and event.data.get("kind") in ("jump", "reset", "log"):
             segments.setdefault(event.device, []).append(event.time)
     return segments

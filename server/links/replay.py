@@ -101,9 +101,11 @@ class ReplayLink(FileLink):
             raise LinkError("refused", error.message, error.hint or "Give another recording.") from None
         if span is None:
             raise LinkError("ended", f"{self.path.name} holds no bytes of a device.", "Give another recording.")
+        from imuscope.protocols.registry import OF_FILES  # imported on first use, because it loads compiled code
+
         device = self._chosen(file)
-        if (known := file.devices.get(device)) is not None and known.protocol == MESSAGES:
-            self.protocol = MESSAGES
+        if (known := file.devices.get(device)) is not None and known.protocol in (MESSAGES, *OF_FILES):
+            self.protocol = known.protocol
         if self.protocol == MESSAGES and isinstance(file, McapSource | MessageFile):
             self.preamble = file.preamble(device)
         progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")

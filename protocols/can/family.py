@@ -1,0 +1,63 @@
+"""CAN frames as a protocol: a stream that files have, and that is never searched for in the bytes of a port."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from imuscope.protocols.can.decoder import COUNTER, CanDecoder, utc_of
+from imuscope.protocols.can.lines import scan
+from imuscope.protocols.can.listing import CanLister
+from imuscope.protocols.events import Batch
+from imuscope.protocols.family import (
+    Decoding,
+    DeviceTraits,
+    FrameFormat,
+    PageWords,
+    PositionFix,
+    ProtocolInfo,
+    StreamTraits,
+)
+from imuscope.protocols.schema import Message
+
+
+def _position(batch: Batch) -> PositionFix | None:
+    columns = batch.columns
+    if "LatLon" not in columns:
+        return None
+    latitude, longitude = columns["LatLon"][-1].tolist()
+    height = float(columns["AltitudeEllipsoid"][-1]) if "AltitudeEllipsoid" in columns else None
+    return PositionFix(latitude, longitude, height)
+
+
+def _rows() -> Iterable[Message]:
+    from imuscope.protocols.can.definition import KINDS
+
+    return [Message(row.identifier, row.name, (row.field,)) for kind in KINDS.values() for row in kind.rows]
+
+
+FAMILY = ProtocolInfo(
+    "can",
+    "CAN",
+    frames=FrameFormat(
+        likeness=lambda data: (0.0, ""),
+        listing=CanLister,
+        sample=b"(1767225600.000000) can0 021#7FFF000000000000\n",
+        scan=scan,
+        rows=_rows,
+    ),
+    decoding=Decoding(
+        decoder=CanDecoder,
+    ),
+    stream=StreamTraits(
+        counts=True,
+        counter=COUNTER,
+        utc=utc_of,
+        is_offered=False,
+    ),
+    device=DeviceTraits(
+        position=_position,
+    ),
+    page=PageWords(
+        short="CAN",
+    ),
+)
