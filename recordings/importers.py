@@ -16,7 +16,7 @@ Source: for each format, see its module.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -62,8 +62,8 @@ DEVICE = "1"
 class CaptureSource:
     """Bytes of one device, without times: a capture, or a log and its further parts.
 
-    files: in order.
-        files: one after the other.
+    Args:
+        files: in order.
         protocol: "" to recognise it.
     """
 
@@ -80,11 +80,7 @@ class CaptureSource:
         self._size = sum(file.stat().st_size for file in files)
         self.protocol = protocol or self._recognise()
         self.devices = {DEVICE: SourceDevice(DEVICE, self.protocol, {"source": self.path.name, **about})}
-        self._damage: list[FileDamage] = []
-
-    @property
-    def damage(self) -> list[FileDamage]:
-        return self._damage
+        self.damage: list[FileDamage] = []
 
     def _recognise(self) -> str:
         with open_regular(self.path) as file:
@@ -92,7 +88,7 @@ class CaptureSource:
         return guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
 
     def _bytes(self) -> BinaryIO:
-        return _Joined(self._files)  # type: ignore[return-value]  # only read
+        return _Generated(_blocks(self._files))  # type: ignore[return-value]  # only read
 
     @property
     def files(self) -> list[Path]:
@@ -198,15 +194,15 @@ class PacketSource(CaptureSource):
         self._packets_of = packets
 
     def _bytes(self) -> BinaryIO:
-        self._damage.clear()
+        self.damage.clear()
         return _Generated(self._packets())  # type: ignore[return-value]
 
-    def _packets(self) -> Iterator[bytes]:
+    def _packets(self) -> Generator[bytes, None, None]:
         for file in self._files:
             yield from self._packets_of(read_regular(file), self._note_damage)
 
     def _note_damage(self, offset: int, words: str) -> None:
-        self._damage.append(FileDamage(offset, words))
+        self.damage.append(FileDamage(offset, words))
 
 
 def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
@@ -333,35 +329,18 @@ def _log(path: Path, family: ProtocolInfo, log: LogFormat, protocol: str) -> Sou
     return CaptureSource(files, log.name, protocol, about)
 
 
-class _Joined:
-    """Files read as one."""
-
-    def __init__(self, files: list[Path]) -> None:
-        self._files = list(files)
-        self._open: BinaryIO | None = None
-
-    def read(self, size: int) -> bytes:
-        while True:
-            if self._open is None:
-                if not self._files:
-                    return b""
-                self._open = open_regular(self._files.pop(0))
-            data = self._open.read(size)
-            if data:
-                return data
-            self.close()
-
-    def close(self) -> None:
-        """Close the open file, if any."""
-        if self._open is not None:
-            self._open.close()
-            self._open = None
+def _blocks(files: Sequence[Path]) -> Generator[bytes, None, None]:
+    """Bytes of files, one after the other."""
+    for file in files:
+        with open_regular(file) as opened:
+            while data := opened.read(GUESS_BYTES):
+                yield data
 
 
 class _Generated:
     """Bytes generated as they are read."""
 
-    def __init__(self, pieces: Iterator[bytes]) -> None:
+    def __init__(self, pieces: Generator[bytes, None, None]) -> None:
         self._pieces = pieces
         self._held = b""
 
@@ -375,4 +354,5 @@ class _Generated:
         return data
 
     def close(self) -> None:
-        self._pieces = iter(())
+        """Close the file that is read, if any."""
+        self._pieces.close()

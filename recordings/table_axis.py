@@ -16,7 +16,7 @@ from imuscope.protocols.plural import counted
 from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, shifted
 from imuscope.recordings.table_clock import TableClock
-from imuscope.recordings.table_dates import DAY, dated_name, unix_seconds
+from imuscope.recordings.table_dates import DAY, dated_name
 from imuscope.recordings.table_format import TableFormat
 from imuscope.recordings.time_units import CLOSE, rate_text, usual_step
 
@@ -147,7 +147,7 @@ def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) ->
     if clock.epoch in ("1970", "GPS"):
         return 0.0, ""
     written = path.stat().st_mtime
-    named, start = dated_name(path.name), unix_seconds(form.metadata.get("start time", ""))
+    named, start = dated_name(path.name), form.started
     if clock.epoch == "start":
         if start is not None:
             return start - first, "the head of the file"

@@ -5,6 +5,7 @@
 01.02.2026 10:30           day first, as dates with points are
 01/02/2026 10:30:25 PM     day or month first: `order` decides, or the cells themselves (`order_of`)
 10:30:25.010               time of day; the date comes from elsewhere
+20260101_103025010000      packed; hhmmss.sss of GNSS programs is `packed_clock`
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
+from itertools import pairwise
 from typing import Literal
 
 Order = Literal["mdy", "dmy"]
@@ -21,9 +23,10 @@ Order = Literal["mdy", "dmy"]
 DAY = 86400.0
 _DATE = re.compile(r"^\s*(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})(?!\d)")
 _CLOCK = re.compile(
-    r"^\s*(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,12}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$"
+    r"^\s*(\d{1,2}):(\d{2})(?::(\d{2})(?:(?:[.,]|:(?=\d{3}\b))(\d{1,12}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$"
 )
-_PACKED = re.compile(r"^\s*\d{8}[T _-]\d{6}")
+_PACKED = re.compile(r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T _-]?([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d*)\s*$")
+_PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d*)?\s*$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,19 @@ def is_moment(text: str) -> bool:
 
 def is_time_of_day(text: str) -> bool:
     """Whether a cell is a time of day alone."""
-    return _CLOCK.match(text) is not None
+    return _CLOCK.match(text) is not None or _PACKED_CLOCK.match(text) is not None
+
+
+def are_packed(cells: Sequence[str], *, named: bool) -> bool:
+    """Whether all cells are packed dates with times, or hhmmss.sss: these only if the heading says it, a zero is in
+    front, or a minute ends and they are evenly spaced as that.
+    """
+    if not cells or all(map(_PACKED.match, cells)) or not all(map(_PACKED_CLOCK.match, cells)):
+        return bool(cells) and _PACKED.match(cells[0]) is not None
+    seconds = [seconds_of_day(cell) or 0.0 for cell in cells]
+    steps = sorted(after - before for before, after in pairwise(seconds))
+    is_even = len(steps) > 1 and 0 < steps[-1] < 2 * steps[0]
+    return named or cells[0].startswith("0") or (is_even and len({cell[:4] for cell in cells}) > 1)
 
 
 def _date(text: str) -> tuple[_Date, str] | None:
@@ -98,7 +113,9 @@ def seconds_of_day(text: str) -> float | None:
     """Seconds since midnight UTC of a time of day; negative or above a day with an offset from UTC."""
     match = _CLOCK.match(text)
     if match is None:
-        return None
+        packed = _PACKED_CLOCK.match(text)
+        parts = [float(part or 0) for part in packed.groups()] if packed is not None else []
+        return parts[0] * 3600 + parts[1] * 60 + parts[2] + parts[3] if parts else None
     hour, minute, second = int(match[1]), int(match[2]), int(match[3] or 0)
     if match[5]:
         if not 1 <= hour <= 12:
@@ -119,6 +136,8 @@ def _offset(zone: str | None) -> float:
 
 def unix_seconds(text: str, order: Order = "dmy") -> float | None:
     """A date, with or without a time of day, as unix s; None if it is neither."""
+    if (packed := _PACKED.match(text)) is not None:
+        text = "{}-{}-{}T{}:{}:{}.{:0<6.6}".format(*packed.groups())
     matches = _date(text)
     if matches is not None:
         midnight, rest = _midnight(matches[0], order), matches[1].lstrip("T ,;_-")

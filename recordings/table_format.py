@@ -11,23 +11,40 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.table_dates import is_moment
+from imuscope.recordings.table_dates import is_moment, order_of, unix_seconds, utc_text
+from imuscope.recordings.time_units import FASTEST_FRACTION, is_dated
 
 LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
 SAMPLE_BYTES, SAMPLE_ROWS = 1 << 18, 2000
 FEWEST_ROWS = 3  # of numbers, in a file whose name does not say that it is a table
 MAX_COLUMNS = 500
 MAX_HEAD_LINES = 200
-SEPARATORS = ",;\t|"
+START_NAMES = ("start time", "start", "start_time", "starttime", "recording start", "logging started", "time", "date")
+MOST = 0.8  # of the lines have as many cells as there are columns
+SEPARATORS = "\t;|, "
+_UNIT = re.compile(
+    r"|[(\[].*[)\]]|[mnuµ]?s(?:ecs?)?|seconds|(?:deg|degrees?|°|rad|dps)(?:/s(?:ec)?)?|[mck]?m|km/?h|kph|m?g|[unµm]?t|"
+    r"m/s(?:ec)?(?:\^?2|²|/s)?|m/\(s(?:ec)?\^2\)|m?gauss|[hk]?pa|mbar|(?:deg|°)?c|m?v|%|hz|lsb|counts?|no_units|unitless|"
+    r"n/a|-|none|utc|weeks|local_flux|kohms",
+    re.IGNORECASE,
+)
 _SEP = re.compile(r"^\s*\"?sep=(.)\"?\s*$", re.IGNORECASE)
-_PAIR = re.compile(r"^\s*(?P<name>[^:=,;\t{}]{1,60})[:=]\s*[,;\t]?\s*(?P<value>.{1,200}?)\s*$")
-_COMMENTS = ("#", "//", "% ", "%%")
+_PAIR = re.compile(r"^\s*(?P<name>[^:=,;\t{}]{1,60})(?:[:=]\s*[,;\t]?|[,;\t])\s*(?P<value>.{1,200}?)\s*$")
+_EQUAL = re.compile(r"\w+ ?= ?[^,;=\t]+")
+_AT_RATE = re.compile(r"\bat (\d+(?:\.\d+)? ?Hz)\b")
+_COMMENTS = ("#", "//", "% ", "%%", "@")
+_MARKS = "#/%@ \t"
+_PREFIX = re.compile(r"^[^,;\t:]*: +(?=\S)")  # before the names in a comment: "format: time, ax, ay"
+_UNIT_APART = re.compile(r"(?<=[^\s)\]])[ \t]+([(\[][^)\]]*[)\]])")
 _COMMA = re.compile(r"^[+-]?\d*,\d+(?:[eE][+-]?\d+)?$")
 _POINT = re.compile(r"^[+-]?\d*\.\d+(?:[eE][+-]?\d+)?$")
 
@@ -53,6 +70,12 @@ class TableFormat:
     sample: Sequence[Sequence[str]]
     columns: int
     metadata: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def started(self) -> float | None:
+        """Start time in the head, unix s; None without one, or if its day may be its month."""
+        texts = [text for name in START_NAMES if ":" in (text := self.metadata.get(name, ""))]
+        return next((at for one in texts if order_of([one], np.inf)[0] and (at := unix_seconds(one)) is not None), None)
 
 
 def is_number(text: str) -> bool:
@@ -104,71 +127,88 @@ def has_rows(path: Path) -> bool:
 
 
 def _format(name: str, lines: list[str]) -> TableFormat:
+    forced = next((match[1] for line in lines[:MAX_HEAD_LINES] if (match := _SEP.match(line)) is not None), "")
+    separator, count = _shape([line for line in lines if line.strip() and not _is_comment(line)], forced)
+    if count > MAX_COLUMNS:
+        raise RecordingError(f"{name} has {count} columns; {MAX_COLUMNS} are read.", "Leave some out.")
     metadata: dict[str, str] = {}
-    forced, comment, comment_at, at = "", "", -1, 0
-    while at < min(len(lines), MAX_HEAD_LINES):
-        line = lines[at]
-        if (sep := _SEP.match(line)) is not None:
-            forced = sep[1]
-        elif line.lstrip().startswith(_COMMENTS):
-            if line.strip(" #/%"):
-                comment, comment_at = line.lstrip().lstrip("#/% "), at
-            _note(metadata, comment)
-        elif line.strip() and not _is_metadata(lines, at, forced):
+    above: dict[bool, list[list[str]]] = {False: [], True: []}  # whether a comment → lines of as many cells as the rows
+    first = heading_at = len(lines)
+    for at, line in enumerate(lines[:MAX_HEAD_LINES]):
+        is_comment = _is_comment(line)
+        cells = _head_cells(line, separator, count)
+        if not is_comment and len(cells) == count and _is_data(cells):
+            first = at
             break
-        else:
-            _note(metadata, line)
-        at += 1
-    if at >= len(lines) or at == MAX_HEAD_LINES:
-        raise _no_table(name)
-    separator = forced if forced and forced in lines[at] else _separator(lines[at])
-    cells = split(lines[at], separator)
-    if len(cells) < 2:
-        raise _no_table(name)
-    if len(cells) > MAX_COLUMNS:
-        raise RecordingError(f"{name} has {len(cells)} columns; {MAX_COLUMNS} are read.", "Leave some out.")
-    headings: list[str] = cells
-    first = at + 1
-    if _is_data(cells):
-        first = at
-        above = split(comment, separator) if comment_at >= 0 else []
-        headings = above if len(above) == len(cells) and not _is_data(above) else []
+        _note(metadata, line.strip(_MARKS))
+        if len(cells) == count and not _is_data(cells) and any(cells):
+            heading_at = at if not above[False] and not is_comment else heading_at
+            above[is_comment].append(cells)
+    if first == len(lines) and above[False]:  # without a row of numbers, the first line that can be the heading is it
+        first, above[False] = heading_at + 1, above[False][:1]
+    if count < 2 or first == len(lines):
+        raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
     rows = [split(line, separator) for line in lines[first:] if line.strip()]
-    sample = [row for row in rows if len(row) == len(cells)]
-    return TableFormat(first, separator, _decimal(sample, separator), headings, sample, len(cells), metadata)
+    if not any(above.values()) and (start := _empatica_start(rows[:2])):
+        metadata |= {"start time": utc_text(start), "rate": rows[1][0]}
+        first, rows = first + 2, rows[2:]
+    sample = [row for row in rows if len(row) == count]
+    headings = _headings(above[False] or above[True])
+    return TableFormat(first, separator, _decimal(sample, separator), headings, sample, count, metadata)
 
 
-def _no_table(name: str) -> RecordingError:
-    return RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
+def _empatica_start(rows: Sequence[Sequence[str]]) -> float:
+    """Start in the first row of a table without a heading, if it is a date in every cell, and the second row a rate."""
+    if len(rows) < 2 or any(len({float(cell) for cell in row}) > 1 for row in rows if all(map(is_number, row))):
+        return 0.0
+    start, rate = (float(row[0]) if is_number(row[0]) else 0.0 for row in rows)
+    return start if is_dated(start, np.inf) and 0 < rate < FASTEST_FRACTION and rate == round(rate) else 0.0
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(_COMMENTS) or _SEP.match(line) is not None
+
+
+def _shape(body: Sequence[str], forced: str) -> tuple[str, int]:
+    """Separator and number of columns of most lines of the second half; 0 columns without lines."""
+    tail = body[len(body) // 2 :][:SAMPLE_ROWS]
+    best: tuple[tuple[bool, ...], str, int] = ((), " ", 0)
+    for separator in forced if forced and tail and forced in tail[-1] else SEPARATORS:
+        rows = [split(line, separator) for line in tail]
+        count, times = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
+        is_table = count > 1 and times > MOST * len(rows)
+        is_headed = any(len(_head_cells(line, separator, count)) == count for line in body[: len(body) - len(tail)])
+        key = (is_table, any(map(_is_data, rows[-FEWEST_ROWS:])), count > 1, separator != " ", is_headed)
+        if key > best[0]:
+            best = key, separator, count
+    return best[1:]
+
+
+def _head_cells(line: str, separator: str, count: int) -> list[str]:
+    """Cells of a line above the rows, as many as they have if only an empty one at the end is too many or too few."""
+    if _is_comment(line):
+        line = _PREFIX.sub("", line.lstrip(_MARKS))
+    cells = [cell.strip() for cell in split(_UNIT_APART.sub(r"\1", line) if separator == " " else line, separator)]
+    if len(cells) == count + 1 and not cells[-1]:
+        cells.pop()
+    return [*cells, ""] if len(cells) == count - 1 and cells and line.rstrip().endswith(cells[-1]) else cells
+
+
+def _headings(lines: Sequence[list[str]]) -> list[str]:
+    """Headings of the lines above the rows: the last with the most names, with the units of a line of units."""
+    units = lines[-1] if len(lines) > 1 and all(map(_UNIT.fullmatch, lines[-1])) else []
+    names = max(reversed(lines[:-1] if units else lines), key=lambda one: len(set(one)), default=[])
+    plain = [unit[1:-1] if unit[:1] in ("(", "[") else unit for unit in units or [""] * len(names)]
+    return [f"{name} ({unit})" if unit and name else name for name, unit in zip(names, plain, strict=True)]
 
 
 def _note(metadata: dict[str, str], line: str) -> None:
-    match = _PAIR.match(line)
-    if match is not None:
-        metadata.setdefault(match["name"].strip().lower(), match["value"].strip("\"',; \t"))
-
-
-def _separator(line: str) -> str:
-    best = max(SEPARATORS, key=line.count)
-    return best if line.count(best) else " "
-
-
-def _is_metadata(lines: Sequence[str], at: int, forced: str) -> bool:
-    """Whether a line stands above the table: the lines after it have another number of columns, or it is a name and a
-    value with a colon.
-    """
-    separator = forced if forced and forced in lines[at] else _separator(lines[at])
-    cells = split(lines[at], separator)
-    after = [line for line in lines[at + 1 : at + 4] if line.strip()]
-    if not after:
-        return False
-    if len(cells) <= 3 and cells[0].rstrip().endswith(":") and not is_number(cells[0]):
-        return True
-    if separator == " " and len(cells) != len(split(after[0], separator)) and any(_separator(x) != " " for x in after):
-        return True
-    return len(cells) < 2 <= len(split(after[-1], _separator(after[-1]))) and _is_data(
-        split(after[-1], _separator(after[-1]))
-    )
+    """Note pairs of a name and a value, of the whole line and of its pieces, and a rate in words."""
+    for piece in (*re.split("[,;\t]", line), line, *_EQUAL.findall(line)):
+        if (match := _PAIR.match(piece)) is not None:
+            metadata.setdefault(match["name"].strip().lower(), match["value"].strip("\"',; \t"))
+    if (rate := _AT_RATE.search(line)) is not None:
+        metadata.setdefault("rate", rate[1])
 
 
 def _is_data(cells: Sequence[str]) -> bool:

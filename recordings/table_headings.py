@@ -3,9 +3,10 @@
     Gyroscope x (rad/s)      name "Gyroscope x", unit "rad/s"
     gyro_rad[0]              a number in brackets is an index, not a unit
     w_RS_S_x [rad s^-1]      units are written as everywhere in imuscope: rad/s
+    accel_x_mps2             a unit at the end of the name
 
 Columns are grouped into channels by name: `Acceleration.x`, `acc_x` and `accX` go with their y and z, as do
-`Gyroscope x`, `ax`, `x_acc`, `gyro[0]` to `gyro[2]`, and plain `x`, `y`, `z`.
+`Gyroscope x`, `ax`, `x_acc`, `gyro[0]` to `gyro[2]`, and plain `x`, `y`, `z`; w goes with these three.
 """
 
 from __future__ import annotations
@@ -17,14 +18,29 @@ from dataclasses import dataclass
 AXES = ("x", "y", "z")
 PLAIN = "xyz"  # name of the vector of columns that are named x, y and z only
 _FRAME = re.compile(r"(ENU|NED|NWU|ECEF|WGS84|body)\b")  # of quantities, as exports name them
-_HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
+_HEAD = re.compile(
+    r"^\s*(?P<name>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>(?:[^()]|\([^()]*\))*)\))?\s*$"  # m/(s^2) has two pairs
+)
 _INDEX = re.compile(r"^(?P<group>.+?)(?:\[(?P<index>\d+)\]|\((?P<round>\d+)\))$")
-_AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter>[XYZ]))$")
-_LAST = re.compile(r"^(?P<group>.*?[^\s\-:/])[\s\-:/]*(?P<axis>[xyzXYZ])$")
-_FIRST = re.compile(r"^(?P<axis>[xyzXYZ])[\s._\-:]*(?P<group>[^\s._\-:].*)$")
-_PER = re.compile(r"^(?P<what>\S+) s\^-(?P<power>[12])$")
-_SQUARED = re.compile(r"/s(?:\^2|2|\*\*2|ec\^2)$")
+_AXIS = re.compile(r"^(?P<group>.+?)(?:[._/](?P<axis>[^._/]+)|(?<=[a-z])(?P<letter>[WXYZ]))$")
+_LAST = re.compile(r"^(?P<group>.*?[^\s\-:/])[\s\-:/]*(?P<axis>[w-zW-Z])$")
+_FIRST = re.compile(r"^(?P<axis>[w-zW-Z])[\s._\-:]*(?P<group>[^\s._\-:].*)$")
+_MIDDLE = re.compile(r"^(?P<group>.+)[._ ](?P<axis>[w-zW-Z])(?P<after>[._ ].+)$")
+_ARRAY = re.compile(r"^(?P<group>.*?[^\d.])\.?\d+$")
+_AXIS_UNIT = re.compile(r"^(?P<name>.+(?:[._ ][xyz]|[a-z][XYZ]))[._ ](?P<unit>[a-zµ][a-z0-9_/^µ²]*)$", re.IGNORECASE)
+_PER = re.compile(r"^(?P<what>\S+?)[ .]s\^?-(?P<power>[12])$")
 _POWERS = {"1": "/s", "2": "/s²"}
+_IN = re.compile(r"^in (?=\S)|'s$", re.IGNORECASE)
+_SPELLINGS = (
+    (re.compile(r"^m(?:ps|(?:/\(?|_|_per_)?s(?:ec)?)_?(?:(?:\^|\*\*)?2\)?|²|/s(?:ec)?)$"), "m/s²"),
+    (re.compile(r"^(?:rad|radians?)(?:_|/|_per_)?(?:ps|s|sec|second)$"), "rad/s"),
+    (re.compile(r"^(?:dps|(?:deg|degrees?)(?:_|/|_per_)?(?:ps|s|sec|second))$"), "deg/s"),
+    (re.compile(r"^m(?:ps|_per_s|_s)$"), "m/s"),
+    (re.compile(r"^(?:deg_?c|celsius)$"), "°C"),
+)
+"""Units as programs write them, also as the end of a name, in lower case → unit."""
+_NAMED = ("g", "mg", "ut", "uT", "µT", "gauss", "mgauss", "nT", "deg", "rad", "m", "mm")
+"""Units that are one only behind an axis: accel_x_g."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +59,12 @@ class ColumnHeading:
         match = _HEAD.match(plain)
         if match is None or _INDEX.match(plain):
             return cls(plain, plain, "")
-        parts = [part.strip() for part in (match["unit"] or "").split(";")]
-        frame = next(filter(_FRAME.match, parts), "")
-        return cls(plain, match["name"], unit_of(match["unit"] or ""), frame)
+        unit = match["square"] or match["round"] or ""
+        behind = _AXIS_UNIT.match(plain)
+        if behind is not None and (behind["unit"] in _NAMED or _spelled(behind["unit"])):
+            return cls(plain, behind["name"], unit_of(behind["unit"]))
+        frame = next(filter(_FRAME.match, (part.strip() for part in unit.split(";"))), "")
+        return cls(plain, match["name"], unit_of(unit), frame)
 
 
 def unit_of(text: str) -> str:
@@ -55,10 +74,13 @@ def unit_of(text: str) -> str:
 
 
 def _usual(unit: str) -> str:
+    unit = _IN.sub("", unit)
     per = _PER.match(unit)
-    if per is not None:
-        return per["what"] + _POWERS[per["power"]]
-    return _SQUARED.sub("/s²", unit)
+    return per["what"] + _POWERS[per["power"]] if per is not None else _spelled(unit) or unit
+
+
+def _spelled(unit: str) -> str:
+    return next((usual for pattern, usual in _SPELLINGS if pattern.match(unit.lower())), "")
 
 
 def unique(names: Sequence[str]) -> list[str]:
@@ -73,7 +95,8 @@ def unique(names: Sequence[str]) -> list[str]:
 
 def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Columns grouped by quantity: (name of the quantity, [(heading, name in it)])."""
-    places = {name: _place(name) for name in names}
+    middle = _triples(names, (_MIDDLE,))
+    places = {name: middle.get(name) or _place(name) for name in names}
     places |= _triples([name for name in names if places[name] is None])
     groups: dict[str, list[tuple[str, str]]] = {}
     for name in names:
@@ -81,13 +104,28 @@ def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
         groups.setdefault(group, []).append((name, inner))
     out: list[tuple[str, list[tuple[str, str]]]] = []
     for group, members in groups.items():
-        if len(members) == 1:
+        axes = {inner.lower(): name for name, inner in members if inner.lower() in (*AXES, "w")}
+        if len(members) > len(axes) >= len(AXES) <= len({*AXES} & {*axes}):  # with a covariance, for instance
+            out += [(group, _ordered(axes)), *_arrays([name for name, _ in members if name not in axes.values()])]
+        elif len(members) == 1:
             out.append((members[0][0], [(members[0][0], "value")]))
-        elif {inner.lower() for _, inner in members} == set(AXES):
-            out.append((group, sorted(((name, inner.lower()) for name, inner in members), key=lambda one: one[1])))
         else:
-            out.append((group, members))
+            out.append((group, _ordered(axes) if {*AXES} <= axes.keys() else members))
     return out
+
+
+def _ordered(axes: dict[str, str]) -> list[tuple[str, str]]:
+    return [(axes[axis], axis) for axis in ("w", *AXES) if axis in axes]
+
+
+def _arrays(names: Sequence[str]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Columns grouped by what their numbers follow; each of the others alone."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        match = _ARRAY.match(name)
+        group = match["group"] if match is not None else name
+        groups.setdefault(group, []).append((name, name[len(group) :].lstrip(".") or "value"))
+    return [(group if len(members) > 1 else members[0][0], members) for group, members in groups.items()]
 
 
 def _place(name: str) -> tuple[str, str] | None:
@@ -99,20 +137,21 @@ def _place(name: str) -> tuple[str, str] | None:
     return None
 
 
-def _triples(names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Group and axis of those names that occur with all three axes: at the end, at the beginning, or alone."""
+def _triples(names: Sequence[str], patterns: Sequence[re.Pattern[str]] = (_LAST, _FIRST)) -> dict[str, tuple[str, str]]:
+    """Group and axis of those names that occur with all three axes: where a pattern has the axis, or alone."""
     matches: dict[str, tuple[str, str]] = {}
-    for pattern in (_LAST, _FIRST):
+    for pattern in patterns:
         groups: dict[str, dict[str, str]] = {}
         for name in names:
             match = pattern.match(name)
             if name not in matches and match is not None:
-                groups.setdefault(match["group"], {}).setdefault(match["axis"].lower(), name)
+                group = match["group"] + (match.groupdict().get("after") or "")
+                groups.setdefault(group, {}).setdefault(match["axis"].lower(), name)
         for group, members in groups.items():
-            if len(members) == len(AXES):
+            if {*AXES} <= members.keys():
                 matches |= {name: (group, axis) for axis, name in members.items()}
-    alone = {name.lower(): name for name in names if name.lower() in AXES}
-    if len(alone) == len(AXES):
+    alone = {name.lower(): name for name in names if name.lower() in (*AXES, "w")}
+    if {*AXES} <= alone.keys():
         matches |= {name: (PLAIN, axis) for axis, name in alone.items()}
     return matches
 

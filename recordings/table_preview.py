@@ -17,14 +17,13 @@ from imuscope.recordings.clock_search import ClockSearch
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.registry import READERS
-from imuscope.recordings.readers.table_set import TableSet
 from imuscope.recordings.sources import Source
 from imuscope.recordings.table_cells import numbers, times_of
 from imuscope.recordings.table_clock import AmbiguousTableError, OpenQuestion, TableClock
 from imuscope.recordings.table_format import has_rows
 from imuscope.recordings.table_headings import axis_of, grouped
 from imuscope.recordings.table_options import NO_COLUMN, TableOptions
-from imuscope.recordings.tabular import NOW_S, CsvSource
+from imuscope.recordings.tabular import NOW_S, CsvSource, TableSource
 from imuscope.recordings.time_units import UNITS, mean_step, usual_step
 
 FIRST_ROWS = 8
@@ -113,8 +112,8 @@ def may_be_table(format: str) -> bool:
 
 def table_of(source: Source) -> CsvSource | None:
     """The table of a source, the first of an archive; None if it is none."""
-    if isinstance(source, TableSet):
-        return table_of(source.tables[0])
+    if isinstance(source, TableSource) and source.members:
+        return table_of(source.members[0])
     return source if isinstance(source, CsvSource) else None
 
 

@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.plural import counted, plural
-from imuscope.recordings.clock_search import ClockSearch, axis_of_table
+from imuscope.recordings.axis_choice import axis_of_table
+from imuscope.recordings.clock_search import ClockSearch
 from imuscope.recordings.clock_steps import ClockWatch, periods_of
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
@@ -53,8 +54,10 @@ MOST_CELLS_NAMED = 4
 _TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
-_RATE = re.compile(r"^\s*([0-9.]+)\s*(?:Hz)?\s*$", re.IGNORECASE)
-_RATE_NAMES = ("update rate", "outputrate", "output rate", "sample rate", "sampling rate", "rate")
+_RATE = re.compile(r"^\s*([0-9.]+)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
+_RATE_NAME = re.compile(
+    r"^((update|output|sampl(e|ing)|data|log(ging)?|measurement)[ _]?)?(rate|frequency|freq)$|^fs$|^odr$"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +87,12 @@ class TableSource:
 
     Attributes:
         axis: the clock behind the times; None if the format says it.
+        members: the tables of an archive.
     """
 
     timed = True
     axis: TimeAxis | None = None
+    members: Sequence[TableSource] = ()
 
     def __init__(self, path: Path, format: str) -> None:
         self.path, self.format = path, format
@@ -162,9 +167,12 @@ class CsvSource(TableSource):
         sample = self._sample_times(clock)
         usual, ahead = step_limits(sample)
         if clock.kind == "rows":
-            usual = 1 / options.rate
+            usual = clock.factors[0]
         first = float(sample[0]) if len(sample) else 0.0
         origin, dated_by = origin_of(clock, first, self.form, path)
+        dates = next((one for one in others if one.epoch in ("1970", "GPS") and len(self._sample_times(one))), None)
+        if dated_by and clock.epoch == "start" and dates is not None:
+            origin, dated_by = float(self._sample_times(dates)[0]) - first, dates.name
         self.axis = TimeAxis(
             clock,
             others,
@@ -191,7 +199,7 @@ class CsvSource(TableSource):
     def _sample_times(self, clock: TableClock) -> Floats:
         """Times of the first rows."""
         if clock.kind == "rows":
-            return np.arange(len(self.form.sample)) / self._options.rate
+            return np.arange(len(self.form.sample), dtype=np.float64) * clock.factors[0]
         import pyarrow as pa
 
         columns = [pa.array([row[column] for row in self.form.sample], pa.string()) for column in clock.columns]
@@ -365,7 +373,7 @@ class CsvSource(TableSource):
 def _renamed(form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
     """Headings of the columns, with those of the user in place of the file's; and columns to leave out."""
     texts = list(form.headings) or [""] * form.columns
-    left_out: set[int] = set()
+    left_out = {i for i, text in enumerate(texts) if not text and not any(row[i].strip() for row in form.sample)}
     for i, text in enumerate(list(texts)):
         plain = ColumnHeading.of(text)
         key = next((key for key in (str(i + 1), plain.text, plain.name) if key and key in options.columns), None)
@@ -378,10 +386,10 @@ def _renamed(form: TableFormat, options: TableOptions) -> tuple[list[str], set[i
 
 def _head_rate(form: TableFormat) -> float:
     """Sampling rate in the head of a file, Hz; 0 without one."""
-    for name in _RATE_NAMES:
-        match = _RATE.match(form.metadata.get(name, ""))
-        if match is not None and (rate := float(match[1])) > 0:
-            return rate
+    for name, text in form.metadata.items():
+        match = _RATE.match(text) if _RATE_NAME.match(name) else None
+        if match is not None and (number := float(match[1])) > 0:
+            return 1000 / number if match[2] == "ms" else number
     return 0.0
 
 

@@ -123,7 +123,7 @@ def _temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: C
 def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
     """The content of an archive as one source."""
     from imuscope.recordings.importers import open_file
-    from imuscope.recordings.readers.table_set import TableSet
+    from imuscope.recordings.readers.formats.table_set import TableSet
     from imuscope.recordings.tabular import TableSource
 
     if any(file.name == METADATA for file in files) and len(files) > 1:

@@ -31,7 +31,8 @@ from imuscope.recordings.readers.formats.flight_log import (
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_cells import times_of
-from imuscope.recordings.table_clock import WEEK, TableClock
+from imuscope.recordings.table_clock import TableClock
+from imuscope.recordings.table_names import WEEK
 
 MARK = b"\xa3\x95"
 FMT = 128

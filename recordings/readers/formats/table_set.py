@@ -22,7 +22,7 @@ class TableSet(TableSource):
 
     def __init__(self, path: Path, tables: Sequence[TableSource]) -> None:
         super().__init__(path, tables[0].format)
-        self.tables = tables
+        self.members = tables
         self._noted: list[FileDamage] = []
         self.axis = tables[0].axis
         self.timed = all(one.timed for one in tables)
@@ -30,8 +30,8 @@ class TableSet(TableSource):
     def rows(self) -> Iterator[TableRows]:
         self._noted = self._noted or list(self.damage)
         self.damage[:] = self._noted
-        count = len(self.tables)
-        for number, table in enumerate(self.tables):
+        count = len(self.members)
+        for number, table in enumerate(self.members):
             name = table.path.name
             try:
                 for rows in table.rows():
@@ -53,4 +53,4 @@ class TableSet(TableSource):
         self.damage.append(FileDamage(-1, f"{table.path.name}: {' '.join(axis.sentences())}"))
 
     def unreadable(self) -> str:
-        return next((words for one in self.tables if (words := one.unreadable())), "")
+        return next((words for one in self.members if (words := one.unreadable())), "")

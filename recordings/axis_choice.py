@@ -1,0 +1,86 @@
+"""Choice of the axis among the clocks of a table. Another clock settles a unit that is open, or the user does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from imuscope.protocols.registry import unit_flag
+from imuscope.recordings.clock_search import ClockSearch
+from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
+from imuscope.recordings.table_names import FEWEST
+from imuscope.recordings.table_options import NO_COLUMN
+from imuscope.recordings.time_units import CLOSE, UNITS, is_dated, rate_text, usual_step
+
+
+def axis_of_table(search: ClockSearch) -> tuple[TableClock, list[TableClock]]:
+    """The clock that is the axis, and the others.
+
+    Raises:
+        RecordingError: there is none, or its unit is open.
+    """
+    clocks = search.clocks()
+    if not clocks:
+        there = ", ".join(one.text for one in search.headings)[:300]
+        if search.form.headings:
+            hint = f"Name one time, with its unit: time (s), or give --time-column or --rate. There are: {there}."
+        else:
+            hint = "It has no heading either: name its sampling rate with --rate, and the columns with --columns."
+        raise AmbiguousTableError(f"{search.file} has no column of times.", hint, "time")
+    axis, *others = clocks
+    if axis.is_open:
+        axis = _by_another(search, axis, others) or axis
+    if axis.is_open and not search.options.time_column:
+        for one in others:
+            if not one.is_open and one.rank <= 3:
+                return one, [axis, *(other for other in others if other is not one)]
+    if axis.is_open:
+        raise _open_unit(search.file, axis)
+    if search.options.rate and axis.kind in ("number", "parts"):
+        _check_rate(search, axis)
+    return axis, others
+
+
+def _by_another(search: ClockSearch, axis: TableClock, others: Sequence[TableClock]) -> TableClock | None:
+    """The axis with the unit in which it runs like another clock."""
+    values = search.numbers(axis.columns[0])
+    for other in others:
+        if other.is_open or other.kind not in ("number", "counter") or len(values) < FEWEST:
+            continue
+        theirs = search.numbers(other.columns[0])
+        if len(theirs) != len(values) or not np.ptp(values):
+            continue
+        ratio = float(np.ptp(theirs)) * other.factors[0] / float(np.ptp(values))
+        fitting = [unit for unit, factor in UNITS.items() if abs(ratio / factor - 1) < CLOSE]
+        if fitting:
+            unit = fitting[0]
+            epoch: Epoch = "1970" if is_dated(float(values[0]) * UNITS[unit], search.newest) else "start"
+            why = f"so it runs like {other.name}"
+            return replace(axis, unit=unit, factors=(UNITS[unit],), epoch=epoch, sure="inferred", why=why, readings=())
+    return None
+
+
+def _open_unit(file: str, axis: TableClock) -> AmbiguousTableError:
+    units = [one.unit for one in axis.readings]
+    if not units:
+        words = f"{file}: the times in {axis.name} fit no unit."
+        hint = f"Name it with {unit_flag()} s, ms, us or ns, or another column with --time-column."
+        return AmbiguousTableError(words, hint, "unit", axis)
+    listed = " or ".join(one.words() for one in axis.readings)
+    flags = " or ".join(f"{unit_flag()} {'us' if unit == 'µs' else unit}" for unit in units)
+    hint = f"Name it: {flags}, or --rate, or in the heading: {axis.name} ({units[0]})."
+    return AmbiguousTableError(f"{file}: the unit of {axis.name} can be {listed}.", hint, "unit", axis)
+
+
+def _check_rate(search: ClockSearch, axis: TableClock) -> None:
+    values = sum(
+        (search.numbers(column) * factor for column, factor in zip(axis.columns, axis.factors, strict=True)),
+        start=np.zeros(len(search.numbers(axis.columns[0]))),
+    )
+    step = usual_step(values) if len(values) > 1 else 0.0
+    if step and abs(1 / step - search.options.rate) > CLOSE * search.options.rate:
+        words = f"{search.file}: {axis.name} in {axis.unit} has {rate_text(1 / step)}, not {search.options.rate:g} Hz."
+        hint = f"Leave --rate out, or give --time-column {NO_COLUMN} to count the rows instead."
+        raise AmbiguousTableError(words, hint, "rate")

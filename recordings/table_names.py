@@ -1,0 +1,83 @@
+"""Names of columns with times: conventions of programs, as data, and what such a heading says."""
+
+from __future__ import annotations
+
+import re
+
+from imuscope.recordings.table_headings import ColumnHeading
+from imuscope.recordings.time_units import LONG, SPELLINGS
+
+TIMES = (
+    *("time", "timestamp", "time_stamp", "t", "date", "datetime", "date_time", "utc", "epoch", "epoc"),
+    *("zeit", "temps", "tiempo", "tempo", "tempo_s", "czas", "时间"),
+)
+FINE, FINE_S, FINE_DOT_S = "sample_time_fine", 1e-4, 1e-6  # of an MTi, and of a DOT
+COUNTERS = (
+    "packet_counter",
+    "counter",
+    "sample_counter",
+    "sample_number",
+    "sample",
+    "samples",
+    "count",
+    "packet_number",
+)
+UTC_PARTS = ("year", "month", "day", "hour", "minute", "second", "nano")
+GPS_EPOCH = 315_964_800.0
+WEEK = 604_800.0
+NO_UNIT = re.compile(r"utc|gps|gnss|local|unix|epoch|boot|ros|iso|rfc|:|date|time|since")  # in the brackets of a time
+DECIMALS = re.compile(r"[.,]\d")
+FEWEST = 3  # rows whose steps say something
+_STEMS = "time|stamp|time_?stamp|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
+_BEFORE = (
+    "sensor|system|sys|device|dev|host|unix|gps|gnss|ins|utc|log|logging|local|elapsed|relative|rel|boot|sample|rec|"
+    "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start"
+)
+_AFTER = "|".join(SPELLINGS) + "|utc|gps|elapsed|boot|sample|unix|epoch|since_?1970|cal"
+TIME = re.compile(
+    rf"^(?:(?:{_BEFORE})_)*(?:{_STEMS})(?:_(?:{_AFTER}))*$|^(?:[a-z0-9]+_)+(?:time_?stamp|date_?time)(?:_(?:{_AFTER}))*$"
+)
+ELAPSED = re.compile(
+    rf"^(?:(?:elapsed|ins|gps|unix)_)?(?:{'|'.join(one for one in SPELLINGS if len(one) > 3)})(?:_elapsed)?$"
+)
+OF_HOST = re.compile(r"^(?:server|client|rosbag)_")
+OF_WEEK = ("time_of_week", "i_tow", "itow", "tow", "gps_tow", "gps_time_of_week", "sow", "gps_sow", "seconds_of_week")
+GPS_TIME = ("gpst", "gps_time", "gpstime", "gps_sec", "gps_second", "gps_seconds", "ins_second", "ins_seconds")
+"""Names of a time of week, if the numbers are below a week."""
+WEEK_NAMES = ("week", "gps_week", "gpsweek", "gps_week_number", "week_number", "gps_wn", "wn")
+IS_GNSS = re.compile(r"^(?:\w+_)?(?:lat|latitude|lon|long|longitude)(?:_|$)")
+INERTIAL = re.compile(
+    r"acc(?!ur|ou|es|ep|um)|gyr|angular|omega|imu|^[ag][ _.]?[xyz]$|^[aw]_rs|pqr|uvw|quat|attitude|roll|pitch",
+    re.IGNORECASE,
+)
+
+
+def words_of(name: str) -> str:
+    """A heading in lower case with _ between its words: timeOfWeekMs is time_of_week_ms."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip())
+    return re.sub(r"[^\w%]+", "_", spaced.lower()).strip("_")
+
+
+def named_unit(heading: ColumnHeading) -> str:
+    """Unit that the heading of a time names, "" for none."""
+    text = heading.unit.strip().lower()
+    if unit := SPELLINGS.get(text) or LONG.get(text, ""):
+        return unit
+    words = [word for word in words_of(heading.name).split("_") if word in SPELLINGS]
+    return SPELLINGS[words[-1]] if words else ""
+
+
+def has_odd_unit(heading: ColumnHeading) -> bool:
+    """Whether the brackets of a heading name a unit that is not known: ticks, counts."""
+    text = heading.unit.strip().lower()
+    return bool(text) and not named_unit(heading) and not NO_UNIT.search(text)
+
+
+def without_unit(words: str) -> str:
+    stem, _, last = words.rpartition("_")
+    return stem if last in SPELLINGS else words
+
+
+def is_plain(heading: ColumnHeading) -> bool:
+    words = words_of(heading.name)
+    return words in TIMES or without_unit(words) in TIMES or heading.name.startswith("__")

@@ -1,0 +1,152 @@
+"""Tables as loggers, phones and programs of vendors write them: where each begins, its vectors and units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
+from tests.each_row import each_row
+
+N = 60
+STEP = 0.02
+SHIMMER = "Accel_LN_{}_CAL\t".format
+SHIMMER_HEAD = f"Timestamp_CAL\t{''.join(map(SHIMMER, 'XYZ'))}\nms\tm/(s^2)\tm/(s^2)\tm/(s^2)\t\n"
+OLD_SHIMMER = (
+    "Unit\tUnit\tUnit\tUnit\nTimestamp\tGyro X\tGyro Y\tGyro Z\nCAL\tCAL\tCAL\tCAL\nmSecs\tdeg/sec\tdeg/sec\tdeg/sec\n"
+)
+MARKED = "% made by a program\nTimestamp\tAcc X\tAcc Y\tAcc Z\n(us)\t(m.s-2)\t(m.s-2)\t(m.s-2)\n"
+VBOX = "File created on 14/07/2017\n\n[header]\nsatellites\n\n[column names]\nuptime a_x a_y a_z\n\n[data]\n"
+MS, US, S = "{ms},{x},0,9", "{us},{x},0,9", "{s},{x},0,9"
+
+
+def written(head: str, row: str, name: str, folder: Path) -> Path:
+    """A file of N rows 20 ms apart, with the fields ms, us, s (from 100 s on), and x, which counts to 6."""
+    path = folder / name
+    rows = (
+        row.format(ms=100_000 + 20 * n, us=100_000_000 + 20_000 * n, s=f"{100 + STEP * n:.3f}", x=n % 7, n=n)
+        for n in range(N)
+    )
+    path.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def opened(path: Path) -> ColumnStore:
+    return decode(open_file(path), path.with_suffix(".columns"), protocol_set.all_protocols())
+
+
+@each_row(
+    ("head", "row", "channel", "unit"),
+    [
+        ('"sep=\t"\n' + SHIMMER_HEAD, "{ms}\t{x}\t0\t9\t", "Accel_LN_CAL", "m/s²"),
+        (OLD_SHIMMER, "{ms}\t{x}\t0\t9", "Gyro", "deg/s"),
+        (MARKED, "{us}\t{x}\t0\t9", "Acc", "m/s²"),
+        ("@ Logger\n@ Date:Sat Apr 04, Sampling Rate:20ms\n\ntime_ms,a.x,a.y,a.z\n", MS, "a", ""),
+        ("accelerometer-a1,vendor,2020-02-15\ntime[ms],acc_x[m/s^2],acc_y[m/s^2],acc_z[m/s^2]\n", MS, "acc", "m/s²"),
+        ("# Some format: time[us], wx(rad/s), wy(rad/s), wz(rad/s)\n", US, "w", "rad/s"),
+        ("# time (s), a x (g), a y (g), a z (g)\n# ---\n", S, "a", "g"),
+        ("time_s ax (m/s^2) ay (m/s^2) az (m/s^2)\n", "{s} {x} 0 9", "a", "m/s²"),
+        (VBOX.replace("uptime", "uptime_s"), "{s} {x} +00 9", "a", ""),
+        ("time (s),a_x,a_y,a_z\n", S + ",", "a", ""),
+        ("time (s),a_x,a_y,a_z,\n", S, "a", ""),
+        ("time_ms;a/x;a/y;a/z\n", "{ms},0;{x},0;0,5;9,1", "a", ""),
+        ("time_ms,accel_x_mps2,accel_y_mps2,accel_z_mps2\n", MS, "accel", "m/s²"),
+        ("time_ms,Gyro_X_deg_per_s,Gyro_Y_deg_per_s,Gyro_Z_deg_per_s\n", MS, "Gyro", "deg/s"),
+        ("time_ms,Acc_X_g,Acc_Y_g,Acc_Z_g\n", MS, "Acc", "g"),
+        ("time_ms,x (in radians/s),y (in radians/s),z (in radians/s)\n", MS, "xyz", "rad/s"),
+        ("time_ms,/imu/gyro/x,/imu/gyro/y,/imu/gyro/z\n", MS, "/imu/gyro", ""),
+        ("time_ms,acc_x_raw,acc_y_raw,acc_z_raw\n", MS, "acc_raw", ""),
+        ("time_ms,w.x,w.y,w.z,w_covariance0,w_covariance1\n", MS + ",1,2", "w", ""),
+    ],
+)
+def test_a_table_begins_where_its_rows_do(head: str, row: str, channel: str, unit: str, tmp_path: Path) -> None:
+    store = opened(written(head, row, "a.csv", tmp_path))
+    info = next(one for one in store.manifest["channels"] if one["name"] == channel)
+    assert [column["name"] for column in info["columns"]] == ["x", "y", "z"]
+    assert info["unit"] == unit
+    rows = store.exact(info["id"], 0, 1000)
+    np.testing.assert_allclose(np.diff(rows.time), STEP, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(rows.columns[0], np.arange(N) % 7)
+    assert not store.manifest["damage"]
+
+
+@each_row("names", [("qx", "qy", "qz", "qw"), ("q.w", "q.x", "q.y", "q.z"), ("quatX", "quatY", "quatZ", "quatW")])
+def test_w_goes_with_its_vector(names: Sequence[str], tmp_path: Path) -> None:
+    store = opened(written(f"time_ms,{','.join(names)}\n", MS + ",1", "a.csv", tmp_path))
+    [info] = store.manifest["channels"]
+    assert [column["name"] for column in info["columns"]] == ["w", "x", "y", "z"]
+
+
+def test_empty_columns_without_a_name_are_left_out(tmp_path: Path) -> None:
+    store = opened(written("time_ms,a,b,c,\n", MS + ",", "a.csv", tmp_path))
+    assert [info["name"] for info in store.manifest["channels"]] == ["a", "b", "c"]
+
+
+WEEK_2254 = 1_679_184_000.0 - 18.0  # Unix s of its begin, by UTC
+DAY_2017 = 1_499_990_400.0  # 2017-07-14
+HEADED = "{},a_x,a_y,a_z\n".format
+START = 1_500_000_000
+
+
+@each_row(
+    ("head", "row", "start", "words"),
+    [
+        (HEADED("TimeStamp (s)"), S, None, "TimeStamp in s"),
+        (HEADED("Time stamp"), "1500000000.{n:02},{x},0,9", START, "Time stamp in s"),
+        (HEADED("relative_time_ms"), MS, None, "relative_time_ms in ms"),
+        (HEADED("epoc (ms)"), "15000000{ms},{x},0,9", None, "epoc in ms"),
+        (HEADED("Zeit (s)"), S, None, "Zeit in s"),
+        (HEADED("utcTimeMillis"), "1500000{ms},{x},0,9", None, "utcTimeMillis in ms"),
+        (HEADED("elapsedRealtimeMillis"), MS, None, "elapsedRealtimeMillis in ms"),
+        (HEADED("anything"), "2017-07-14 02:40:{n:02},{x},0,9", START, "anything, since 1970"),
+        (HEADED("utc"), "0240{n:02}.00,{x},0,9", None, "utc, of a day that is not in the file"),
+        ("sats time lat long\n\n[data]\n", "008 1141{n:02}.00 +3119.1 +58.{x}", None, "time, of a day"),
+        (HEADED("stamp"), "20170714_0240{n:02}000000,{x},0,9", START, "stamp, since 1970"),
+        (HEADED("GPST"), "302400.{n:02},{x},0,9", None, "of a GPS week that is not in the file"),
+        (" Week GPSTime Roll\n (weeks) (sec) (deg)\n", " 2254 3672{n:02}.000 {x}", WEEK_2254 + 367_200, "of GPS"),
+        ("", "1500000000.{n:02},{x},0,9", START, "column 1 in s, since 1970 (UTC)"),
+        ("", "1500000000{n:03}000,{x},0,9", START, "column 1 in µs, since 1970 (UTC)"),
+        ("", "{n},1500000000.{n:02},{x},0,9", START, "column 2 in s, since 1970 (UTC)"),
+        ("", "{s} {x} 0 9", None, "column 1 in s, since the start of the device"),
+        ("", "2017-07-14 02:40:{n:02}.000,{x},0,9", START, "column 1, since 1970 (UTC)"),
+        ("Date,Timestamp,a_x\n", "2017-07-14 02:40:00,1500000000.{n:02},{x}", START, "Timestamp in s"),
+        (HEADED("uptime_ms,server_time"), "{ms},2017-07-14 02:40:{n:02},0,0,9", START, "date is that of server_time"),
+        (HEADED("time"), "{s},{x},0,9", None, "time in s"),
+        ("# Sampling Rate: 20 ms\n" + HEADED("timestamp"), "1{ms},{x},0,9", None, "timestamp in ms"),
+        ("Recorder at 50 Hz\nSerial: 12\n----\na x,a y,a z\n", "{x},0,9", None, "counts the rows, 50 Hz"),
+        ("# Config: data_rate = 50.0 Hz, range = 4 g\ncount,a_x\n", "{n},{x}", None, "count in samples"),
+        ("1500000000.0, 1500000000.0, 1500000000.0\n50.0, 50.0, 50.0\n", "{x},0,9", START, "counts the rows, 50 Hz"),
+        ("# Start time: 2017-07-14 02:40:00\n" + HEADED("time (s)"), S, START, "the head of the file"),
+    ],
+)
+def test_the_clock_of_a_foreign_table(head: str, row: str, start: float | None, words: str, tmp_path: Path) -> None:
+    store = opened(written(head, row, "a.txt", tmp_path))
+    assert words in " ".join(store.manifest["time"]["sentences"])
+    time = store.exact(1, 0, 1000).time
+    assert len(time) == N
+    assert (np.diff(time) > 0).all()
+    if start is not None:
+        assert time[0] == start
+
+
+@each_row(
+    ("head", "row", "words"),
+    [
+        ("", "{n},{x},0,9", "the unit of column 1 can be s (1 Hz) or ms (1000 Hz)"),
+        ("", "{ms},{x},0,9", "the unit of column 1 can be"),
+        ("", "{x},{n},0,9", "no column of times"),
+        (HEADED("T (°)"), "2{n},{x},0,9", "no column of times"),
+        ("# Start: 01/02/2017 10:00\n" + HEADED("stamp"), "01/02/2017 10:{n:02},{x},0,9", "day or the month first"),
+    ],
+)
+def test_what_has_two_readings_is_asked(head: str, row: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=re.escape(words)):
+        opened(written(head, row, "a.csv", tmp_path))
