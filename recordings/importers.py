@@ -49,7 +49,7 @@ from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource
 
 GUESS_BYTES = 1 << 16
-GUESS_SCORE = 0.5
+GUESS_SCORE = 0.4  # of a file: 0.5 is a stream of NMEA or UBX alone, and a head in words stands above some
 DATE_BYTES = 1 << 22  # of a log whose name has its start: within these a device with a receiver has sent the date
 SUFFIXES = (
     *(".mcap", *vendor_logs.log_suffixes(), ".bin", ".log", ".txt", ".csv", ".tsv", ".hex", ".ubx", ".nmea"),
@@ -259,13 +259,14 @@ def open_file(
         return _read(reader, OpenRequest(path, protocol, table, is_packed))
     log_format = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
     if log_format is not None:
-        return _log(path, *log_format, protocol)
+        log = _log(path, *log_format, protocol)
+        return log if log.protocol or not has_rows(path) else CsvSource(path, table)
     if suffix in TABLES:
         if not protocol and known_file(head) is not None:
             raise _unknown(path, head)
         return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path, table)
     source = CaptureSource([path], "bin", protocol)
-    if not source.protocol and suffix not in vendor_logs.log_suffixes():
+    if not source.protocol:
         if known_file(head) is None and has_rows(path):
             return CsvSource(path, table)
         raise _unknown(path, head)
@@ -314,7 +315,7 @@ def _mcap(path: Path) -> Source:
     return MessageSource(path)
 
 
-def _log(path: Path, family: ProtocolInfo, log: LogFormat, protocol: str) -> Source:
+def _log(path: Path, family: ProtocolInfo, log: LogFormat, protocol: str) -> CaptureSource:
     """A file of a vendor's own format."""
     files = vendor_logs.parts_of(path)
     name = vendor_logs.log_name(path)

@@ -164,7 +164,7 @@ def _capture(path: Path, suffix: str, head: bytes) -> RecordingProbe | None:
         protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
     probe = RecordingProbe(suffix[1:] if suffix in vendor_logs.log_suffixes() else "bin")
     if not protocol:
-        if suffix not in vendor_logs.log_suffixes() and has_rows(path):
+        if has_rows(path):
             return RecordingProbe("csv", devices=[RecordedDevice("1", path.name)], edits=_csv_edits(path, head))
         if suffix not in ALWAYS_LISTED:
             return None

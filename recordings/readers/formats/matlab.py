@@ -36,6 +36,9 @@ def _open(request: OpenRequest) -> ArrowSource:
             loaded: dict[str, Any] = loadmat(file, variable_names=chosen, struct_as_record=True, squeeze_me=False)
     except NotImplementedError:
         raise RecordingError(f"{path.name} is an HDF5 file of MATLAB (-v7.3).", RESAVE) from None
+    except TypeError:  # by scipy, for a variable of a class without a name
+        words = f"{path.name} holds an object of MATLAB, such as a table or timetable, which cannot be read."
+        raise RecordingError(words, "Save its columns as arrays, or as CSV with writetable.") from None
     except Exception as error:  # whatever scipy raises for data from outside
         raise RecordingError(f"{path.name} is a damaged MATLAB file: {first_line(error)}.", RESAVE) from None
     arrays: dict[str, Array] = {}

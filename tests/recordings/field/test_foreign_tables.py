@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import reduce
+from operator import xor
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.probe import probe
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
@@ -150,3 +153,22 @@ def test_the_clock_of_a_foreign_table(head: str, row: str, start: float | None, 
 def test_what_has_two_readings_is_asked(head: str, row: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=re.escape(words)):
         opened(written(head, row, "a.csv", tmp_path))
+
+
+@each_row("name", ["a.dat", "a.raw", "a.log", "a.tsv", "a.unheard-of"])
+def test_a_table_is_one_whatever_its_suffix(name: str, tmp_path: Path) -> None:
+    path = written("", "{s} 0 NaN 30.375 {x}", name, tmp_path)
+    assert opened(path).rows(1) == N
+    assert probe(path).format == "csv"
+
+
+def test_words_above_the_sentences_of_a_receiver_do_no_harm(tmp_path: Path) -> None:
+    sentences = []
+    for second in range(20):
+        body = f"GPRMC,1030{second:02}.00,A,4800.0,N,01100.0,E,0.0,0.0,010126,,,A"
+        sentences.append(f"${body}*{reduce(xor, body.encode()):02X}\r\n")
+    path = tmp_path / "a.log"
+    path.write_text("# Name: a receiver\n# Submitter: a person\n# Date: 2026-01-01\n" + "".join(sentences))
+    store = opened(path)
+    [info] = store.manifest["channels"]
+    np.testing.assert_allclose(np.diff(store.exact(info["id"], 0, 100).time), 1.0, atol=1e-6)
