@@ -309,6 +309,7 @@ class ColumnStore:
         self._firsts = {
             number: np.cumsum(entries["rows"]) - entries["rows"] for number, entries in self._blocks.items()
         }
+        self._rows = {number: int(entries["rows"].sum()) for number, entries in self._blocks.items()}
         own = {number: [np.dtype("<" + dtype) for dtype in shape.dtypes] for number, shape in self.shapes.items()}
         self._own = own
         self._places = {
@@ -330,7 +331,7 @@ class ColumnStore:
 
     def rows(self, channel: int) -> int:
         """Number of rows of a channel."""
-        return int(self._blocks[channel]["rows"].sum())
+        return self._rows[channel]
 
     def span(self, channel: int | None = None, base: Base = "device") -> tuple[float, float] | None:
         """First and last time of a channel, or of all; None without rows."""

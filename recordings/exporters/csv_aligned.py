@@ -14,7 +14,8 @@ A line that begins with # is skipped by pandas with `comment="#"`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,8 +50,9 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     leader = max(infos, key=lambda info: sizes[info["id"]][1] - sizes[info["id"]][0])
     least = usual_interval(request.columns, leader["id"])
     clocks = clocks_of(request, leader)
+    headings = _Headings(request, clocks)
     others = [
-        _Follower(info, _names(request, info, clocks), AGES * max(usual_interval(request.columns, info["id"]), least))
+        _Follower(info, headings.of(info), AGES * max(usual_interval(request.columns, info["id"]), least))
         for info in infos
         if info is not leader
     ]
@@ -59,7 +61,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
         file.write(f"# {_rule(request, leader, others)}\n".encode())
         chosen = [*clocks, leader, *(held.info for held in others)]
         units = [(column["unit"], frame_label(info["frame"])) for info in chosen for column in info["columns"]]
-        names = [name for info in (*clocks, leader) for name in _names(request, info, clocks)]
+        names = [name for info in (*clocks, leader) for name in headings.of(info)]
         names += [name for held in others for name in held.names]
         heads = [with_unit(name, *one) for name, one in zip(names, units, strict=True)]
         heading(file, ["time (s)", "arrival (s)", *heads])
@@ -99,23 +101,35 @@ def _batch(
     return pa.RecordBatch.from_arrays(arrays, names=[str(n) for n in range(len(arrays))])
 
 
-def _names(request: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping[str, Any]]) -> list[str]:
+class _Headings:
     """Unique headings: with the device if there are several, with the message if needed, and with a number if a
     quantity's layout changed.
     """
-    own = [named(info, column) for column in info["columns"]]
-    rest = [
-        one
-        for one in (*request.infos, *request.payloads, *clocks)
-        if one is not info and one["device"] == info["device"]
-    ]
-    names_in_use = {named(one, column) for one in rest for column in one["columns"]}
-    if names_in_use & set(own):
-        duplicates = {f"{one['message']}.{named(one, column)}" for one in rest for column in one["columns"]}
-        own = [name if name.startswith(f"{info['message']}.") else f"{info['message']}.{name}" for name in own]
-        if duplicates & set(own):
-            own = [f"{name} #{info['id']}" for name in own]
-    return [f"{request.device_name(info['device'])}.{name}" for name in own] if request.has_several_devices else own
+
+    def __init__(self, request: ExportRequest, clocks: Sequence[Mapping[str, Any]]) -> None:
+        every = (*request.infos, *request.payloads, *clocks)
+        self._request = request
+        self._short = Counter((one["device"], name) for one in every for name in _short(one))
+        self._long = Counter((one["device"], name) for one in every for name in _long(one))
+
+    def of(self, info: Mapping[str, Any]) -> list[str]:
+        """Those of a channel's columns."""
+        own = [named(info, column) for column in info["columns"]]
+        device, message, short, long = info["device"], info["message"], _short(info), _long(info)
+        if any(self._short[device, name] > (name in short) for name in own):  # another channel has it
+            own = [name if name.startswith(f"{message}.") else f"{message}.{name}" for name in own]
+            if any(self._long[device, name] > (name in long) for name in own):
+                own = [f"{name} #{info['id']}" for name in own]
+        several = self._request.has_several_devices
+        return [f"{self._request.device_name(device)}.{name}" for name in own] if several else own
+
+
+def _short(info: Mapping[str, Any]) -> set[str]:
+    return {named(info, column) for column in info["columns"]}
+
+
+def _long(info: Mapping[str, Any]) -> set[str]:
+    return {f"{info['message']}.{name}" for name in _short(info)}
 
 
 def _rule(request: ExportRequest, leader: Mapping[str, Any], others: list[_Follower]) -> str:

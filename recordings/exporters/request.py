@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ class ExportError(RecordingError):
     """An export that is not possible: one sentence, and what to do."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ExportRequest:
     """Request for an export.
 
@@ -45,14 +46,14 @@ class ExportRequest:
     device: str = ""
     base: Base = "device"
 
-    @property
-    def infos(self) -> list[Mapping[str, Any]]:
+    @cached_property
+    def infos(self) -> Sequence[Mapping[str, Any]]:
         """The chosen channels that have rows, as the manifest describes them (server/wire/, ChannelInfo)."""
         channels = self.columns.manifest["channels"]
         return [info for info in channels if self._is_chosen(info) and self.columns.rows(info["id"])]
 
-    @property
-    def clocks(self) -> list[Mapping[str, Any]]:
+    @cached_property
+    def clocks(self) -> Sequence[Mapping[str, Any]]:
         """Clock readings of the devices, for the messages of the chosen channels: described like channels, but not
         for plots. Their columns are the clock as sent ("timestamp", "time"), or "utc".
         """
@@ -60,8 +61,8 @@ class ExportRequest:
         clocks = self.columns.manifest.get("clocks", [])
         return [info for info in clocks if (info["device"], info["message"], info["verified"]) in chosen]
 
-    @property
-    def payloads(self) -> list[Mapping[str, Any]]:
+    @cached_property
+    def payloads(self) -> Sequence[Mapping[str, Any]]:
         """Undescribed bytes of the chosen device, or of the messages of the chosen channels: described like channels,
         each with one column of "bytes".
         """
