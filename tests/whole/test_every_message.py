@@ -63,13 +63,19 @@ def options(family: str) -> DecodeOptions:
     return checked_options(family, given)
 
 
-def opened(family: str, folder: Path) -> tuple[ColumnStore, Path]:
-    """A recording with every frame, a frame in 10 ms, and its columns."""
-    path, store = folder / f"{family}.mcap", folder / f"{family}.columns"
+def opened(family: str, folder: Path, *, has_others: bool = False) -> tuple[ColumnStore, Path]:
+    """A recording with every frame, a frame in 10 ms, and its columns.
+
+    Args:
+        has_others: with frames of another size after them.
+    """
+    name = f"{family}{'-others' * has_others}"
+    path, store = folder / f"{name}.mcap", folder / f"{name}.columns"
     if not store.exists():
         writer = McapWriter(path, {"title": family})
         writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": family})
-        for number, (_, frame) in enumerate(cases(family), 1):
+        others = every_message.other_versions(family) if has_others else ()
+        for number, (_, frame) in enumerate((*cases(family), *others), 1):
             writer.chunk("1", "rx", frame, START + number * 10_000_000)
         writer.close()
         decode(open_file(path, family), store, all_protocols(), options(family))
@@ -196,7 +202,8 @@ def numeric(fields: tuple[Field, ...]) -> bool:
 @each_row("format", SERIES)
 @each_row("family", list(FAMILIES))
 def test_every_number_is_read_back_from_every_format(family: str, format: str, folder: Path) -> None:
-    columns, path = opened(family, folder)
+    """Also of what frames of another size gave."""
+    columns, path = opened(family, folder, has_others=True)
     files = export(format, ExportRequest(columns, path), folder / f"{family}-{format}{FORMATS[format].suffix}")
     every = READERS[format](files)
     together: dict[str, tuple[float, ...]] = {}  # a message of several firmwares is in several files
@@ -231,21 +238,6 @@ def test_every_other_format_has_all(family: str, format: str, folder: Path) -> N
 @each_row("family", list(FAMILIES))
 def test_a_message_of_another_version_costs_no_other(family: str, folder: Path) -> None:
     """Between frames of another size, all that is known has the numbers that it has without them."""
-    others = iter([frame for _, frame in every_message.other_versions(family)])
-    path = folder / f"{family}-others.mcap"
-    writer = McapWriter(path, {"title": family})
-    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": family})
-    for number, (_, frame) in enumerate(cases(family), 1):
-        writer.chunk("1", "rx", frame, START + number * 10_000_000)
-    for number, frame in enumerate(others, len(cases(family)) + 1):
-        writer.chunk("1", "rx", frame, START + number * 10_000_000)
-    writer.close()
-    columns = decode(open_file(path, family), folder / f"{family}-others", all_protocols(), options(family))
+    columns, _ = opened(family, folder, has_others=True)
     names = {info["name"] for info in columns.manifest["channels"]}
     assert {info["name"] for info in opened(family, folder)[0].manifest["channels"]} <= names
-    for format in SERIES:
-        made = export(
-            format, ExportRequest(columns, path), folder / f"{family}-others-{format}{FORMATS[format].suffix}"
-        )
-        assert made
-        assert READERS[format](made)
