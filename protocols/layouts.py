@@ -314,6 +314,15 @@ class _FieldReader:
         encoded = field.dtype in _FIXED_POINT or field.fields or field.column_major
         self._plain = not encoded and field.scale == 1 and field.bias == 0
 
+    @property
+    def numbers(self) -> tuple[int, np.dtype[Any], int] | None:
+        """The place of its numbers in a row, their dtype on the wire, and how many there are; None if a column has
+        something else than these numbers.
+        """
+        if not self._plain or self._opaque or self._empty or len(self._pieces) > 1 or self._wire.kind not in "fiu":
+            return None
+        return self._at, self._wire, math.prod(self._shape)
+
     def column(self, rows: NDArray[np.uint8]) -> Array:
         """The field of n rows."""
         if self._opaque:
@@ -332,29 +341,29 @@ class _FieldReader:
 class LazyColumns(Mapping[str, Array]):
     """Field name → array of n rows, made on first access (see events.Batch)."""
 
-    __slots__ = ("_done", "_layout", "_rows")
+    __slots__ = ("_done", "layout", "rows")
 
     def __init__(self, layout: Layout, rows: NDArray[np.uint8]) -> None:
-        self._layout = layout
-        self._rows = rows
+        self.layout = layout
+        self.rows = rows
         self._done: dict[str, Array] = {}
 
     def __getitem__(self, name: str) -> Array:
         column = self._done.get(name)
         if column is None:
-            column = self._done[name] = self._layout.readers[name].column(self._rows)
+            column = self._done[name] = self.layout.readers[name].column(self.rows)
         return column
 
     @property
     def row_size(self) -> int:
         """Bytes of one frame's payload, as received."""
-        return self._layout.size
+        return self.layout.size
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._layout.readers)
+        return iter(self.layout.readers)
 
     def __len__(self) -> int:
-        return len(self._layout.readers)
+        return len(self.layout.readers)
 
 
 def _copied(wire: Array, dtype: np.dtype[Any]) -> Array:

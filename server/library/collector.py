@@ -23,7 +23,8 @@ from imuscope.recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnSt
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.payloads import BYTES, SHAPE, PayloadsWriter
 from imuscope.server import wire
-from imuscope.server.streaming.channels import ChannelRows, clock_alone
+from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
+from imuscope.server.streaming.channels import clock_alone
 from imuscope.server.streaming.sink import Dated, EventSink
 from imuscope.server.streaming.unknown_payloads import Payloads, described
 
@@ -96,7 +97,7 @@ class RecordingSink(EventSink):
         self._writer.channel(number, ChannelLayout(tuple(column.dtype for column in info.columns), status))
         return number
 
-    def publish(self, pieces: Iterable[ChannelRows]) -> None:
+    def publish(self, pieces: Iterable[ChannelRows | WireRows]) -> None:
         leading: dict[tuple[str, str], int] = {}  # a message's samples are counted once, by the first of its quantities
         for piece in pieces:
             info = self.infos[piece.channel]

@@ -21,8 +21,8 @@ from typing import Generic, TypeVar
 
 from imuscope.server import wire
 from imuscope.server.listeners import CallbackList
+from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
 from imuscope.server.streaming.channel_store import ChannelStore
-from imuscope.server.streaming.channels import ChannelRows
 from imuscope.server.streaming.event_log import EventLog
 from imuscope.server.streaming.sink import EventSink, SampleArchive
 
@@ -133,7 +133,7 @@ class TelemetryBus(EventSink):
         self.channels.publish(info)
         return info.id
 
-    def publish(self, pieces: Iterable[ChannelRows]) -> None:
+    def publish(self, pieces: Iterable[ChannelRows | WireRows]) -> None:
         """Publish samples; those of removed devices are ignored."""
         touched = self._store.append(pieces)
         if touched:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from imuscope.server import wire
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
 from imuscope.server.streaming.ring_buffer import RingBuffer
 
 TRIM_S = 1.0
@@ -63,14 +63,18 @@ class ChannelStore:
         self._channels[info.id] = StoredChannel(info, RingBuffer([column.dtype for column in info.columns]))
         return info
 
-    def append(self, pieces: Iterable[ChannelRows]) -> list[int]:
+    def append(self, pieces: Iterable[ChannelRows | WireRows]) -> list[int]:
         """Store samples, except those of removed devices; returns the channels with new ones."""
         touched = []
         for piece in pieces:
             channel = self._channels.get(piece.channel)
-            if channel is not None and len(piece.columns[0]):
+            if channel is None or not len(piece):
+                continue
+            if isinstance(piece, WireRows):
+                channel.ring.append_wire(piece)
+            else:
                 channel.ring.append(piece.columns)
-                touched.append(piece.channel)
+            touched.append(piece.channel)
         now = self._now()
         if now >= self._next_trim:
             self._next_trim = now + TRIM_S

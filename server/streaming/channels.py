@@ -25,14 +25,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.events import Batch
+from imuscope.protocols.layouts import LazyColumns
 from imuscope.protocols.schema import Bits, Field, Message
+from imuscope.server.streaming.channel_rows import (
+    ChannelRows,
+    ColumnPlan,
+    WireRows,
+    copies_of,
+    numbers_of,
+    rows_per_sample,
+    table_of,
+    values_of,
+)
 from imuscope.server.streaming.unknown_payloads import described, is_opaque
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
 
@@ -57,26 +68,6 @@ _MAX_PLANS = 256  # a healthy device has a handful; noise that passes the checks
 MAX_CHANNELS = 1000  # of one device; a vendor's tables give at most some 300
 
 
-@dataclass(frozen=True, slots=True)
-class _ColumnPlan:
-    """Layout of one channel within a batch: its id, its columns, rows per sample (a table's k), and the factor of each
-    column shown in another unit (0 for an unchanged unit; empty if all are unchanged).
-    """
-
-    channel: int
-    names: tuple[str, ...]
-    per_sample: int
-    factors: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ChannelRows:
-    """Samples of one channel: `arrival` and `time` (unix seconds), then the channel's columns, in stream order."""
-
-    channel: int
-    columns: list[Array]
-
-
 class ChannelRegistry:
     """The channels of one device.
 
@@ -91,29 +82,40 @@ class ChannelRegistry:
     def __init__(self, device: str, advertise: Advertise) -> None:
         self.device = device
         self._advertise = advertise
-        self._plans: dict[tuple[int, bool], tuple[Message, list[_ColumnPlan]]] = {}
+        self._plans: dict[tuple[int, bool], tuple[Message, list[ColumnPlan]]] = {}
         self._ids: dict[str, int] = {}
         self.is_full = False
 
-    def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[ChannelRows]:
+    def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[ChannelRows | WireRows]:
         """The samples of one drain by channel.
 
         Args:
             batches: each with its device time mapped to host time, (n,) float64 unix seconds, NaN where unknown.
         """
-        by_channel: dict[int, list[tuple[Array, list[Array]]]] = {}
+        by_channel: dict[int, list[tuple[Batch, Array, ColumnPlan]]] = {}
         for batch, time in batches:
-            arrival = batch.arrival_ns / 1e9
             for cut in self._plan(batch):
-                columns = [arrival, time, *_values(batch, cut)]
-                offset = batch.offset
-                if cut.per_sample != 1:
-                    offset = np.repeat(offset, cut.per_sample)
-                    columns[0], columns[1] = np.repeat(arrival, cut.per_sample), np.repeat(time, cut.per_sample)
-                by_channel.setdefault(cut.channel, []).append((offset, columns))
-        return [ChannelRows(channel, _merged(parts)) for channel, parts in by_channel.items()]
+                by_channel.setdefault(cut.channel, []).append((batch, time, cut))
+        return [self._rows(parts) for parts in by_channel.values()]
 
-    def _plan(self, batch: Batch) -> list[_ColumnPlan]:
+    def _rows(self, parts: Sequence[tuple[Batch, Array, ColumnPlan]]) -> ChannelRows | WireRows:
+        """The samples of one channel, from some batches."""
+        batch, time, plan = parts[0]
+        lazy = batch.columns
+        if len(parts) == 1 and plan.copies is not None and isinstance(lazy, LazyColumns):
+            contiguous = batch.arrival_ns.flags.c_contiguous and time.flags.c_contiguous
+            if contiguous and lazy.layout is plan.copies[0]:
+                return WireRows(batch, lazy, plan, plan.copies, time)
+        pieces = []
+        for batch, time, cut in parts:
+            arrival, offset = batch.arrival_ns / 1e9, batch.offset
+            values = values_of(batch, cut)
+            if cut.per_sample != 1:
+                arrival, time, offset = (np.repeat(one, cut.per_sample) for one in (arrival, time, offset))
+            pieces.append((offset, [arrival, time, *values]))
+        return ChannelRows(plan.channel, _merged(pieces))
+
+    def _plan(self, batch: Batch) -> list[ColumnPlan]:
         key = (id(batch.message), batch.verified)
         known = self._plans.get(key)
         if known is not None and known[0] is batch.message:
@@ -124,7 +126,7 @@ class ChannelRegistry:
         self._plans[key] = (batch.message, cuts)
         return cuts
 
-    def _cuts(self, batch: Batch) -> list[_ColumnPlan]:
+    def _cuts(self, batch: Batch) -> list[ColumnPlan]:
         message = batch.message
         last = described(batch.columns, message.fields)  # the others go to server/streaming/unknown_payloads.py
         if not last:
@@ -145,14 +147,14 @@ class ChannelRegistry:
                 if not batch.verified:  # verified and unverified samples must not share a trace
                     info.name = f"{info.name}?"  # separate name; the title is the same, and `verified` marks it
                     info.verified = False
-                plan = _ColumnPlan(0, used, _rows_per_sample(batch.columns[used[0]]), factors)
+                plan = ColumnPlan(0, used, rows_per_sample(batch.columns[used[0]]), factors)
                 if self._fits(batch, plan, info) and (number := self._identify(info)):
-                    cuts.append(replace(plan, channel=number))
+                    cuts.append(replace(plan, channel=number, copies=copies_of(batch.columns, plan, info)))
         return cuts
 
-    def _fits(self, batch: Batch, plan: _ColumnPlan, info: ChannelInfo) -> bool:
+    def _fits(self, batch: Batch, plan: ColumnPlan, info: ChannelInfo) -> bool:
         """Whether the values have the described columns. Otherwise this channel is left out, and no other suffers."""
-        columns = _values(batch, plan)
+        columns = values_of(batch, plan)
         rows = len(batch) * plan.per_sample
         if len(columns) == len(info.columns) and all(len(column) == rows for column in columns):
             return True
@@ -203,26 +205,6 @@ def _merged(parts: list[tuple[Array, list[Array]]]) -> list[Array]:
     return [np.concatenate(column)[order] for column in zip(*(columns for _, columns in parts), strict=True)]
 
 
-# ── values ───────────────────────────────────────────────────────────────────────────────────────────────────────────
-
-
-def _values(batch: Batch, cut: _ColumnPlan) -> list[Array]:
-    out: list[Array] = []
-    for name in cut.names:
-        array = np.asarray(batch.columns[name])
-        out.extend(_rows(array) if cut.per_sample != 1 or _is_table(array) else _flat(array))
-    if not cut.factors:
-        return out
-    # A Python number preserves float32; integers become float64. The largest float32 in °/s is infinite.
-    with np.errstate(over="ignore"):
-        return [_scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
-
-
-def _scaled(column: Array, factor: float) -> Array:
-    """A column in another unit. Divides where exact: 99 990 mm are 99.99 m, times 0.001 it is 99.99000000000001."""
-    return column / round(1 / factor) if factor < 1 and (1 / factor).is_integer() else column * factor
-
-
 def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:
     """Change `info` to the page's units; returns the factor of each column, 0 if unchanged, () if all are unchanged."""
     factors = []
@@ -238,49 +220,6 @@ def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:
     return tuple(factors) if any(factors) else ()
 
 
-def _flat(array: Array) -> list[Array]:
-    """(n, …) → one (n,) array per element; of a structured array, per element of each of its fields, in order."""
-    if array.dtype.names:
-        return [column for name in array.dtype.names for column in _flat(array[name])]
-    if array.dtype.kind not in "fiub":
-        return []  # text
-    if array.ndim == 1:
-        return [array]
-    flat = array.reshape(len(array), -1)
-    return [flat[:, i] for i in range(flat.shape[1])]
-
-
-def _table_of(array: Array) -> tuple[str, Array] | None:
-    """The repeated record in an array: ("", itself) for (n, k) records, (name, field) for records in records."""
-    if array.dtype.names is None:
-        return None
-    if array.ndim == 2:
-        return "", array
-    for name in array.dtype.names:
-        if array[name].ndim == 2 and array[name].dtype.names:
-            return name, array[name]
-    return None
-
-
-def _is_table(array: Array) -> bool:
-    return _table_of(array) is not None
-
-
-def _rows_per_sample(column: Array) -> int:
-    table = _table_of(np.asarray(column))
-    return 1 if table is None else int(table[1].shape[1])
-
-
-def _rows(array: Array) -> list[Array]:
-    """A table as columns: values per sample are repeated on each of its rows."""
-    table = _table_of(array)
-    assert table is not None
-    name, records = table
-    shared = [other for other in array.dtype.names or () if name and other != name]
-    out = [np.repeat(column, records.shape[1]) for other in shared for column in _flat(array[other])]
-    return out + _flat(records.reshape(-1))
-
-
 # ── descriptions ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
@@ -292,7 +231,7 @@ def _describe(
     infos: list[ColumnInfo] = []
     for field in fields:
         array = np.asarray(columns[field.name])
-        table = _table_of(array)
+        table = table_of(array)
         prefix = "" if alone else field.name
         infos.extend(_column_infos(field, array, prefix) if table is None else _table_infos(field, array, table))
     if not infos:
@@ -319,7 +258,7 @@ def _describe(
 
 def _kind(field: Field, array: Array, message: Message) -> Kind:
     if array.dtype.names:
-        return "table" if _is_table(array) else "record"
+        return "table" if table_of(array) is not None else "record"
     if array.dtype.kind in "SV":
         return "record"
     shape = array.shape[1:]
@@ -342,12 +281,12 @@ def _joined(axes: Sequence[str]) -> str:
 
 
 def _column_infos(field: Field, array: Array, prefix: str) -> list[ColumnInfo]:
-    """One ColumnInfo per array of `_flat`, in the same order."""
+    """One ColumnInfo per array of `numbers_of`, in the same order."""
     if array.dtype.names:
         rows = {sub.name: sub for sub in field.fields}
         subs = [(rows.get(name, Field(name)), array[name]) for name in array.dtype.names]
         return [info for sub, part in subs for info in _column_infos(sub, part, _join(prefix, sub.name))]
-    flat = _flat(array)
+    flat = numbers_of(array)
     if not flat:
         return []  # text
     dtype = _dtype(flat[0])

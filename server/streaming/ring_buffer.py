@@ -32,7 +32,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.server.streaming.channel_rows import WireRows
 from imuscope.server.streaming.packed_columns import packed, unpack
+from imuscope.server.streaming.ring_kernel import append_rows
 from imuscope.server.wire import HEADER
 from imuscope.server.wire_codec import sample_header
 
@@ -44,12 +46,24 @@ BLOCK_BYTES = 64 * 1024
 _SLACK = 8
 _UNPACKED = 2  # newest blocks
 _PACKED_BYTES = 8 * 1024  # a smaller block is not worth it
+_NO_MEMORY = np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float64)
 
 
 class RingBlock:
     """Memory for `capacity` samples, the first of which has sequence number `first`."""
 
-    __slots__ = ("_arrays", "_groups", "_packed", "capacity", "first", "last_arrival", "n", "nbytes")
+    __slots__ = (
+        "_arrays",
+        "_groups",
+        "_packed",
+        "begins",
+        "capacity",
+        "first",
+        "last_arrival",
+        "memory",
+        "n",
+        "nbytes",
+    )
 
     def __init__(self, first: int, capacity: int, groups: Sequence[tuple[np.dtype[Any], int]]) -> None:
         self.first = first
@@ -58,8 +72,17 @@ class RingBlock:
         self.last_arrival = 0.0
         self._groups = groups
         self._packed: list[bytes] = []
-        self._arrays = self._memory()
-        self.nbytes = sum(array.nbytes for array in self._arrays)
+        length = capacity + _SLACK  # a multiple of 8: each column begins at one
+        sizes = [length * dtype.itemsize for dtype, rows in groups for _ in range(rows)]
+        self.begins = np.cumsum([0, *sizes[:-1]])
+        memory = np.zeros(sum(sizes), np.uint8)
+        self.memory = memory, memory.view(np.float32), memory.view(np.float64)
+        self._arrays = []
+        for dtype, rows in groups:
+            size = rows * length * dtype.itemsize
+            self._arrays.append(memory[:size].view(dtype).reshape(rows, length))
+            memory = memory[size:]
+        self.nbytes = sum(sizes)
 
     def _memory(self) -> list[NDArray[Any]]:
         return [np.zeros((rows, self.capacity + _SLACK), dtype) for dtype, rows in self._groups]
@@ -90,7 +113,7 @@ class RingBlock:
         """Pack a full block."""
         if self.nbytes >= _PACKED_BYTES:
             self._packed = [packed(row[: self.n]) for row in chain(*self._arrays)]
-            self._arrays = []
+            self._arrays, self.memory = [], _NO_MEMORY
             self.nbytes = sum(map(len, self._packed))
 
 
@@ -135,16 +158,27 @@ class RingBuffer:
 
     def append(self, columns: Sequence[NDArray[Any]]) -> None:
         """Add samples: `arrival`, `time`, then the channel's columns; 1-d, equal length, converted to our dtypes."""
-        n, at = len(columns[0]), 0
+        for block, at, take in self._room(len(columns[0])):
+            column = iter(columns)
+            for array in block.arrays:
+                for row in array:
+                    row[block.n : block.n + take] = next(column)[at : at + take]
+
+    def append_wire(self, rows: WireRows) -> None:
+        """Add samples as they were on the wire."""
+        columns = rows.bytes, rows.copies, rows.factors, rows.arrival_ns, rows.time
+        for block, at, take in self._room(len(rows)):
+            append_rows(*columns, *block.memory, block.begins, block.n, at, take)
+
+    def _room(self, n: int) -> Iterator[tuple[RingBlock, int, int]]:
+        """Blocks that have room for n samples: (block, first of the samples, how many); they are there afterwards."""
+        at = 0
         while at < n:
             block = self._blocks[-1] if self._blocks else self._grow()
             if block.n == block.capacity:
                 block = self._grow()
             take = min(n - at, block.capacity - block.n)
-            column = iter(columns)
-            for array in block.arrays:
-                for row in array:
-                    row[block.n : block.n + take] = next(column)[at : at + take]
+            yield block, at, take
             block.n += take
             block.last_arrival = float(block.arrays[0][0, block.n - 1])
             self.total += take

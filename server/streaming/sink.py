@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.events import Batch
 from imuscope.server import wire
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
 from imuscope.server.streaming.unknown_payloads import Payloads
 
 Dated = tuple[Batch, NDArray[np.float64], NDArray[np.float64] | None]
@@ -76,7 +76,7 @@ class TelemetrySink(EventSink, Protocol):
     def advertise(self, info: wire.ChannelInfo) -> int:
         """Open a channel described by `info` (id 0); returns its id, which is never used again."""
 
-    def publish(self, pieces: Iterable[ChannelRows]) -> None:
+    def publish(self, pieces: Iterable[ChannelRows | WireRows]) -> None:
         """Publish samples of advertised channels."""
 
     def set_device(self, info: wire.DeviceInfo) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.server import wire
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 
 BEGIN = 1_760_000_000.0

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from imuscope.server import wire, wire_codec
 from imuscope.server.heartbeat import UNWATCHED_S
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.clients import FEW_CLIENTS, FLUSH_MANY_S, FLUSH_S, SLACK_S
 from imuscope.server.streaming.send_queue import HistoryStream, Packet, SendQueue
 from imuscope.server.streaming.telemetry import Telemetry

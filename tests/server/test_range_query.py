@@ -21,7 +21,7 @@ from imuscope.server.library.column_cache import ColumnCache, DecodeJob
 from imuscope.server.library.decode import decode
 from imuscope.server.library.range_query import arrow_of, frame_of, json_of, live, recorded, statistics_in
 from imuscope.server.library.recording_detail import channels_of, detail
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive

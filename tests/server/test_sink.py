@@ -22,7 +22,7 @@ from imuscope.server.devices.device_state import DeviceState
 from imuscope.server.devices.ingest import LinkTiming
 from imuscope.server.library.collector import MAX_EVENTS, RecordingSink
 from imuscope.server.links.base import Chunk
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.sink import EventSink, SampleArchive, TelemetrySink
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock

@@ -16,7 +16,7 @@ from websockets.typing import Subprotocol
 
 from imuscope.server import wire, wire_codec
 from imuscope.server.config import Config
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.timings import ViewerTimings
 from tests.server.fakes import FakeLink

@@ -25,8 +25,8 @@ from imuscope.server.extensions.analysis.quantities import Quantity
 from imuscope.server.extensions.analysis.signal_order import cycle_of, used_by
 from imuscope.server.library.signal_definitions import SignalDefinition, SignalDefinitions
 from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.channel_store import ChannelStore
-from imuscope.server.streaming.channels import ChannelRows
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 
 log = logging.getLogger("imuscope.signals")

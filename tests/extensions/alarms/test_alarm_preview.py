@@ -17,7 +17,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms import preview
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
 from imuscope.server.extensions.alarms.preview import judge_of, preview_of, recorded_preview
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

@@ -27,7 +27,7 @@ from imuscope.server.extensions.analysis.registry import Analysis, analyses, ana
 from imuscope.server.extensions.analysis.report import figures_of
 from imuscope.server.extensions.analysis.service import AnalysisService
 from imuscope.server.extensions.analysis.signals import Signal, columns_named, finite_signal
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

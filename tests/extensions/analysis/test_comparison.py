@@ -25,7 +25,7 @@ from imuscope.server.extensions.analysis.comparison import (
     outline,
 )
 from imuscope.server.extensions.analysis.signals import Signal
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

@@ -16,7 +16,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.derived_channels import DerivedChannels
 from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
 from imuscope.server.library.signal_definitions import FILE, SignalDefinition, SignalDefinitions
-from imuscope.server.streaming.channels import ChannelRows
+from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

@@ -24,8 +24,8 @@ from imuscope.server.extensions.calibration.kinds import CalibrationInputs
 from imuscope.server.extensions.calibration.session import MAX_SAMPLES, SampleCollector
 from imuscope.server.extensions.calibration.stretch import CalibrationJob
 from imuscope.server.links import open_link
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.channel_store import ChannelStore
-from imuscope.server.streaming.channels import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

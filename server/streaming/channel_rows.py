@@ -1,0 +1,154 @@
+"""Samples of a channel, cut from a batch: as columns, or as they were on the wire.
+
+    Batch ──ColumnPlan──> ChannelRows: a column for each number
+                     └──> WireRows: rows of bytes, which a ring buffer copies as they are (ring_kernel.py)
+
+A live device has a few samples at a time; to make an array of each of their columns would cost more than all the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.protocols.events import Batch
+from imuscope.protocols.framing import Ints
+from imuscope.protocols.layouts import Layout, LazyColumns
+from imuscope.server.streaming.ring_kernel import DIVIDE, MULTIPLY
+from imuscope.server.wire import ChannelInfo
+
+Array = NDArray[Any]
+Copies = tuple[Layout, Ints, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnPlan:
+    """Layout of one channel within a batch: its id, its columns, rows per sample (a table's k), and the factor of each
+    column shown in another unit (0 for an unchanged unit; empty if all are unchanged). `copies` and factors of
+    ring_kernel.py, if each of its numbers is one on the wire.
+    """
+
+    channel: int
+    names: tuple[str, ...]
+    per_sample: int
+    factors: tuple[float, ...]
+    copies: Copies | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelRows:
+    """Samples of one channel: `arrival` and `time` (unix seconds), then the channel's columns, in stream order."""
+
+    channel: int
+    columns: list[Array]
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
+
+
+class WireRows:
+    """Samples of one channel as they were on the wire; ChannelRows that make their columns on access.
+
+    Attributes:
+        bytes: (n, size) uint8, each row with a sample.
+        copies, factors: where the columns are in it, and their factors, see ring_kernel.py.
+        arrival_ns, time: (n,) ns and s since 1970.
+    """
+
+    __slots__ = ("_batch", "_plan", "arrival_ns", "bytes", "channel", "copies", "factors", "time")
+
+    def __init__(self, batch: Batch, columns: LazyColumns, plan: ColumnPlan, copies: Copies, time: Array) -> None:
+        self._batch, self._plan = batch, plan
+        self.channel, (_, self.copies, self.factors) = plan.channel, copies
+        self.bytes, self.arrival_ns, self.time = columns.rows, batch.arrival_ns, time
+
+    def __len__(self) -> int:
+        return len(self.arrival_ns)
+
+    @property
+    def columns(self) -> list[Array]:
+        """See ChannelRows."""
+        return [self.arrival_ns / 1e9, self.time, *values_of(self._batch, self._plan)]
+
+
+def values_of(batch: Batch, cut: ColumnPlan) -> list[Array]:
+    out: list[Array] = []
+    for name in cut.names:
+        array = np.asarray(batch.columns[name])
+        out.extend(_rows(array) if cut.per_sample != 1 or table_of(array) is not None else numbers_of(array))
+    if not cut.factors:
+        return out
+    # A Python number preserves float32; integers become float64. The largest float32 in °/s is infinite.
+    with np.errstate(over="ignore"):
+        return [_scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+
+
+def copies_of(columns: Mapping[str, Array], plan: ColumnPlan, info: ChannelInfo) -> Copies | None:
+    """The places in a row that are copied to the columns of a channel; None if not each of its values is a number of the row."""
+    if plan.per_sample != 1 or not isinstance(columns, LazyColumns):
+        return None
+    places: list[tuple[int, int, bool, int]] = []
+    factors: list[float] = []
+    for name in plan.names:
+        numbers = columns.layout.readers[name].numbers
+        if numbers is None:
+            return None
+        offset, dtype, count = numbers
+        native = dtype.newbyteorder("=")
+        for k in range(count):
+            factor = plan.factors[len(places)] if plan.factors else 0.0
+            if info.columns[len(places)].dtype != native.str[1:] or (factor and native.str[1:] not in ("f4", "f8")):
+                return None
+            divides = 0 < factor < 1 and (1 / factor).is_integer()  # as _scaled
+            operation = (DIVIDE if divides else MULTIPLY) if factor else 0
+            places.append((offset + k * dtype.itemsize, dtype.itemsize, dtype != native, operation))
+            factors.append(float(native.type(round(1 / factor) if divides else factor)) if factor else 0.0)
+    return columns.layout, np.array(places, np.int64).T.copy(), np.array(factors)
+
+
+def _scaled(column: Array, factor: float) -> Array:
+    """A column in another unit. Divides where exact: 99 990 mm are 99.99 m, times 0.001 it is 99.99000000000001."""
+    return column / round(1 / factor) if factor < 1 and (1 / factor).is_integer() else column * factor
+
+
+def numbers_of(array: Array) -> list[Array]:
+    """(n, …) → one (n,) array per element; of a structured array, per element of each of its fields, in order."""
+    if array.dtype.names:
+        return [column for name in array.dtype.names for column in numbers_of(array[name])]
+    if array.dtype.kind not in "fiub":
+        return []  # text
+    if array.ndim == 1:
+        return [array]
+    flat = array.reshape(len(array), -1)
+    return [flat[:, i] for i in range(flat.shape[1])]
+
+
+def table_of(array: Array) -> tuple[str, Array] | None:
+    """The repeated record in an array: ("", itself) for (n, k) records, (name, field) for records in records."""
+    if array.dtype.names is None:
+        return None
+    if array.ndim == 2:
+        return "", array
+    for name in array.dtype.names:
+        if array[name].ndim == 2 and array[name].dtype.names:
+            return name, array[name]
+    return None
+
+
+def rows_per_sample(column: Array) -> int:
+    table = table_of(np.asarray(column))
+    return 1 if table is None else int(table[1].shape[1])
+
+
+def _rows(array: Array) -> list[Array]:
+    """A table as columns: values per sample are repeated on each of its rows."""
+    table = table_of(array)
+    assert table is not None
+    name, records = table
+    shared = [other for other in array.dtype.names or () if name and other != name]
+    out = [np.repeat(column, records.shape[1]) for other in shared for column in numbers_of(array[other])]
+    return out + numbers_of(records.reshape(-1))
