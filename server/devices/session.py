@@ -49,6 +49,7 @@ FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 STALL_S = 0.25  # without bytes, after which incomplete frames are examined; a frame at 9600 Bd takes 0.1 s
 GIVE_UP_S = 10.0  # without bytes, after which it is given up: no link needs so long for the rest of a frame
+JUDGE_S = 0.1  # between two updates of the diagnostics of a device without new rejects
 STALL_TICKS = 3  # ticks without new bytes, also required, in case this process itself was delayed
 
 
@@ -120,6 +121,7 @@ class Session:
         self._left_out = DroppedBytes(self._reporter, self._stats, link.source)
         self._stalled = False
         self._ticks_since_bytes = 0  # since bytes came last
+        self._judged_rejects, self._judge_due = 0, 0.0  # of the last update of the diagnostics, and of the next
         self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S)
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -323,6 +325,9 @@ class Session:
                 if pipeline.samples and not final and self._connection.allows(ConnectionEvent.DECODED):
                     self._on_live()
                 self._update_diagnostics(at_once=final)
+                decoder = pipeline.doubting
+                if decoder is not None and decoder.contradiction is not None and self._link.speed == 1:
+                    self._on_contradiction(decoder.doubted, decoder.contradiction)
         except Exception:
             log.exception("decoding %s failed", self.info.source)
             text = "An internal error stopped the decoder of this device; it was restarted. The log has details."
@@ -353,13 +358,17 @@ class Session:
         self._outage.end(self._pipeline.decoder, self.devices.own, last if back else None)
 
     def _update_diagnostics(self, *, at_once: bool = False) -> None:
-        """Update warnings and remedies for data that is rejected or not decoded."""
+        """Update warnings and remedies for data that is rejected or not decoded; at intervals while all is accepted."""
         live = self.info.status == "live"
+        now, rejects = self._sink.now(), self._stats.rejects
+        if live and not at_once and rejects == self._judged_rejects and now < self._judge_due:
+            return
+        self._judged_rejects, self._judge_due = rejects, now + JUDGE_S
         samples = self._pipeline.samples
         new = self._diagnostics.refused(self._stats.rejects_by, live=live)
         stream = self._pipeline.stream
         unclaimed = stream.unclaimed if stream is not None else None
-        now, protocol = self._sink.now(), self.info.protocol
+        protocol = self.info.protocol
         new |= self._diagnostics.update(now, protocol, samples=samples, unclaimed=unclaimed, at_once=at_once)
         waiting = self.restarts.waiting
         new |= self._diagnostics.restarted(waiting) | self._diagnostics.exposed(self._link.kind, self.infos)
@@ -367,9 +376,6 @@ class Session:
             self._set(notices=self._notices, hint=self._diagnostics.hint, rearm=list(waiting))
             if self.info.status == "connecting" and self._diagnostics.message:
                 self._set(message=self._diagnostics.message, required_action=self._diagnostics.required_action)
-        decoder = self._pipeline.doubting
-        if decoder is not None and decoder.contradiction is not None and self._link.speed == 1:
-            self._on_contradiction(decoder.doubted, decoder.contradiction)
 
     def _on_contradiction(self, option: str, doubt: Doubt) -> None:
         """Use another value of an option if arrival times indicate it and the user has not set one."""

@@ -88,7 +88,7 @@ def values_of(batch: Batch, cut: ColumnPlan) -> list[Array]:
 
 
 def copies_of(columns: Mapping[str, Array], plan: ColumnPlan, info: ChannelInfo) -> Copies | None:
-    """The places in a row that are copied to the columns of a channel; None if not each of its values is a number of the row."""
+    """The places in a row that are copied to a channel's columns; None if not each value is a number of the row."""
     if plan.per_sample != 1 or not isinstance(columns, LazyColumns):
         return None
     places: list[tuple[int, int, bool, int]] = []

@@ -26,6 +26,7 @@ from tests.each_row import each_row
 from tests.protocols import kernel_examples
 from tests.protocols.damaged_streams import write_streams
 from tests.protocols.decoder_digests import digests
+from tests.source_files import python_files, text_of
 from tests.timeouts import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -259,3 +260,11 @@ def test_kernels_know_themselves() -> None:
     assert len([name for name in names if name.startswith("imuscope.")]) > 40
     one = compiled.KERNELS["imuscope.protocols.checksums.sum8"]
     assert kernel_of(one.native) is one
+
+
+def test_every_kernel_has_machine_code() -> None:
+    """One that calls a function defined below it would not know itself when it is defined, and run as plain Python."""
+    for path in python_files("protocols", "recordings", "server"):
+        if "@compiled(" in text_of(path) and "compiler" not in path.parts:
+            importlib.import_module(".".join(("imuscope", *path.relative_to(ROOT).with_suffix("").parts)))
+    assert compiled.missing() == [], "define what they call above them"

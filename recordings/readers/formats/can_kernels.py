@@ -98,6 +98,19 @@ def _count_pairs(data: Bytes, at: int, end: int, most: int) -> int:
     return count
 
 
+@compiled(INT, INTS, INT, INT, INT, INT, INT, INT, INT)
+def _fill(line: Ints, body: int, length: int, number: int, kind: int, stamp: int, bus: int, key: int) -> int:
+    line[BODY] = body
+    line[LENGTH] = length
+    line[ID] = number
+    line[SENDER] = kind
+    line[STATUS] = FRAME
+    line[STAMP] = stamp
+    line[BUS] = bus
+    line[BUS_KEY] = key
+    return 0
+
+
 @compiled(INT, BYTES, INT, INT, INTS)
 def _terminal_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     """Read a line of candump on a terminal; 0, or DAMAGED."""
@@ -140,19 +153,6 @@ def _terminal_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     if kind == DATA and (length > 8 or _count_pairs(data, place, stop, length) != length):
         return DAMAGED
     _fill(line, place, length, number, kind, stamp, bus, key)
-    return 0
-
-
-@compiled(INT, INTS, INT, INT, INT, INT, INT, INT, INT)
-def _fill(line: Ints, body: int, length: int, number: int, kind: int, stamp: int, bus: int, key: int) -> int:
-    line[BODY] = body
-    line[LENGTH] = length
-    line[ID] = number
-    line[SENDER] = kind
-    line[STATUS] = FRAME
-    line[STAMP] = stamp
-    line[BUS] = bus
-    line[BUS_KEY] = key
     return 0
 
 
