@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.framing import Ints
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
     MOST_COLUMNS,
@@ -87,7 +88,7 @@ class DataFlash(FlightLog):
                 held += data
                 used = reading.take(held, at)
                 held, at = held[used:], at + used
-                yield LogBlock(reading.records(), at / size)
+                yield reading.block(at / size)
         if held.strip(b"\0\xff"):
             self.note(at, "The last record was cut.")
 
@@ -122,13 +123,14 @@ class _Records:
         self._lengths = [0] * 256
         self._lengths[FMT] = FMT_BYTES
         self._gathered: dict[int, list[bytes]] = {}
+        self._order: list[int] = []  # the kinds of the gathered records
         self._units: dict[str, str] = {}
         self._factors: dict[str, float] = {}
         self._unit_ids: dict[int, tuple[str, str]] = {}  # by kind: a unit and a multiplier for each field
 
     def take(self, data: bytes, offset: int) -> int:
         """Read all whole records; returns how many bytes they have."""
-        at, end, lengths, gathered = 0, len(data), self._lengths, self._gathered
+        at, end, lengths, gathered, order = 0, len(data), self._lengths, self._gathered, self._order
         while at + 3 <= end:
             kind = data[at + 2]
             length = lengths[kind]
@@ -142,14 +144,18 @@ class _Records:
                 break
             if kind in gathered:
                 gathered[kind].append(data[at : at + length])
+                order.append(kind)
             else:
                 self._describe(kind, data[at + 3 : at + length], offset + at)
             at += length
         return at
 
-    def records(self) -> dict[str, bytes]:
+    def block(self, done: float) -> LogBlock:
         """The records since the last call, by table."""
         blocks: dict[str, bytes] = {}
+        places: dict[str, Ints] = {}
+        order = np.array(self._order, np.int64)
+        self._order.clear()
         for kind, some in self._gathered.items():
             form = self._formats[kind]
             if not some:
@@ -163,8 +169,10 @@ class _Records:
                 self._log.tables[form.name] = table
             if self._log.tables[form.name].dtype.itemsize == form.length:
                 blocks[form.name] = blocks.get(form.name, b"") + b"".join(some)
+                before = places.get(form.name, order[:0])
+                places[form.name] = np.concatenate((before, np.flatnonzero(order == kind)))
             some.clear()
-        return blocks
+        return LogBlock(blocks, done, places)
 
     def _resynchronised(self, data: bytes, at: int) -> int:
         """The next record of a known kind; the end of the data without one."""

@@ -1,7 +1,7 @@
 """Logs of flight controllers: records of many kinds, each a table, with the time since the controller started.
 
-The clock is dated by a fix of a GNSS receiver in the log, else as a table is (recordings/table_axis.py). It is the axis
-as it is: where it goes back, that is listed with the damage.
+The clock is dated by a fix of a GNSS receiver in the log, else as a table is (recordings/table_axis.py). Where it goes
+back a segment begins (log_clock.py), and the clock itself is a column of each table.
 """
 
 from __future__ import annotations
@@ -14,8 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.framing import Ints
+from imuscope.recordings.clock_steps import ClockWatch
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats.log_clock import LogClock
 from imuscope.recordings.table_axis import TimeAxis, origin_of
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_format import TableFormat
@@ -77,10 +80,12 @@ class LogBlock:
     Args:
         records: bytes of whole records by table.
         done: share of the file read, 0..1.
+        places: order of the records of a table among all of the block; without it none of them is before another.
     """
 
     records: Mapping[str, bytes]
     done: float
+    places: Mapping[str, Ints] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +115,30 @@ class _Progress:
         if (steps < 0).any():
             count, by = self.back.get(name, (0, 0.0))
             self.back[name] = count + int((steps < 0).sum()), min(by, float(steps.min()))
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """Records of one table and sensor in a block, with their times, s, and places in the file.
+
+    Args:
+        odd: number of records that were left out because of an impossible time.
+    """
+
+    title: str
+    table: LogTable
+    records: NDArray[Any]
+    clock: NDArray[np.float64]
+    places: Ints
+    odd: int = 0
+
+    def plausible(self) -> _Kind:
+        """Those with a possible time."""
+        usual = self.clock < LONGEST_S
+        if usual.all():
+            return self
+        rest = self.records[usual], self.clock[usual], self.places[usual]
+        return _Kind(self.title, self.table, *rest, int(np.count_nonzero(~usual)))
 
 
 class FlightLog(TableSource):
@@ -171,26 +200,51 @@ class FlightLog(TableSource):
         hint = self.damage[0].words if self.damage else "It was cut, or is empty."
         raise RecordingError(f"{self.path.name} has no records with a time.", hint)
 
-    def rows(self) -> Iterator[TableRows]:
-        assert self.axis is not None
-        self.damage.clear()
-        progress, odd = _Progress(), 0
+    def _kinds(self) -> Iterator[tuple[LogBlock, list[_Kind]]]:
+        """Blocks, and the records in each by table and instance."""
+        first = 0
         for block in self.blocks():
+            kinds = []
+            most = 0
             for name, data in block.records.items():
                 table = self.tables[name]
                 records = self._records(table, data)
-                for title, some in _instances(table, records):
-                    clock = table.time.values(some)
-                    plausible = clock < LONGEST_S
-                    if not plausible.all():
-                        odd += int((~plausible).sum())
-                        clock, some = clock[plausible], some[plausible]
-                    if not len(clock):
-                        continue
-                    progress.add(title, clock)
-                    time = clock + self.axis.origin
-                    columns = {one.heading: (one.values(some), one.unit) for one in table.columns}
-                    yield TableRows(title, time, time, columns, min(block.done, 1.0))
+                places = block.places.get(name, np.zeros(len(records), np.int64)) + first
+                most = max(most, int(places.max()) + 1 - first) if len(places) else most
+                for title, which in _instances(table, records):
+                    some = _Kind(title, table, records[which], table.time.values(records[which]), places[which])
+                    kinds.append(some.plausible())
+            first += most
+            yield block, kinds
+
+    def _watched(self) -> ClockWatch:
+        """The steps of the clock, from a first pass over all records."""
+        search = LogClock()
+        for _, kinds in self._kinds():
+            search.feed({one.title: (one.clock, one.places) for one in kinds})
+        return search.watch
+
+    def rows(self) -> Iterator[TableRows]:
+        assert self.axis is not None
+        if self.axis.watch is None:
+            self.axis.watch = self._watched()
+        shifts = self.axis.watch.shifts
+        steps, moved = np.array([row for row, _ in shifts]), np.array([shift for _, shift in shifts])
+        self.damage.clear()
+        progress, odd = _Progress(), 0
+        for block, kinds in self._kinds():
+            for kind in kinds:
+                odd += kind.odd
+                if not len(kind.clock):
+                    continue
+                progress.add(kind.title, kind.clock)
+                time = kind.clock + self.axis.origin
+                columns = {one.heading: (one.values(kind.records), one.unit) for one in kind.table.columns}
+                if self.axis.keeps_clock:
+                    time = time + moved[np.searchsorted(steps, kind.places, "right") - 1]
+                    name = self.clock_name
+                    columns[f"{name} (clock)" if name in columns else name] = (kind.clock, "s")
+                yield TableRows(kind.title, time, time, columns, min(block.done, 1.0))
         for title, (count, by) in progress.back.items():
             words = f"{title}: {self.clock_name} goes back {count} times, by up to {-by:.6g} s."
             self.damage.append(FileDamage(-1, words))
@@ -209,11 +263,11 @@ class FlightLog(TableSource):
         return np.frombuffer(data, table.dtype)
 
 
-def _instances(table: LogTable, records: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The records of each sensor, with the name of its table."""
+def _instances(table: LogTable, records: NDArray[Any]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    """Which records are those of each sensor, with the name of its table."""
     if not table.instance:
-        yield table.name, records
+        yield table.name, np.ones(len(records), np.bool_)
         return
     numbers = records[table.instance]
     for number in np.unique(numbers).tolist():
-        yield f"{table.name}[{number}]", records[numbers == number]
+        yield f"{table.name}[{number}]", numbers == number

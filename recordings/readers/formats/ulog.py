@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.framing import Ints
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
@@ -70,7 +71,7 @@ class Ulog(FlightLog):
                 held += data
                 used = reading.take(held, at)
                 held, at = held[used:], at + used
-                yield LogBlock(reading.records(), at / size)
+                yield reading.block(at / size)
         if len(held) >= _HEAD.size:
             self.note(at, "The last record was cut.")
 
@@ -97,11 +98,12 @@ class _Messages:
         self._formats: dict[str, str] = {}
         self._tables: dict[int, LogTable] = {}
         self._gathered: dict[int, list[bytes]] = {}
+        self._order: list[int] = []  # the numbers of the gathered records
 
     def take(self, data: bytes, offset: int) -> int:
         """Read all whole messages; returns how many bytes they have."""
         at, unpack, end = 0, _HEAD.unpack_from, len(data)
-        gathered = self._gathered
+        gathered, order = self._gathered, self._order
         while at + 3 <= end:
             size, kind = unpack(data, at)
             if kind == 68:  # D
@@ -111,6 +113,7 @@ class _Messages:
                 number = data[at + 3] | data[at + 4] << 8 if size >= 2 else -1
                 if number in gathered:
                     gathered[number].append(data[at + 5 : after])
+                    order.append(number)
                 at = after
                 continue
             if kind not in KINDS or not size:
@@ -124,9 +127,12 @@ class _Messages:
             at += 3 + size
         return at
 
-    def records(self) -> dict[str, bytes]:
+    def block(self, done: float) -> LogBlock:
         """The records since the last call, by table."""
         blocks: dict[str, bytes] = {}
+        places: dict[str, Ints] = {}
+        order = np.array(self._order, np.int64)
+        self._order.clear()
         for number, bodies in self._gathered.items():
             if not bodies:
                 continue
@@ -134,8 +140,10 @@ class _Messages:
             size = table.dtype.itemsize
             whole = [body if len(body) == size else body[:size].ljust(size, b"\0") for body in bodies]
             blocks[table.name] = blocks.get(table.name, b"") + b"".join(whole)
+            before = places.get(table.name, order[:0])
+            places[table.name] = np.concatenate((before, np.flatnonzero(order == number)))
             bodies.clear()
-        return blocks
+        return LogBlock(blocks, done, places)
 
     def _resynchronised(self, data: bytes, at: int) -> int:
         """The next place with the heads of two messages, or a synchronisation message."""

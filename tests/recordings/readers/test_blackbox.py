@@ -114,3 +114,16 @@ def test_a_log_that_ends_with_a_frame_has_it(name: str, tmp_path: Path) -> None:
     path = tmp_path / "a.bbl"
     path.write_bytes((GOLDEN / f"{name}.bbl").read_bytes().partition(b"E\xffEnd of log")[0])
     assert frames_of(path) == json.loads((GOLDEN / f"{name}.json").read_text())
+
+
+def test_a_flight_whose_clock_is_earlier_begins_a_segment(tmp_path: Path) -> None:
+    data = (GOLDEN / "every_1.bbl").read_bytes()
+    path = tmp_path / "two.bbl"
+    path.write_bytes(data + data)
+    store = opened(path, tmp_path)
+    rows = rows_of(store, "gyroADC", "main")
+    assert np.diff(rows.time).min() > 0
+    [begin] = store.manifest["segments"]["1"]
+    assert begin == pytest.approx(rows.time[len(rows.time) // 2])
+    [event] = [one for one in store.manifest["events"] if one["data"].get("kind") == "back"]
+    assert event["text"].startswith("time goes back by ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from tests.each_row import each_row
-from tests.recordings.readers.flight_logs import BOOT_US, COUNT, RATES, UTC_US, dataflash, ulog
+from tests.recordings.readers.flight_logs import BOOT_US, COUNT, RATES, UTC_US, _record, dataflash, ulog
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
 
 BEGIN = UTC_US / 1e6 - 1.0  # the fix comes after a second
@@ -106,3 +107,70 @@ def test_the_clock_that_goes_back_is_reported(tmp_path: Path) -> None:
     path = written(tmp_path / "a.bin", data + data[-2000:])
     assert "TimeUS goes back 1 times" in damage_of(opened(path, tmp_path))
     assert BOOT_US
+
+
+def restarted(name: str) -> bytes:
+    """A log that goes on after a restart, from half of its records on."""
+    data = ulog() if name == "a.ulg" else dataflash()
+    first = data.index(struct.pack("<Q", BOOT_US), 24)
+    head = first - 5 if name == "a.ulg" else first - 3
+    return data + data[head:]
+
+
+@each_row(
+    ("name", "table", "quantity", "clock"),
+    [("a.ulg", "sensor_combined", "gyro_rad", "timestamp"), ("a.bin", "IMU[0]", "Gyr", "TimeUS")],
+)
+def test_a_restart_begins_a_segment_of_all_tables(
+    name: str, table: str, quantity: str, clock: str, tmp_path: Path
+) -> None:
+    store = opened(written(tmp_path / name, restarted(name)), tmp_path)
+    rows = rows_of(store, quantity, table)
+    np.testing.assert_allclose(rows.columns[0], np.tile(RATES, 2))
+    np.testing.assert_allclose(np.delete(np.diff(rows.time), COUNT - 1), 0.01, atol=1e-6)
+    assert np.diff(rows.time)[COUNT - 1] == pytest.approx(1.0, abs=1e-5)  # in the place of 3.99 s back
+    np.testing.assert_allclose(
+        rows_of(store, clock, table).columns[0], BOOT_US / 1e6 + np.tile(np.arange(COUNT), 2) / 100
+    )
+    [event] = [one for one in store.manifest["events"] if one["data"].get("kind") == "back"]
+    assert event["text"].startswith(f"{clock} goes back by 3.99 s at row ")
+    assert event["data"]["by_s"] == pytest.approx(-3.99)
+    assert store.manifest["segments"] == {"1": [pytest.approx(rows.time[COUNT])]}
+    slow = rows_of(store, "at[1]", "wheels.1") if name == "a.ulg" else rows_of(store, "Milli")
+    np.testing.assert_allclose(slow.time, rows.time[::10], atol=1e-5)
+
+
+def test_a_slow_table_is_in_the_segment_of_its_place(tmp_path: Path) -> None:
+    """Its own clock does not go back: it has one record late before the restart, and one later after it."""
+    early = [_record(10, "QBffffff", 1_000_000 + n * 10_000, 0, *[0.0] * 6) for n in range(50)]
+    late = [_record(10, "QBffffff", 100_000 + n * 10_000, 0, *[0.0] * 6) for n in range(200)]
+    early.insert(10, _record(15, "QH", 1_100_000, 1))
+    late.insert(150, _record(15, "QH", 1_600_000, 2))
+    data = dataflash(with_fix=False)
+    data = data[: data.index(b"\xa3\x95\x0a")] + b"".join(early + late)
+    store = opened(written(tmp_path / "a.bin", data), tmp_path)
+    times = rows_of(store, "Milli").time
+    assert times[1] - times[0] == pytest.approx(1.49 - 1.1 + 1.0 + 1.6 - 0.1, abs=1e-5)
+
+
+def test_records_that_are_out_of_order_are_no_step(tmp_path: Path) -> None:
+    """One record comes late, among those of its kind and of another."""
+    records = [_record(10, "QBffffff", 1_000_000 + n * 10_000, 0, *[0.0] * 6) for n in range(50)]
+    records.insert(30, records.pop(20))
+    records.insert(10, _record(15, "QH", 1, 7))
+    data = dataflash(with_fix=False)
+    data = data[: data.index(b"\xa3\x95\x0a")] + b"".join(records)
+    store = opened(written(tmp_path / "a.bin", data), tmp_path)
+    assert store.manifest["segments"] == {"1": []}
+    assert not [one for one in store.manifest["channels"] if one["name"] == "TimeUS"]
+
+
+def test_a_long_pause_begins_a_segment(tmp_path: Path) -> None:
+    times = [*range(0, 1_000_000, 10_000), *range(100_000_000, 101_000_000, 10_000)]
+    data = dataflash(with_fix=False)
+    data = data[: data.index(b"\xa3\x95\x0a")]
+    data += b"".join(_record(10, "QBffffff", one, 0, *[0.0] * 6) for one in times)
+    store = opened(written(tmp_path / "a.bin", data), tmp_path)
+    assert len(store.manifest["segments"]["1"]) == 1
+    [event] = [one for one in store.manifest["events"] if one["data"].get("kind") == "ahead"]
+    assert event["data"]["by_s"] == pytest.approx(99.01)
