@@ -264,7 +264,7 @@ class FlightLog(TableSource):
 
 
 def _instances(table: LogTable, records: NDArray[Any]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    """Which records are those of each sensor, with the name of its table."""
+    """Name of the table of each sensor, with the mask of its records."""
     if not table.instance:
         yield table.name, np.ones(len(records), np.bool_)
         return
