@@ -38,6 +38,7 @@ from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
 from imuscope.recordings.message_source import MessageFile
+from imuscope.recordings.readers.formats.log_clock import LogTimes
 from imuscope.recordings.sources import ChunkBlock, McapSource, Source
 from imuscope.recordings.tabular import TableSource
 from imuscope.server import previous_names, wire, wire_codec
@@ -65,6 +66,7 @@ DERIVED_EVENTS = ("gap", "reject", "clock", "reply", "text")
 GUESS_BYTES = 1 << 16
 REMARK = "remark"  # reason of an event that the decoder has on its stream as a whole
 MAX_TIME = 9e9  # unix s
+STAMPS_FOLLOW_S = 2.0  # after a step of the log time, if they step as well
 PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # examined before decoding, to find the unit of timestamps
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # time until the first partial result; doubles after each, up to the second
 EVENTS_SHOWN = 2000  # maximum in a partial result: writing all events of a very bad line would exceed decoding
@@ -304,7 +306,8 @@ def decode(
         showing = ProgressPublisher(shown)
         devices = {name: _Device(sink, name, source, protocol_set, reading, usual) for name in source.devices}
         spans: dict[str, list[int]] = {}
-        for part in source.parts():
+        log_times = LogTimes() if isinstance(source, MessageFile) and source.format == "table" else None
+        for part in source.parts() if log_times is None else map(log_times.continued, source.parts()):
             if part.direction == "rx":
                 if part.device not in devices:
                     devices[part.device] = _Device(sink, part.device, source, protocol_set, reading, usual)
@@ -339,6 +342,12 @@ def decode(
             words = f"The time of the GNSS receiver goes back by {-by:.6g} s: a new segment begins there."
             data = {"kind": "jump", "by_ns": round(by * 1e9)}
             sink.event(next(iter(devices)), "clock", "warning", words, time=at, data=data)
+        for at, by in log_times.steps if log_times is not None else ():
+            near = (one for one in sink.events if one.kind == "clock" and abs(one.time - at) < STAMPS_FOLLOW_S)
+            if all(one.data.get("kind") != "jump" for one in near):
+                words = f"The log time goes back by {-by:.6g} s: a new segment begins there."
+                data = {"kind": "log", "by_ns": round(by * 1e9)}
+                sink.event(next(iter(devices)), "clock", "warning", words, time=at, data=data)
         sink.close()
         definitions = _signals_in(source, devices)
         if compute is not None and definitions:

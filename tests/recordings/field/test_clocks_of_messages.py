@@ -14,6 +14,7 @@ from imuscope.recordings.importers import open_file
 from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
+from tests.each_row import each_row
 from tests.recordings.field.field_files import field_file
 
 IMU = """std_msgs/Header header
@@ -87,6 +88,59 @@ def test_stamps_that_go_back_begin_a_segment(tmp_path: Path) -> None:
     assert store.manifest["segments"] == {"1": [pytest.approx(1_500_000_002.5, abs=0.001)]}
     _, _, stamp = columns_of(store, ".stamp")
     assert np.diff(stamp).min() == pytest.approx(-1.99, abs=1e-6)
+
+
+def set_back(n: int) -> int:
+    return NS + n * STEP - (2 * 10**9 if n >= 250 else 0)
+
+
+def log_of(path: Path, stamps: list[int], logged: list[int], topics: list[str] | None = None) -> Path:
+    """A recording with these log times."""
+    with path.open("wb") as file:
+        writer = RosWriter(file)
+        schema = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
+        for n, (stamp, time) in enumerate(zip(stamps, logged, strict=True)):
+            message = {
+                "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "imu"},
+                "angular_velocity": {"x": 0.1 * n, "y": 0.0, "z": 0.0},
+            }
+            topic = topics[n] if topics is not None else "/imu"
+            writer.write_message(topic, schema, message, log_time=time, publish_time=1)
+        writer.finish()
+    return path
+
+
+@each_row(
+    ("stamps", "size", "kind"),
+    [
+        ([set_back(n) for n in range(N)], -1.991, "jump"),  # the clock of both
+        ([0] * N, -1.99, "log"),  # there are no stamps
+        ([10**9 + n * STEP for n in range(N)], -1.99, "log"),  # uptime
+        ([NS + n * STEP for n in range(N)], -1.99, "log"),  # of another host, whose clock is right
+    ],
+    ids=["both", "unstamped", "uptime", "stamped"],
+)
+def test_log_times_that_go_back_begin_a_segment(stamps: list[int], size: float, kind: str, tmp_path: Path) -> None:
+    store = opened(log_of(tmp_path / "a.mcap", stamps, [set_back(n) for n in range(N)]), tmp_path)
+    time, arrival, *_ = columns_of(store, "angular_velocity")
+    axis = np.where(np.isfinite(time), time, arrival)
+    assert np.diff(axis).min() > 0
+    assert np.diff(axis).max() < 0.011
+    assert np.diff(arrival).min() > 0
+    steps = [one for one in store.manifest["events"] if one["data"].get("kind") in ("jump", "log")]
+    [event] = steps
+    assert event["data"]["kind"] == kind
+    assert event["data"]["by_ns"] / 1e9 == pytest.approx(size, abs=0.002)
+    assert store.manifest["segments"] == {"1": [pytest.approx(axis[250], abs=0.02)]}
+
+
+def test_topics_that_were_written_one_after_the_other_are_no_step(tmp_path: Path) -> None:
+    times = [NS + n % 200 * STEP for n in range(N)]
+    path = log_of(tmp_path / "a.mcap", times, times, ["/a"] * 200 + ["/b"] * 200)
+    store = opened(path, tmp_path)
+    assert store.manifest["segments"] == {}
+    for name in ("/a.angular_velocity", "/b.angular_velocity"):
+        np.testing.assert_allclose(columns_of(store, name)[0], NS / 1e9 + np.arange(200) / 100, atol=1e-6)
 
 
 def test_a_stamp_of_zero_is_the_time_of_the_log(tmp_path: Path) -> None:
