@@ -33,6 +33,7 @@ from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.recordings.readers.bag_folder import METADATA, is_bag_folder
+from imuscope.recordings.readers.euroc_folder import DATA, sensor_folders
 from imuscope.recordings.readers.known_files import known_file
 from imuscope.recordings.readers.registry import (
     HEAD_BYTES,
@@ -243,7 +244,7 @@ def open_file(
         with open_regular(path) as file:
             head = file.read(HEAD_BYTES)
     except IsADirectoryError:
-        return _folder(path)
+        return _folder(path, table or TableOptions())
     except OSError as error:
         raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
     if not head:
@@ -283,12 +284,16 @@ def _unknown(path: Path, head: bytes) -> RecordingError:
     return RecordingError(f"{path.name} is not a format imuscope knows.", hint)
 
 
-def _folder(path: Path) -> Source:
-    """A ROS 2 bag as a folder."""
+def _folder(path: Path, table: TableOptions) -> Source:
+    """A ROS 2 bag, or an EuRoC folder."""
+    if sensor_folders(path):
+        from imuscope.recordings.readers.formats.euroc import open_euroc_folder
+
+        return open_euroc_folder(path, table)
     from imuscope.recordings.readers.formats.ros2_bag import open_bag_folder
 
     if not is_bag_folder(path):
-        hint = f"Give a file in it. A folder can be opened if it is a ROS 2 bag, with {METADATA}."
+        hint = f"Give a file in it. A ROS 2 bag, with {METADATA}, and an EuRoC folder, with imu0/{DATA}, can be opened."
         raise RecordingError(f"{path.name} is a folder.", hint)
     return open_bag_folder(path)
 

@@ -6,7 +6,7 @@ cannot be read are left out and reported.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from imuscope.recordings.mcap_reader import FileDamage, McapChannel, McapReader
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.messages import MessageBlocks, channel_of, preamble
 from imuscope.recordings.sources import ChunkBlock, SourceDevice
+from imuscope.recordings.tolerant_json import loads
 
 DEVICE = "1"
 
@@ -25,6 +26,7 @@ class MessageFile:
 
     format = "table"
     timed = True
+    segments: Sequence[float] = ()  # begins of segments of the clock that the file names, unix s; known after `parts`
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -91,10 +93,19 @@ class MessageSource(MessageFile):
                 yield ChunkBlock(device, "rx", data, ends, times, block.done / max(recording.size, 1))
         left_out = {_left_out(topic) for topic in recording.topics.values() if not self._device_of(topic)}
         self.damage[:] = [*recording.damage, *(FileDamage(-1, words) for words in sorted(left_out))]
+        self.segments = segments_in(recording.meta("export").get("segments", ""))
 
     def preamble(self, device: str) -> bytes:
         """Definitions of the channels of a device; complete after `parts`."""
         return preamble(self._recording, self._device_of, device)
+
+
+def segments_in(text: str) -> list[float]:
+    """Begins of the segments of all devices, of a text that an export has: a list by device, as JSON."""
+    try:
+        return sorted({float(begin) for begins in loads(text.encode()).values() for begin in begins})
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        return []
 
 
 def _left_out(topic: McapChannel) -> str:

@@ -156,7 +156,7 @@ def _tick(kind: CanDeviceKind, rows: Mapping[int, CanRow], log: Sequence[CanIden
     good = (ticks > 0) & (passed > 0)
     if (one.stamps < 0).any() or not good.any():
         return usual, f"{name} is taken to count {usual // 1000} µs: the log has no times to compare it with."
-    measured = float(passed[good].sum() / ticks[good].sum())
+    measured = float(np.median(passed[good] / ticks[good]))
     for tick_ns in kind.ticks_ns:
         if abs(measured / tick_ns - 1) < NEAR:
             words = "" if tick_ns == usual else f"{name} counts {tick_ns // 1000} µs, by the times of the log."

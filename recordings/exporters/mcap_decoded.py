@@ -104,7 +104,9 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
             _put(target, [stream.made(rows[stream.channel]) for stream in streams if stream.channel in rows], largest)
             done += sum(map(len, rows.values()))
             step(done / total)
-        target.end({"export": {"recording": request.title, "base": request.base}})
+        segments = {device: begins for device, begins in request.columns.manifest.get("segments", {}).items() if begins}
+        about = {"recording": request.title, "base": request.base}
+        target.end({"export": about | ({"segments": json.dumps(segments)} if segments else {})})
     step(1.0)
     return [out]
 

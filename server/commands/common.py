@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from imuscope.recordings.readers.bag_folder import is_bag_folder
+from imuscope.recordings.readers.euroc_folder import sensor_folders
 from imuscope.recordings.table_options import TableOptions, read_columns
 from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
@@ -126,7 +127,7 @@ def readable(name: str) -> Path:
         UsageError: it does not exist, or is a folder.
     """
     path = Path("/dev/stdin") if name == "-" else Path(name)
-    if not path.exists() or (path.is_dir() and not is_bag_folder(path)):
+    if not path.exists() or (path.is_dir() and not (is_bag_folder(path) or sensor_folders(path))):
         raise UsageError(missing_file_text(name))
     return path
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from imuscope.recordings.message_source import MessageFile
+from imuscope.recordings.sources import Source
 from imuscope.server import wire
 
 TOPICS_NAMED = 4
@@ -33,10 +35,13 @@ def axis_event(events: Sequence[wire.EventInfo]) -> str:
     return next((one.text for one in events if one.kind == "clock" and one.data.get("kind") == "axis"), "")
 
 
-def segments_of(events: Sequence[wire.EventInfo]) -> dict[str, list[float]]:
-    """Times at which the clock of a device stepped, unix s, by device."""
+def segments_of(events: Sequence[wire.EventInfo], source: Source) -> dict[str, list[float]]:
+    """Times at which the clock of a device stepped, unix s, by device; and those that a file of messages names."""
     segments: dict[str, list[float]] = {}
     for event in events:
         if event.kind == "clock" and event.data.get("kind") in ("jump", "reset", "log"):
             segments.setdefault(event.device, []).append(event.time)
+    if isinstance(source, MessageFile) and source.segments:
+        device = next(iter(source.devices))
+        segments[device] = sorted({*segments.get(device, ()), *source.segments})
     return segments

@@ -404,7 +404,7 @@ def _manifest(
         "events": [asdict(event) for event in events],
         "events_left_out": sink.left_out,
         "clock": "arrival" if sink.by_arrival else "",
-        "segments": {} if sink.by_arrival else segments_of(sink.events),
+        "segments": {} if sink.by_arrival else segments_of(sink.events, source),
         "time": {"sentences": [words]} if (words := axis_event(sink.events)) else None,
         "markers": markers,
         "snapshots": snapshots,

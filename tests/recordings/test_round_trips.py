@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,10 +40,10 @@ HELD: Mapping[str, Sequence[str]] = {
     "csv": ("all", "all", "yes", "all but that of the body", "yes", "yes", "yes", "yes"),
     "parquet": ("all", "all", "yes", "yes", "yes", "yes", "yes", "yes"),
     "csv-plotjuggler": ("all but tables", "finite", "in the names", "no", "yes", "yes", "yes", "of one device"),
-    "mcap": ("all", "finite", "yes; of angles °", "yes", "yes", "signals of their own", "yes", "beside the arrival"),
-    "rosbag2-mcap": ("those of a message", "finite", "SI", "ROS", "yes", "yes", "in seconds", "in metadata.yaml"),
-    "rosbag2-sqlite3": ("those of a message", "finite", "SI", "ROS", "yes", "yes", "in seconds", "in metadata.yaml"),
-    "euroc": ("rate of turn, acceleration", "finite", "SI", "no", "yes", "no", "no", "in sensor.yaml"),
+    "mcap": ("all", "finite", "yes; of angles °", "yes", "yes", "signals of their own", "yes", "yes"),
+    "rosbag2-mcap": ("those of a message", "finite", "SI", "ROS", "yes", "yes", "in seconds", "yes"),
+    "rosbag2-sqlite3": ("those of a message", "finite", "SI", "ROS", "yes", "yes", "in seconds", "yes"),
+    "euroc": ("rate of turn, acceleration", "finite", "SI", "no", "yes", "no", "no", "yes"),
     "mtb": ("all", "all", "yes", "yes", "spacing", "no", "yes", "yes"),
     "raw": ("all", "all", "yes", "yes", "spacing", "no", "yes", "yes"),
     "bytes": ("all", "all", "yes", "yes", "spacing", "no", "yes", "yes"),
@@ -169,10 +170,10 @@ def found(format: str, columns: ColumnStore) -> Mapping[Key, SignalColumn]:
 
 
 def opened_again(format: str, recording: imuscope.Recording, folder: Path) -> imuscope.Recording:
-    """The export, as it is downloaded, opened; of a EuRoC folder its table."""
+    """The export, as it is downloaded, opened; an EuRoC folder as it is written."""
     made = export(format, ExportRequest(store_of(recording), recording.path), folder / f"run{FORMATS[format].suffix}")
     if format == "euroc":
-        return imuscope.open(made[0] / "mav0" / "imu0" / "data.csv")
+        return imuscope.open(made[0])
     protocol = recording.devices[0].protocol if format in BYTES else ""
     return imuscope.open(one_file(made, folder, "run"), protocol=protocol)
 
@@ -250,6 +251,23 @@ def test_a_euroc_folder_is_the_same_in_si_units(
             np.testing.assert_array_equal(back.values, opened[name][wanted].values.astype(np.float64) * scale)
             np.testing.assert_array_equal(back.time, opened[name][wanted].time)
         assert again["w_RS_S"].units == ("rad/s",) * 3
+
+
+@each_row("format", [name for name in FORMATS if name.startswith("rosbag2-") or name == "euroc"])
+def test_segments_are_restored(format: str, tmp_path: Path) -> None:
+    """A device that restarted: its sample time begins at 0 again, and nothing else says so in these files."""
+    data = gzip.decompress((ROOT / "tests" / "golden" / "can" / "mti.log.gz").read_bytes())
+    lines = data.splitlines(keepends=True)
+    later = [b"(%d.%b" % (int(one[1:11]) + 5, one[12:]) for one in lines]
+    numbers = [number for number, one in enumerate(later) if b" 005#" in one]
+    for sample, number in enumerate(numbers):
+        later[number] = b"%b 005#%08X\n" % (later[number].partition(b" 005#")[0], 100 * sample)
+    path = tmp_path / "restarted.log"
+    path.write_bytes(b"".join(lines + later))
+    with imuscope.open(path) as source:
+        [begin] = store_of(source).manifest["segments"]["1"]
+        with opened_again(format, source, tmp_path) as again:
+            assert store_of(again).manifest["segments"] == {"1": [pytest.approx(begin, abs=1e-6)]}
 
 
 @each_row("pair", [(format, name) for format, names in BYTES.items() for name in names])

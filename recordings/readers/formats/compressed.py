@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.bag_folder import METADATA
+from imuscope.recordings.readers.euroc_folder import DATA as SENSOR_DATA
+from imuscope.recordings.readers.euroc_folder import SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, decompressed
 from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
@@ -74,6 +76,7 @@ def _entries(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     entries = [one for one in archive.infolist() if not one.is_dir() and not _is_hidden(one.filename)]
     if not entries:
         raise RecordingError(f"{path.name} holds no files.", "Give an archive with a recording.")
+    entries = _of_sensors(entries) or entries
     if len(entries) > MOST_ENTRIES:
         raise RecordingError(f"{path.name} holds {len(entries)} files.", "Unpack it, and give a file of it.")
     return entries
@@ -89,16 +92,34 @@ def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacke
     """The files of a zip, in a flat folder."""
     unpacked.check(sum(entry.file_size for entry in entries))
     files = []
+    is_euroc = bool(_of_sensors(entries))
     for entry in entries:
         name = entry.filename.rsplit("/", 1)[-1]
         name = name if name == METADATA else _flat_name(name)
-        if (unpacked.path / name).exists():
+        if is_euroc:
+            folder = clean_name(f"{_sensor(entry)}.csv").removesuffix(".csv")
+            (unpacked.path / folder).mkdir(exist_ok=True)
+            name = f"{folder}/{name}"
+        elif (unpacked.path / name).exists():
             name = clean_name(entry.filename.replace("/", "-"))
         if (unpacked.path / name).exists():
             continue
         with archive.open(entry) as content:
             files.append(unpacked.write(name, content))
     return files
+
+
+def _of_sensors(entries: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
+    """The tables of an EuRoC folder and their descriptions, without its pictures; none if it is not one."""
+    named = [one for one in entries if one.filename.rsplit("/", 1)[-1] in (SENSOR_DATA, SENSOR)]
+    named = [one for one in named if _sensor(one) and not _sensor(one).startswith("cam")]
+    is_imu = any(_sensor(one).startswith("imu") and one.filename.endswith(SENSOR_DATA) for one in named)
+    return named if is_imu else []
+
+
+def _sensor(entry: zipfile.ZipInfo) -> str:
+    """Name of the folder that a file of a zip is in; "" without one."""
+    return "".join(entry.filename.split("/")[-2:-1])
 
 
 def _flat_name(name: str) -> str:
@@ -128,6 +149,8 @@ def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
 
     if any(file.name == METADATA for file in files) and len(files) > 1:
         return open_file(folder, is_packed=True)
+    if sensor_folders(folder):
+        return open_file(folder, "", request.table, is_packed=True)
     sources: list[Source] = []
     errors: dict[str, RecordingError] = {}
     for file in files:

@@ -20,7 +20,7 @@ from typing import Any
 
 from imuscope.recordings.mcap_reader import MAGIC, FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.message_source import MessageFile, MessageSource
+from imuscope.recordings.message_source import MessageFile, MessageSource, segments_in
 from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.formats.bag_source import BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated
@@ -126,10 +126,11 @@ def _unpacked(number: object, time: object, data: object) -> tuple[int, int, byt
 class SplitBag(MessageFile):
     """Several files of one bag, one after the other."""
 
-    def __init__(self, folder: Path, files: list[Path], missing: list[str]) -> None:
+    def __init__(self, folder: Path, files: list[Path], missing: list[str], segments: Sequence[float] = ()) -> None:
         super().__init__(folder)
         self._files = files
         self._missing = missing
+        self._named = segments
         self._preamble = self._opened(0).preamble
 
     def _opened(self, number: int) -> MessageFile:
@@ -151,6 +152,7 @@ class SplitBag(MessageFile):
             damage += [one for one in source.damage if one.words not in known]
             self._preamble = source.preamble
         self.damage[:] = damage
+        self.segments = self._named
 
     def preamble(self, device: str) -> bytes:
         return self._preamble(device)
@@ -162,18 +164,18 @@ def open_bag_folder(folder: Path) -> MessageFile:
     Raises:
         RecordingError: its metadata cannot be read, or none of its files.
     """
-    listed = _listed_files(folder)
+    listed, segments = _listed_files(folder)
     files = [one for name in listed if (one := _present(folder, name)) is not None]
     missing = [name for name in listed if _present(folder, name) is None]
     if not files:
         raise RecordingError(
             f"{folder.name}: none of the files that {METADATA} lists is there.", "Copy the whole folder of the bag."
         )
-    return SplitBag(folder, files, missing)
+    return SplitBag(folder, files, missing, segments)
 
 
-def _listed_files(folder: Path) -> list[str]:
-    """Names of the files that a bag consists of."""
+def _listed_files(folder: Path) -> tuple[list[str], list[float]]:
+    """Names of the files that a bag consists of, and the segments of the clock that our own export names."""
     import yaml
 
     hint = "Give one of the files in it."
@@ -190,7 +192,8 @@ def _listed_files(folder: Path) -> list[str]:
         raise RecordingError(f"{folder.name}/{METADATA} does not describe a ROS 2 bag.", hint) from None
     if not listed:
         raise RecordingError(f"{folder.name}/{METADATA} lists no files.", hint)
-    return listed
+    custom = about.get("custom_data")
+    return listed, segments_in(str(custom.get("imuscope.segments", ""))) if isinstance(custom, dict) else []
 
 
 def _present(folder: Path, name: str) -> Path | None:
