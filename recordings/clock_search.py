@@ -63,7 +63,7 @@ class ClockSearch:
 
     @property
     def is_inertial(self) -> bool:
-        return any(names.INERTIAL.search(one.name) for one in self.headings)
+        return any(map(names.INERTIAL.search, (self.file, *(one.name for one in self.headings))))
 
     def numbers(self, column: int) -> Floats:
         """Numbers of a column in the sample."""
@@ -150,8 +150,8 @@ class ClockSearch:
             if len(values) >= max(names.FEWEST, len(self.form.sample)) and (np.diff(values) > 0).all():
                 rising[column] = self._inferred(column, 5)
         clock = next((one for one in rising.values() if one.epoch == "1970"), None)
-        if clock is None and not self.form.headings and len(self.headings) > names.FEWEST:
-            clock = rising.get(0)
+        if clock is None and rising and not self.form.headings and len(self.headings) > names.FEWEST:
+            clock = rising.get(next(i for i in range(len(self.headings)) if len(self.numbers(i))))
         return [] if clock is None else [replace(clock, why=f"it rises in every row, and {clock.why}")]
 
     def column_named(self, name: str) -> int:

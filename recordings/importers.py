@@ -262,16 +262,30 @@ def open_file(
     if log_format is not None:
         log = _log(path, *log_format, protocol)
         return log if log.protocol or not has_rows(path) else CsvSource(path, table)
+    request = OpenRequest(path, protocol, table, is_packed)
     if suffix in TABLES:
         if not protocol and known_file(head) is not None:
             raise _unknown(path, head)
-        return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path, table)
+        return CaptureSource([path], "bin", protocol) if protocol else _table(request)
     source = CaptureSource([path], "bin", protocol)
     if not source.protocol:
-        if known_file(head) is None and has_rows(path):
-            return CsvSource(path, table)
+        if known_file(head) is None and is_table(path):
+            return _table(request)
         raise _unknown(path, head)
     return source
+
+
+def is_table(path: Path) -> bool:
+    """Whether a text file of unknown format is a table, or several in one."""
+    from imuscope.recordings.readers.formats.typed_rows import has_typed_rows
+
+    return has_typed_rows(path) or has_rows(path)
+
+
+def _table(request: OpenRequest) -> Source:
+    from imuscope.recordings.readers.formats.typed_rows import has_typed_rows, open_typed_rows
+
+    return open_typed_rows(request) if has_typed_rows(request.path) else CsvSource(request.path, request.table)
 
 
 def _unknown(path: Path, head: bytes) -> RecordingError:

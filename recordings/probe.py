@@ -15,13 +15,12 @@ from pathlib import Path
 
 from imuscope.protocols.registry import detect
 from imuscope.recordings import sidecar, vendor_logs
-from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, TABLES, paced
+from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, TABLES, is_table, paced
 from imuscope.recordings.mcap_reader import MAGIC, TIME, McapReader
 from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
 from imuscope.recordings.messages import recorded_device
 from imuscope.recordings.readers.registry import HEAD_BYTES, marked_reader, suffix_reader
 from imuscope.recordings.regular_file import open_regular, readable_name
-from imuscope.recordings.table_format import has_rows
 
 ALWAYS_LISTED = (".mcap", *vendor_logs.log_suffixes(), ".bin", *TABLES)  # listed even if nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
@@ -164,7 +163,7 @@ def _capture(path: Path, suffix: str, head: bytes) -> RecordingProbe | None:
         protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
     probe = RecordingProbe(suffix[1:] if suffix in vendor_logs.log_suffixes() else "bin")
     if not protocol:
-        if has_rows(path):
+        if is_table(path):
             return RecordingProbe("csv", devices=[RecordedDevice("1", path.name)], edits=_csv_edits(path, head))
         if suffix not in ALWAYS_LISTED:
             return None

@@ -23,7 +23,7 @@ _HEAD = re.compile(
 )
 _INDEX = re.compile(r"^(?P<group>.+?)(?:\[(?P<index>\d+)\]|\((?P<round>\d+)\))$")
 _AXIS = re.compile(r"^(?P<group>.+?)(?:[._/](?P<axis>[^._/]+)|(?<=[a-z])(?P<letter>[WXYZ]))$")
-_LAST = re.compile(r"^(?P<group>.*?[^\s\-:/])[\s\-:/]*(?P<axis>[w-zW-Z])$")
+_LAST = re.compile(r"^(?P<group>.*?[^\s\-:/])[\s\-:/]*(?<!\s-)(?P<axis>[w-zW-Z])$")  # "a -y" is not y
 _FIRST = re.compile(r"^(?P<axis>[w-zW-Z])[\s._\-:]*(?P<group>[^\s._\-:].*)$")
 _MIDDLE = re.compile(r"^(?P<group>.+)[._ ](?P<axis>[w-zW-Z])(?P<after>[._ ].+)$")
 _ARRAY = re.compile(r"^(?P<group>.*?[^\d.])\.?\d+$")

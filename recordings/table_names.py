@@ -33,7 +33,7 @@ _BEFORE = (
     "sensor|system|sys|device|dev|host|unix|gps|gnss|ins|utc|log|logging|local|elapsed|relative|rel|boot|sample|rec|"
     "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start"
 )
-_AFTER = "|".join(SPELLINGS) + "|utc|gps|elapsed|boot|sample|unix|epoch|since_?1970|cal"
+_AFTER = "(?:in_)?(?:" + "|".join(SPELLINGS) + ")|utc|gps|elapsed|boot|sample|unix|epoch|since_?1970|cal"
 TIME = re.compile(
     rf"^(?:(?:{_BEFORE})_)*(?:{_STEMS})(?:_(?:{_AFTER}))*$|^(?:[a-z0-9]+_)+(?:time_?stamp|date_?time)(?:_(?:{_AFTER}))*$"
 )
@@ -46,6 +46,8 @@ GPS_TIME = ("gpst", "gps_time", "gpstime", "gps_sec", "gps_second", "gps_seconds
 """Names of a time of week, if the numbers are below a week."""
 WEEK_NAMES = ("week", "gps_week", "gpsweek", "gps_week_number", "week_number", "gps_wn", "wn")
 IS_GNSS = re.compile(r"^(?:\w+_)?(?:lat|latitude|lon|long|longitude)(?:_|$)")
+_SENSORS = "acc|gyr|mag|imu|grav|orient|rot|quat|att|euler|baro|press|temp|light|prox|gps|gnss|pos|loc|wifi|ble"
+SENSOR = re.compile(_SENSORS, re.IGNORECASE)
 INERTIAL = re.compile(
     r"acc(?!ur|ou|es|ep|um)|gyr|angular|omega|imu|^[ag][ _.]?[xyz]$|^[aw]_rs|pqr|uvw|quat|attitude|roll|pitch",
     re.IGNORECASE,

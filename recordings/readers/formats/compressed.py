@@ -50,7 +50,7 @@ def _open_one(request: OpenRequest, codec: str) -> Source:
     path = request.path
     name = clean_name(path.stem) if path.suffix.lower() in (".gz", ".zst", ".zstd") else clean_name(path.name)
     unpacked = UnpackedFolder(path)
-    return _temporary_source(unpacked, request, lambda: [decompressed(path, unpacked, name, codec)])
+    return temporary_source(unpacked, request, lambda: [decompressed(path, unpacked, name, codec)])
 
 
 def _open_zip(request: OpenRequest) -> Source:
@@ -61,7 +61,7 @@ def _open_zip(request: OpenRequest) -> Source:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
             entries = _entries(path, archive)
             unpacked = UnpackedFolder(path)
-            return _temporary_source(unpacked, request, lambda: _extracted(archive, entries, unpacked))
+            return temporary_source(unpacked, request, lambda: _extracted(archive, entries, unpacked))
     except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError) as error:
         hint = "Pack it again." if "password" not in str(error) else "Pack it without a password."
         raise RecordingError(f"{path.name} cannot be unpacked: {str(error)[:100].lower()}.", hint) from None
@@ -130,7 +130,7 @@ def _flat_name(name: str) -> str:
     return cleaned if known or not suffix[1:].isalnum() else f"{clean_name(stem + '.bin')[:-4]}{suffix}"
 
 
-def _temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Callable[[], list[Path]]) -> Source:
+def temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Callable[[], list[Path]]) -> Source:
     """The source of unpacked files, which are removed with it."""
     try:
         source = _opened(extract(), request, unpacked.path)

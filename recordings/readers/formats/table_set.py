@@ -26,6 +26,10 @@ class TableSet(TableSource):
         self._noted: list[FileDamage] = []
         self.axis = tables[0].axis
         self.timed = all(one.timed for one in tables)
+        for axis in (one.axis for one in tables):  # one clock without a date has one zero, whenever its rows begin
+            if axis is not None and self.axis is not None and axis.dated_by and axis.clock.epoch == "start":
+                same = (axis.name, axis.clock.unit) == (self.axis.name, self.axis.clock.unit)
+                axis.origin = self.axis.origin if same else axis.origin
 
     def rows(self) -> Iterator[TableRows]:
         self._noted = self._noted or list(self.damage)
@@ -37,6 +41,8 @@ class TableSet(TableSource):
                 for rows in table.rows():
                     yield replace(rows, done=(number + rows.done) / count)
             except RecordingError as error:
+                if table is self.members[-1] and len(self.damage) == len(self._noted) + count - 1:
+                    raise  # none of them can be read
                 self.damage.append(FileDamage(-1, f"{name} is left out: {error.message} {error.hint}"))
                 continue
             self.damage += [FileDamage(one.offset, f"{name}: {one.words}") for one in table.damage]

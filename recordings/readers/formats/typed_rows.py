@@ -1,0 +1,168 @@
+"""Text logs whose rows begin with the name of a sensor or message: the rows of each name are a table of their own.
+
+ACCE;0.012;100.012;0.1;0.2;9.8;3             GetSensorData; a comment has the columns: % ACCE;AppTimestamp(s);…
+Raw,72065123,10084000000,…                   GnssLogger
+%RAWIMUSA,2167,144140.000;2167,…*59b7864b    NovAtel: week and time of week in the header, columns by the message
+gyroscope,411480,-0.28,0.04,0.14             several sensors of one form, without a heading
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from io import BytesIO, StringIO, TextIOWrapper
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats.compressed import temporary_source
+from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
+from imuscope.recordings.readers.registry import OpenRequest
+from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.table_dates import is_moment
+from imuscope.recordings.table_format import LONGEST_LINE, MOST, SAMPLE_BYTES, TableFormat, format_of, is_number, split
+from imuscope.recordings.table_names import SENSOR, words_of
+from imuscope.recordings.upload_names import clean_name
+
+if TYPE_CHECKING:
+    from imuscope.recordings.sources import Source
+
+FEWEST_ROWS = 2  # of a name
+MOST_NAMES = 64
+NUMBERS = 0.5  # share of the cells behind a name that are numbers: a network has a name, too
+_ROW = re.compile(r"^[#%$]?\s*(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|])(?P<rest>.*)$")
+_COLUMNS = re.compile(r"(?:^|[\s'\"#%:])(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|])(?P<rest>[^'\"]*)")
+_KEY = re.compile(
+    r"^(?:sensor|device|imu|node)(?:_?(?:type|name|id|address))?$|^attribute$|^mac(?:_?address)?$|^address$"
+)
+_NOVATEL = re.compile(r"^[#%](?P<name>[A-Z0-9]+A),(?P<head>[^;]*);(?P<body>[^*]*)\*[0-9A-Fa-f]{8}\s*$")
+_LONG_HEAD = "port,sequence,idle,time status,week,time of week (s),receiver status,reserved,version"
+_SHORT_HEAD = "week,time of week (s)"
+_RAW_IMU = "imu week,imu seconds,imu status,accel z,accel -y,accel x,gyro z,gyro -y,gyro x"
+_INSPVA = (
+    "ins week,ins seconds,latitude (deg),longitude (deg),height (m),velocity north (m/s),velocity east (m/s),"
+    "velocity up (m/s),roll (deg),pitch (deg),azimuth (deg),status"
+)
+NOVATEL_COLUMNS = {
+    **dict.fromkeys(("RAWIMUA", "RAWIMUSA"), _RAW_IMU),
+    **dict.fromkeys(("RAWIMUXA", "RAWIMUSXA"), f"imu error,imu type,{_RAW_IMU}"),
+    **dict.fromkeys(("INSPVAA", "INSPVASA"), _INSPVA),
+}
+"""Columns behind the header, as the manual of OEM7 receivers names them; y of an IMU has the opposite sign."""
+
+
+def has_typed_rows(path: Path) -> bool:
+    """Whether the rows of a text file begin with two names or more, of unlike form or of sensors, or have a column of
+    names of sensors or devices.
+    """
+    with open_regular(path) as file:
+        head = file.read(SAMPLE_BYTES)
+    if b"\0" in head:
+        return False
+    if _names_column(path) is not None:
+        return True
+    lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
+    rows = [row for line in lines if (row := _row(line)) is not None]
+    plain = [line for line in lines if line.lstrip()[:1] not in "#%/"]
+    names = {name for name, count in Counter(name for name, _, _ in rows).items() if count >= FEWEST_ROWS}
+    if not 2 <= len(names) <= MOST_NAMES or len(rows) < MOST * len(plain):
+        return False
+    sizes = {(name, len(cells)) for name, _, cells in rows if name in names}
+    unlike = len({size for _, size in sizes}) > 1 and len(sizes) < 2 * len(names)
+    return unlike or (sum(map(bool, map(SENSOR.search, names))) > 1 and _row(plain[0]) is not None)
+
+
+def _names_column(path: Path) -> tuple[TableFormat, int] | None:
+    """The form of a table with a heading, and its column of names of sensors or devices; None without one."""
+    try:
+        form = format_of(path)
+    except RecordingError:
+        return None
+    for column, heading in enumerate(form.headings):
+        names = {row[column].strip() for row in form.sample}
+        if not 2 <= len(names) <= MOST_NAMES or any(is_number(one) or is_moment(one) or not one for one in names):
+            continue
+        if _KEY.match(words_of(heading)) or sum(map(bool, map(SENSOR.search, names))) > 1:
+            return form, column
+    return None
+
+
+def open_typed_rows(request: OpenRequest) -> Source:
+    """The tables of a file with typed rows.
+
+    Raises:
+        RecordingError: none of them can be read.
+    """
+    unpacked, by_column = UnpackedFolder(request.path), _names_column(request.path)
+    if by_column is not None:
+        return temporary_source(unpacked, request, lambda: _written_by_column(request.path, unpacked, *by_column))
+    return temporary_source(unpacked, request, lambda: _written(request.path, unpacked))
+
+
+def _row(line: str) -> tuple[str, str, list[str]] | None:
+    """Name, separator and the cells behind it; None for any other line."""
+    if (novatel := _NOVATEL.match(line)) is not None:
+        return novatel["name"], ",", f"{novatel['head']},{novatel['body']}".split(",")
+    match = _ROW.match(line)
+    if match is None:
+        return None
+    cells = match["rest"].split(match["separator"])
+    filled = [cell for cell in cells if cell.strip()]
+    numbers = sum(is_number(cell) or is_moment(cell) for cell in filled)
+    return (match["name"], match["separator"], cells) if numbers > NUMBERS * len(filled) else None
+
+
+def _heading(line: str, row: tuple[str, str, list[str]] | None, columns: dict[str, str]) -> None:
+    """Note the columns that a line names: those of a comment, and of a NovAtel message at its first row."""
+    if row is not None and _NOVATEL.match(line) is not None:
+        head = _LONG_HEAD if line.startswith("#") else _SHORT_HEAD
+        named = [*head.split(","), *NOVATEL_COLUMNS.get(row[0], "").split(",")]
+        columns.setdefault(row[0], ",".join([*named, *[""] * len(row[2])][: len(row[2])]))
+    elif row is None:
+        for match in _COLUMNS.finditer(line):
+            columns.setdefault(match["name"], match["rest"].strip())
+
+
+def _written(path: Path, unpacked: UnpackedFolder) -> list[Path]:
+    """A file of each name, in the order of the names, and without them."""
+    columns: dict[str, str] = {}
+    tables: dict[str, list[str]] = {}
+    with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
+        for line in iter(lambda: file.readline(LONGEST_LINE), ""):
+            row = _row(line.rstrip())
+            _heading(line.rstrip(), row, columns)
+            if row is not None and (row[0] in tables or len(tables) < MOST_NAMES):
+                tables.setdefault(row[0], []).append(row[1].join(row[2]))
+    return _tables(unpacked, {name: [columns.get(name, ""), *rows] for name, rows in tables.items()})
+
+
+def _written_by_column(path: Path, unpacked: UnpackedFolder, form: TableFormat, column: int) -> list[Path]:
+    """A file of each name in a column, and without it."""
+    tables: dict[str, list[str]] = {}
+    heading = _line(form.headings, column, form.separator)
+    with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
+        for line in islice(iter(lambda: file.readline(LONGEST_LINE), ""), form.skip, None):
+            cells = split(line.rstrip("\r\n"), form.separator)
+            name = cells[column].strip() if len(cells) == form.columns else ""
+            if name and (name in tables or len(tables) < MOST_NAMES):
+                tables.setdefault(name, [heading]).append(_line(cells, column, form.separator))
+    return _tables(unpacked, tables)
+
+
+def _line(cells: Sequence[str], without: int, separator: str) -> str:
+    """Cells of a row but one as a line."""
+    out = StringIO()
+    csv.writer(out, delimiter=separator, lineterminator="").writerow([*cells[:without], *cells[without + 1 :]])
+    return out.getvalue()
+
+
+def _tables(unpacked: UnpackedFolder, tables: Mapping[str, Sequence[str]]) -> list[Path]:
+    """Files of tables; the first line is the heading, empty without one."""
+    return [
+        unpacked.write(clean_name(f"{name}.csv"), BytesIO("\n".join([*filter(None, lines), ""]).encode()))
+        for name, lines in tables.items()
+        if len(lines) > FEWEST_ROWS
+    ]

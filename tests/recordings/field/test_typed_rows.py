@@ -1,0 +1,94 @@
+"""Text logs in which rows of several sensors or messages follow one another."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.probe import probe
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
+from tests.each_row import each_row
+
+N = 40
+PHONE = "% columns: ACCE;AppTimestamp(s);Acc_X(m/s^2);Acc_Y(m/s^2);Acc_Z(m/s^2);Accuracy(integer)\n"
+NAMED = "# Raw,utcTimeMillis,ax,ay,az\n# \n# Fix,Provider,Latitude,(UTC)TimeInMs\n"
+
+
+def opened(path: Path) -> ColumnStore:
+    return decode(open_file(path), path.with_suffix(".columns"), protocol_set.all_protocols())
+
+
+def channels(store: ColumnStore) -> dict[str, list[dict[str, Any]]]:
+    """Channels by message."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for info in store.manifest["channels"]:
+        found.setdefault(info["message"], []).append(info)
+    return found
+
+
+@each_row(
+    ("name", "head", "rows", "message", "vector", "rate"),
+    [
+        ("a.txt", PHONE, "ACCE;{s:.3f};{x};0;9;3\nWIFI;{s:.3f};home;7;-60", "ACCE", "Acc", 50),
+        ("a.txt", NAMED, "Raw,15000000{ms},{x},0,9\nFix,gps,48.0,15000000{ms}", "Raw", "a", 50),
+        ("a.csv", "time_ms,sensor,x,y,z\n", "{ms},gyroscope,{x},0,9\n{ms},accelerometer,5,0,9", "gyroscope", "xyz", 50),
+        ("a.csv", "time_ms,DeviceName,ax,ay,az\n", "{ms},WT(aa),{x},0,9\n{ms},WT(bb),5,0,9", "WT.aa", "a", 50),
+    ],
+)
+def test_each_sensor_is_a_table(
+    name: str, head: str, rows: str, message: str, vector: str, rate: float, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_text(head + "".join(rows.format(ms=10_000 + 20 * n, s=100 + n / 50, x=n % 7) + "\n" for n in range(N)))
+    store = opened(path)
+    assert len(channels(store)) == 2
+    [of_message] = [of for one, of in channels(store).items() if re.search(message, one)]
+    info = next(one for one in of_message if one["name"] == vector)
+    assert [column["name"] for column in info["columns"]] == ["x", "y", "z"]
+    samples = store.exact(info["id"], 0, 1000)
+    np.testing.assert_array_equal(samples.columns[0], np.arange(N) % 7)
+    np.testing.assert_allclose(np.diff(samples.time), 1 / rate, rtol=0, atol=1e-6)
+    listed = probe(path)
+    assert listed is not None
+    assert not listed.damaged
+
+
+def test_one_clock_of_two_tables_has_one_zero(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    lines = [f"ACCE;{100 + n / 50:.3f};1;2;9\n" + f"GYRO;{100 + n / 50:.3f};1;2;9;3\n" * (n > 25) for n in range(N)]
+    path.write_text("".join(lines))
+    store = opened(path)
+    first = {message: store.exact(of[0]["id"], 0, 1).time[0] for message, of in channels(store).items()}
+    assert first["GYRO"] - first["ACCE"] == pytest.approx(26 / 50, abs=1e-6)
+
+
+def test_ascii_logs_of_novatel_have_their_week(tmp_path: Path) -> None:
+    path = tmp_path / "a.asc"
+    short = "%RAWIMUSA,2254,{0:.3f};2254,{0:.3f},00000077,-16000,{1},12,-5,6,7*0123abcd\n"
+    long = (
+        "#INSPVAA,COM1,0,54.5,FINESTEERING,2254,{0:.3f},00000000,54e2,4;"
+        "2254,{0:.3f},48.1,11.5,500,0,0,0,1,2,3,GOOD*0123abcd\n"
+    )
+    path.write_text("".join((short + long).format(367_200 + n / 50, n % 7) for n in range(N)))
+    store = opened(path)
+    raw = {info["name"]: info["id"] for info in channels(store)["RAWIMUSA"]}
+    assert "accel -y" in raw
+    samples = store.exact(raw["accel -y"], 0, 1000)
+    np.testing.assert_array_equal(samples.columns[0], np.arange(N) % 7)
+    np.testing.assert_allclose(samples.time, 315_964_800 + 2254 * 604_800 + 367_200 - 18 + np.arange(N) / 50, atol=1e-6)
+    assert any("latitude" in info["name"] for info in channels(store)["INSPVAA"])
+
+
+def test_tables_that_all_leave_something_open_are_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("".join(f"ATT,{n},0,1\nCTUN,{n},0,1,2\n" for n in range(N)))
+    with pytest.raises(RecordingError, match="the unit of column 1 can be s"):
+        opened(path)
