@@ -18,6 +18,7 @@ reported with the reason; one that remains open is an error that names the optio
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -119,7 +120,7 @@ class ClockSearch:
         matches = matches or self._unnamed()
         if not matches and self.rate:
             matches = [self._rows()]
-        return sorted(matches, key=lambda one: (self._stands(one), one.rank, one.columns))
+        return sorted(map(self._of_gps, matches), key=lambda one: (self._stands(one), one.rank, one.columns))
 
     def _stands(self, clock: TableClock) -> bool:
         """Whether most rows repeat the time of the row before, in a clock of whole seconds."""
@@ -150,7 +151,10 @@ class ClockSearch:
             if len(values) >= max(names.FEWEST, len(self.form.sample)) and (np.diff(values) > 0).all():
                 rising[column] = self._inferred(column, 5)
         clock = next((one for one in rising.values() if one.epoch == "1970"), None)
-        if clock is None and rising and not self.form.headings and len(self.headings) > names.FEWEST:
+        if clock is None and rising and self.form.headings:
+            named = (one for i, one in rising.items() if names.TIMELIKE.search(self.headings[i].name.lower()))
+            clock = next((one for one in named if not one.is_open), None)
+        elif clock is None and rising and len(self.headings) > names.FEWEST:
             clock = rising.get(next(i for i in range(len(self.headings)) if len(self.numbers(i))))
         return [] if clock is None else [replace(clock, why=f"it rises in every row, and {clock.why}")]
 
@@ -299,7 +303,7 @@ class ClockSearch:
         return [
             TableClock(one.name, (column,), "counter", "samples", (1 / self.rate,), "start", "stated", why, rank=8)
             for column, one in enumerate(self.headings)
-            if self.rate and names.words_of(one.name) in names.COUNTERS and len(self.numbers(column))
+            if self.rate and names.COUNTERS.match(names.words_of(one.name)) and len(self.numbers(column))
         ]
 
     # -- by name -------------------------------------------------------------------------------------------------------
@@ -345,8 +349,22 @@ class ClockSearch:
         name, is_day = self._name(column), all(map(is_time_of_day, self.cells(column)[: names.FEWEST]))
         if is_day:
             return TableClock(name, (column,), "text", "", (1.0,), "day", "known", "times of day", rank=rank)
-        order = self._order(column)
-        return TableClock(name, (column,), "text", "", (1.0,), "1970", "known", "dates and times", order, rank=rank)
+        order, zone = self._order(column), names.ZONE.match(self.headings[column].unit)
+        seconds, why = 0.0, "dates and times"
+        if zone is not None and not re.search(r"Z$|[+-]\d\d:?\d\d$", self.cells(column)[0][10:]):
+            seconds = float(f"{zone['sign']}1") * (int(zone["hours"]) * 3600 + int(zone["minutes"] or 0) * 60)
+            why = f"dates and times, of {zone[0]} by the heading"
+        return TableClock(name, (column,), "text", "", (1.0,), "1970", "known", why, order, rank=rank, zone=seconds)
+
+    def _of_gps(self, clock: TableClock) -> TableClock:
+        """The clock, counted from 1980 if its heading names GPS and it is then no later than the file."""
+        text = " ".join(self.headings[column].text.lower() for column in clock.columns)
+        if clock.kind != "number" or clock.epoch != "1970" or "gps" not in text or re.search("unix|utc|1970", text):
+            return clock
+        if self.options.unit or self.numbers(clock.columns[0])[0] * clock.factors[0] + names.GPS_EPOCH > self.newest:
+            return clock
+        why = "the heading names GPS, whose times count from 1980"
+        return replace(clock, kind="week", epoch="GPS", sure="assumed", why=why)
 
     def _epoch(self, column: int, factor: float) -> Epoch:
         values = self.numbers(column)

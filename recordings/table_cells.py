@@ -62,7 +62,8 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
     if clock.kind == "rows":
         raise ValueError("rows have no columns")
     if clock.kind == "text":
-        return _texts(columns[0], clock.order, of_day=clock.epoch == "day")
+        texts = _texts(columns[0], clock.order, of_day=clock.epoch == "day")
+        return Cells(texts.values - clock.zone, texts.odd)
     if clock.kind == "date+time":
         import pyarrow.compute as pc
 

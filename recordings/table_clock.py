@@ -30,6 +30,7 @@ class TableClock:
         why: the reason, as an end of a sentence.
         readings: of a unit that is open.
         rank: before others, least first.
+        zone: by which a text without a zone is ahead of UTC, s.
     """
 
     name: str
@@ -43,6 +44,7 @@ class TableClock:
     order: Order = "dmy"
     readings: tuple[UnitReading, ...] = ()
     rank: int = 5
+    zone: float = 0.0
 
     @property
     def is_open(self) -> bool:

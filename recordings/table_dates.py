@@ -5,6 +5,7 @@
 01.02.2026 10:30           day first, as dates with points are
 01/02/2026 10:30:25 PM     day or month first: `order` decides, or the cells themselves (`order_of`)
 10:30:25.010               time of day; the date comes from elsewhere
+14-Jul-2026 10:30:25       English month
 20260101_103025010000      packed; hhmmss.sss of GNSS programs is `packed_clock`
 """
 
@@ -26,6 +27,8 @@ _CLOCK = re.compile(
     r"^\s*(\d{1,2}):(\d{2})(?::(\d{2})(?:(?:[.,]|:(?=\d{3}\b))(\d{1,12}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$"
 )
 _PACKED = re.compile(r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T _-]?([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d*)\s*$")
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_IN_WORDS = re.compile(rf"^\s*(\d{{1,2}})[- ]({'|'.join(_MONTHS)})[a-z]*[- ](\d{{4}})\b", re.IGNORECASE)
 _PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d*)?\s*$")
 
 
@@ -40,7 +43,7 @@ class _Date:
 
 def is_moment(text: str) -> bool:
     """Whether a cell looks like a date, a time of day, or both."""
-    return _DATE.match(text) is not None or _CLOCK.match(text) is not None or _PACKED.match(text) is not None
+    return any(pattern.match(text) for pattern in (_DATE, _CLOCK, _PACKED, _IN_WORDS))
 
 
 def is_time_of_day(text: str) -> bool:
@@ -138,6 +141,8 @@ def unix_seconds(text: str, order: Order = "dmy") -> float | None:
     """A date, with or without a time of day, as unix s; None if it is neither."""
     if (packed := _PACKED.match(text)) is not None:
         text = "{}-{}-{}T{}:{}:{}.{:0<6.6}".format(*packed.groups())
+    if (match := _IN_WORDS.match(text)) is not None:
+        text = f"{match[3]}-{_MONTHS.index(match[2].lower()) + 1:02}-{match[1]:0>2}{text[match.end() :]}"
     matches = _date(text)
     if matches is not None:
         midnight, rest = _midnight(matches[0], order), matches[1].lstrip("T ,;_-")

@@ -33,8 +33,8 @@ _POWERS = {"1": "/s", "2": "/s²"}
 _IN = re.compile(r"^in (?=\S)|'s$", re.IGNORECASE)
 _SPELLINGS = (
     (re.compile(r"^m(?:ps|(?:/\(?|_|_per_)?s(?:ec)?)_?(?:(?:\^|\*\*)?2\)?|²|/s(?:ec)?)$"), "m/s²"),
-    (re.compile(r"^(?:rad|radians?)(?:_|/|_per_)?(?:ps|s|sec|second)$"), "rad/s"),
-    (re.compile(r"^(?:dps|(?:deg|degrees?)(?:_|/|_per_)?(?:ps|s|sec|second))$"), "deg/s"),
+    (re.compile(r"^(?:rad|radians?)(?:ps|(?:_|/|_per_)(?:s|sec|second))$"), "rad/s"),
+    (re.compile(r"^(?:dps|(?:deg|degrees?)(?:ps|(?:_|/|_per_)(?:s|sec|second)))$"), "deg/s"),
     (re.compile(r"^m(?:ps|_per_s|_s)$"), "m/s"),
     (re.compile(r"^(?:deg_?c|celsius)$"), "°C"),
 )
@@ -76,6 +76,8 @@ def unit_of(text: str) -> str:
 def _usual(unit: str) -> str:
     unit = _IN.sub("", unit)
     per = _PER.match(unit)
+    if re.fullmatch("x[0-9A-F]{4}", unit):  # a field of a MIP packet
+        return ""
     return per["what"] + _POWERS[per["power"]] if per is not None else _spelled(unit) or unit
 
 
@@ -95,7 +97,7 @@ def unique(names: Sequence[str]) -> list[str]:
 
 def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Columns grouped by quantity: (name of the quantity, [(heading, name in it)])."""
-    middle = _triples(names, (_MIDDLE,))
+    middle = _triples(names, (_MIDDLE, _FIRST))
     places = {name: middle.get(name) or _place(name) for name in names}
     places |= _triples([name for name in names if places[name] is None])
     groups: dict[str, list[tuple[str, str]]] = {}

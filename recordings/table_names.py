@@ -12,34 +12,34 @@ TIMES = (
     *("zeit", "temps", "tiempo", "tempo", "tempo_s", "czas", "时间"),
 )
 FINE, FINE_S, FINE_DOT_S = "sample_time_fine", 1e-4, 1e-6  # of an MTi, and of a DOT
-COUNTERS = (
-    "packet_counter",
-    "counter",
-    "sample_counter",
-    "sample_number",
-    "sample",
-    "samples",
-    "count",
-    "packet_number",
-)
+COUNTERS = re.compile("^(?:packet|sample)_(?:counter|number)$|^(?:counter|samples?|count)$")
 UTC_PARTS = ("year", "month", "day", "hour", "minute", "second", "nano")
 GPS_EPOCH = 315_964_800.0
 WEEK = 604_800.0
 NO_UNIT = re.compile(r"utc|gps|gnss|local|unix|epoch|boot|ros|iso|rfc|:|date|time|since")  # in the brackets of a time
 DECIMALS = re.compile(r"[.,]\d")
 FEWEST = 3  # rows whose steps say something
-_STEMS = "time|stamp|time_?stamp|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
+_STEMS = "time|gpst|gpstime|stamp|time_?stamp|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
 _BEFORE = (
     "sensor|system|sys|device|dev|host|unix|gps|gnss|ins|utc|log|logging|local|elapsed|relative|rel|boot|sample|rec|"
-    "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start"
+    "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start|"
+    "offset|clock"
 )
-_AFTER = "(?:in_)?(?:" + "|".join(SPELLINGS) + ")|utc|gps|elapsed|boot|sample|unix|epoch|since_?1970|cal"
+_AFTER = (
+    "(?:in_)?(?:"
+    + "|".join(SPELLINGS)
+    + ")|utc|gps|elapsed|boot|sample|unix|epoch|since_?(?:1970|reboot|boot|start)|cal"
+)
 TIME = re.compile(
     rf"^(?:(?:{_BEFORE})_)*(?:{_STEMS})(?:_(?:{_AFTER}))*$|^(?:[a-z0-9]+_)+(?:time_?stamp|date_?time)(?:_(?:{_AFTER}))*$"
 )
 ELAPSED = re.compile(
     rf"^(?:(?:elapsed|ins|gps|unix)_)?(?:{'|'.join(one for one in SPELLINGS if len(one) > 3)})(?:_elapsed)?$"
 )
+TIMELIKE = re.compile("tim|stamp|clock|epoch")
+ZONE = re.compile(
+    r"^(?:utc|gmt)?\s*(?P<sign>[+-])(?P<hours>\d{1,2}):?(?P<minutes>\d\d)?$", re.IGNORECASE
+)  # in brackets
 OF_HOST = re.compile(r"^(?:server|client|rosbag)_")
 OF_WEEK = ("time_of_week", "i_tow", "itow", "tow", "gps_tow", "gps_time_of_week", "sow", "gps_sow", "seconds_of_week")
 GPS_TIME = ("gpst", "gps_time", "gpstime", "gps_sec", "gps_second", "gps_seconds", "ins_second", "ins_seconds")

@@ -83,7 +83,7 @@ FILES = (
         "Convert it with mavlogdump --format csv, and give the CSV file.",
         suffixes=(".tlog",),
     ),
-    KnownFile("a FIT file", "Convert it with Garmin's FitCSVTool, and give the CSV file.", (b".FIT",), 8),
+    KnownFile("a FIT file", "Convert it to CSV, with a column for each field.", (b".FIT",), 8),
     KnownFile("a JSON text", "Give its samples as a CSV file, a row for each.", (b"{", b"[{", b"[\n")),
     KnownFile("an Excel workbook", "Save it as CSV.", suffixes=(".xlsx", ".xls", ".ods")),
 )
