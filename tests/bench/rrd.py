@@ -79,7 +79,7 @@ def fill(folder: Path) -> dict[str, float]:
         urllib.request.urlopen(f"{server.url}/rerun/re_viewer.js", timeout=120).read()
         while json.load(urllib.request.urlopen(f"{server.url}/api/recordings/hour", timeout=60)).get("t0") is None:
             time.sleep(0.5)
-        engine = playwright.chromium.launch(executable_path=chromium.find(), args=chromium.ARGUMENTS)
+        engine = playwright.chromium.launch(executable_path=chromium.required(), args=chromium.ARGUMENTS)
         page = engine.new_page(viewport={"width": 900, "height": 600})
         start = time.perf_counter()
         page.goto(f"{server.url}/rerun/?recording=hour&theme=light")
