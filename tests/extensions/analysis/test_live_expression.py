@@ -257,6 +257,21 @@ def calls_with_extremes(name: str) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+class Causal:
+    """A context of live data that knows whether a function has asked: if not, that of recordings gives the same."""
+
+    budget = None
+    whole_windows = False
+
+    def __init__(self) -> None:
+        self.was_asked = False
+
+    @property
+    def zero_phase(self) -> bool:
+        self.was_asked = True
+        return False
+
+
 @each_row("name", sorted(FUNCTIONS))
 def test_extreme_arguments_are_computed_or_refused_in_words(name: str) -> None:
     for text in calls_with_extremes(name):
@@ -265,9 +280,12 @@ def test_extreme_arguments_are_computed_or_refused_in_words(name: str) -> None:
             for fill in (1.0, np.nan, np.inf, 1e308):
                 values = np.where(np.arange(len(time)) % 3 == 1, fill, 1.0)
                 x = Quantity((values,), Unit.parse("°" if name == "unwrap" else ""), time)
-                for zero_phase in (False, True):
+                live_context: Any = Causal()
+                with contextlib.suppress(ExpressionError):
+                    evaluate(parsed, lambda _: x, live_context)  # noqa: B023
+                if live_context.was_asked:
                     with contextlib.suppress(ExpressionError):
-                        evaluate(parsed, lambda _: x, Context(zero_phase))  # noqa: B023
+                        evaluate(parsed, lambda _: x, Context(zero_phase=True))  # noqa: B023
         for rate in (1e-4, 100.0, 2000.0):
             with contextlib.suppress(ExpressionError):
                 live = LiveExpression([info(1, "x", "", ["value"])], text, {1: rate})
