@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import inspect
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,6 +26,7 @@ from imuscope.protocols.compiled import INT, Kernel, kernel_of, plain
 from imuscope.protocols.compiler import build, extension
 from imuscope.protocols.compiler.translate import CSource
 from imuscope.protocols.compiler.values import TranslateError
+from tests.cache_folder import cache_folder
 from tests.each_row import each_row
 from tests.protocols import kernel_examples
 from tests.protocols.damaged_streams import write_streams
@@ -235,17 +240,31 @@ def test_decoders_give_the_same_on_every_processor(streams: Path, tmp_path: Path
 
 def test_no_index_is_outside_an_array(streams: Path, tmp_path: Path) -> None:
     """With machine code that checks each index and ends the process at the first that is outside."""
-    source = tmp_path / "kernels.c"
-    source.write_text(extension.text_of(build.kernels_of("imuscope")))
-    [*_, name] = compiled.libraries()
-    build.compile_source(source, tmp_path / f"kernels.{name}.so", name, "-DCHECKED")
-    assert elsewhere(streams, IMUSCOPE_NATIVE=str(tmp_path)) == f"0 {digests(streams)}"
+    checked = _checked(tmp_path)
+    assert elsewhere(streams, IMUSCOPE_NATIVE=str(checked)) == f"0 {digests(streams)}"
     names = [f"tests/protocols/{file}" for file in CHECKED]
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *names]
     env = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
-    env |= {"IMUSCOPE_NATIVE": str(tmp_path)}
+    env |= {"IMUSCOPE_NATIVE": str(checked)}
     done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, check=False)
     assert done.returncode == 0, done.stdout.decode()
+
+
+def _checked(aside: Path) -> Path:
+    """Folder of machine code that checks each index, made once for all runs with the same source and compiler."""
+    text = extension.text_of(build.kernels_of("imuscope"))
+    [*_, name] = compiled.libraries()
+    of = "\0".join((text, inspect.getsource(build), version("ziglang"), name))
+    folder = cache_folder("checked") / hashlib.sha256(of.encode()).hexdigest()[:16]
+    if not folder.is_dir():
+        source, made = aside / "kernels.c", Path(tempfile.mkdtemp(dir=folder.parent))
+        source.write_text(text)
+        build.compile_source(source, made / f"kernels.{name}.so", name, "-DCHECKED")
+        try:
+            made.rename(folder)
+        except OSError:  # somebody else has made it meanwhile
+            shutil.rmtree(made)
+    return folder
 
 
 CHECKED = (
