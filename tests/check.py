@@ -73,6 +73,12 @@ def _biome(options: argparse.Namespace) -> list[str]:
     return _web("@biomejs/biome/bin/biome", "check", "--error-on-warnings", "--colors=off", *fix)
 
 
+def _tsc(_: argparse.Namespace) -> list[str]:
+    """Types: of what has changed since the last run, and of what uses it."""
+    kept = ROOT / "artifacts" / "tsc.tsbuildinfo"
+    return _web("typescript/bin/tsc", "--noEmit", "--project", "web", "--incremental", "--tsBuildInfoFile", str(kept))
+
+
 def _vitest(options: argparse.Namespace) -> list[str]:
     files = options.page_files
     chosen = ("related", "--passWithNoTests", *files) if files is not None else ()
@@ -91,7 +97,7 @@ PARTS = (
     Part("mypy", lambda _: [PYTHON, "-m", "mypy", "--cache-dir", str(cache_folder("mypy"))]),
     Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found"),
     Part("format", _fixing("ruff", "format", check="--check")),
-    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
+    Part("tsc", _tsc),
     Part("biome", _biome, "Found", folder=ROOT / "web"),
     Part("vitest", _vitest, "Tests "),
     Part(
