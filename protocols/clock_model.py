@@ -268,7 +268,11 @@ class ClockModel:
     def jitter(self, p: float) -> float:
         """The `p`-th percentile of the delays of the last seconds, ns."""
         recent = self.late.recent(self.newest)
-        return float(np.percentile(np.maximum(recent, 0.0), p)) if len(recent) else 0.0
+        if not len(recent):
+            return 0.0
+        at = (len(recent) - 1) * p / 100  # as np.percentile, which sorts them again
+        low, high = recent[int(at)], recent[min(int(at) + 1, len(recent) - 1)]
+        return float(max(low, 0.0) + (max(high, 0.0) - max(low, 0.0)) * (at - int(at)))
 
     @property
     def knows_drift(self) -> bool:
