@@ -383,9 +383,21 @@ class ClockSearch:
             unit, sure, why = "s", "known", "PlotJuggler writes __time in s since 1970"
         if not unit:
             return self._inferred(column, rank)
+        if unit == "d" and (serial := self._serial_days(column, rank)) is not None:
+            return serial
         factor = FACTORS[unit]
         epoch = self._epoch(column, factor)
         return TableClock(self._name(column), (column,), "number", unit, (factor,), epoch, sure, why, rank=rank)
+
+    def _serial_days(self, column: int, rank: int) -> TableClock | None:
+        """Days since the zero of a program, if they are a date that the file can hold; None if they are not."""
+        for name, zero in names.SERIAL_DAYS.items():
+            if any(is_dated(float(one) * FACTORS["d"] + zero, self.newest) for one in self.numbers(column)[:1]):
+                clock = TableClock(
+                    self._name(column), (column,), "number", "d", (FACTORS["d"],), "1970", "inferred", ""
+                )
+                return replace(clock, why=f"as days of {name}, they are dates", rank=rank, zero_s=zero)
+        return None
 
     def _inferred(self, column: int, rank: int) -> TableClock:
         values, name = self.numbers(column), self._name(column)
@@ -393,6 +405,9 @@ class ClockSearch:
             why = "there are no numbers"
             return TableClock(name, (column,), "number", "s", (1.0,), "start", "assumed", why, rank=rank)
         readings = self._readings(column)
+        is_date = names.words_of(self.headings[column].name) in ("date", *names.DAYS)
+        if (not readings or is_date) and (serial := self._serial_days(column, rank)) is not None:
+            return serial
         chosen = decided(readings, values, inertial=self.is_inertial, newest=self.newest)
         sure: Sure = "inferred"
         by_head = [one for one in readings if self.rate and abs(one.rate - self.rate) <= CLOSE * self.rate]

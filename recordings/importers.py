@@ -255,10 +255,15 @@ def open_file(
     if not is_packed and not is_complete:
         table = over(table, sidecar.chosen_reading(path, head).table)
     suffix = path.suffix.lower()
-    reader = marked_reader(head) or suffix_reader(suffix)
+    if (reader := marked_reader(head)) is not None:
+        return _read(reader, OpenRequest(path, protocol, table, is_packed))
+    log_format = vendor_logs.marked_format(head)
+    if log_format is None:
+        reader, log_format = suffix_reader(suffix), vendor_logs.suffix_format(suffix)
+        if (reader or log_format) and not protocol and known_file(head) is not None:
+            raise _unknown(path, head)  # the first bytes say more than the suffix
     if reader is not None:
         return _read(reader, OpenRequest(path, protocol, table, is_packed))
-    log_format = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
     if log_format is not None:
         log = _log(path, *log_format, protocol)
         return log if log.protocol or not has_rows(path) else CsvSource(path, table)

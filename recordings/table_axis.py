@@ -93,7 +93,8 @@ class TimeAxis:
         if clock.kind == "rows":
             texts = [f"The time axis counts the rows{rate} ({clock.why})."]
         else:
-            texts = [f"The time axis is {self.name}{unit}, {EPOCHS[clock.epoch]}{rate}{why}."]
+            since = "shown as UTC" if clock.zero_s else EPOCHS[clock.epoch]
+            texts = [f"The time axis is {self.name}{unit}, {since}{rate}{why}."]
         if self.head_rate and self.usual_s and abs(self.head_rate * self.usual_s - 1) > CLOSE:
             texts.append(f"The head of the file names another rate, {rate_text(self.head_rate)}.")
         if self.decimal == ",":

@@ -74,7 +74,7 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
     odd = np.unique(np.concatenate([one.odd for one in cells]))
     if clock.kind == "utc":
         return Cells(_utc([one.values for one in cells]), odd)
-    values = np.zeros(len(columns[0]))
+    values = np.full(len(columns[0]), clock.zero_s)
     for one, factor in zip(cells, clock.factors, strict=True):
         values = values + one.values * factor
     if clock.kind == "week":

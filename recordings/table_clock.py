@@ -45,6 +45,7 @@ class TableClock:
     readings: tuple[UnitReading, ...] = ()
     rank: int = 5
     zone: float = 0.0
+    zero_s: float = 0.0  # unix s of its zero, if that is another date
 
     @property
     def is_open(self) -> bool:

@@ -7,7 +7,16 @@ import re
 from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.time_units import LONG, SPELLINGS
 
+DAYS = ("datenum", "mjd", "jd", "julian_date", "serial_date")
+SERIAL_DAYS = {
+    "Excel, since 1899-12-30": -25_569.0 * 86_400,
+    "MATLAB, since the year 0": -719_529.0 * 86_400,
+    "MJD, since 1858-11-17": -40_587.0 * 86_400,
+    "JD, since 4713 BC": -2_440_587.5 * 86_400,
+}
+"""Counts of days that some programs write for a date → their zero, unix s."""
 TIMES = (
+    *DAYS,
     *("time", "timestamp", "time_stamp", "t", "date", "datetime", "date_time", "utc", "epoch", "epoc"),
     *("zeit", "temps", "tiempo", "tempo", "tempo_s", "czas", "时间"),
 )

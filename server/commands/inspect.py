@@ -32,6 +32,7 @@ from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSourc
 from imuscope.recordings.mcap_reader import MAGIC
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile
+from imuscope.recordings.readers.known_files import known_file
 from imuscope.recordings.sources import McapSource
 from imuscope.server.commands.common import temporary_copy
 from imuscope.server.commands.inspect_table import InspectTable
@@ -205,14 +206,16 @@ def _of_file(
     except RecordingError as error:
         with path.open("rb") as file:
             head = file.read(GUESS_BYTES)
-        if head and not head.startswith(MAGIC):
+        if head and not head.startswith(MAGIC) and known_file(head) is None:
             _guessed(head, name)  # raises a more exact error
         raise ValueError(f"{error.message} {error.hint}".strip()) from None
     if device and not isinstance(source, McapSource | MessageFile):
         raise ValueError(f"{name} {NO_DEVICES}")
     if isinstance(source, CaptureSource):
         with contextlib.closing(source.stream()) as file:
-            yield PROTOCOLS[source.protocol], _untimed(_pieces(file))
+            head = _head(file)
+            decoded_by = PROTOCOLS[source.protocol or _guessed(head, name)]
+            yield decoded_by, _untimed(itertools.chain((head,), _pieces(file)))
         return
     if not isinstance(source, McapSource | MessageFile) or not source.devices:
         raise ValueError(f"{name} has no device bytes; use `imuscope decode` to read its numbers")

@@ -70,6 +70,36 @@ def test_a_known_column_of_times_is_the_axis(heading: str, cell: str, start: flo
 
 
 @each_row(
+    ("heading", "days", "program"),
+    [
+        ("time", 25_569.0, "Excel"),
+        ("Date", 25_569.0, "Excel"),
+        ("time (days)", 25_569.0, "Excel"),
+        ("datenum", 719_529.0, "MATLAB"),
+        ("time", 719_529.0, "MATLAB"),
+        ("MJD", 40_587.0, "MJD"),
+        ("time (UTC)", 40_587.0, "MJD"),
+        ("JD", 2_440_587.5, "JD"),
+    ],
+)
+def test_days_since_an_epoch_are_dates_and_said_to_be(heading: str, days: float, program: str, tmp_path: Path) -> None:
+    cells = f"f'{{{days + EPOCH / 86_400!r} + n / 8_640_000:.12f}}'"
+    source, rows = read(tmp_path / "a.csv", table(heading, cells))
+    resolution = 86_400 * np.spacing(days + EPOCH / 86_400)
+    np.testing.assert_allclose(rows.time, EPOCH + np.arange(N) / 100, rtol=0, atol=2 * resolution + 1e-6)
+    assert source.axis is not None
+    assert source.timed
+    assert f"as days of {program}, since" in source.axis.sentences()[0]
+    assert "shown as UTC" in source.axis.sentences()[0]
+
+
+def test_days_since_the_start_stay_days(tmp_path: Path) -> None:
+    source, rows = read(tmp_path / "a.csv", table("time (days)", "f'{n / 8640000:.12f}'"))
+    np.testing.assert_allclose(rows.time - rows.time[0], np.arange(N) / 100, atol=1e-5)
+    assert not source.timed
+
+
+@each_row(
     ("heading", "cell", "period"),
     [
         ("millis", "(2**32 - 1000 + 10 * n) % 2**32", 2**32 / 1e3),

@@ -20,6 +20,7 @@ from scipy.io import savemat
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_options import TableOptions
+from imuscope.server.commands.inspect import inspect_file
 from tests.each_row import each_row
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
 
@@ -162,3 +163,17 @@ def test_numbers_are_the_same_in_every_format(tmp_path_factory: pytest.TempPathF
         source = open_file(folder / name)
         [rows] = source.rows()  # type: ignore[attr-defined]
         np.testing.assert_array_equal(rows.columns["value"][0], values)
+
+
+@each_row("name", ["a.h5", "a.mat", "a.dat", "a.bin", "a.csv", "a.raw"])
+@each_row(
+    "head", [b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Thu Jan  1 00:00:00 2026"]
+)
+def test_hdf5_is_named_with_what_to_do(head: bytes, name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(head.ljust(512, b"\0") + b"\x89HDF\r\n\x1a\n" + bytes(600))
+    with pytest.raises(RecordingError, match=r"is an HDF5 file.*, which imuscope does not read") as refused:
+        open_file(path)
+    assert "-v7" in refused.value.hint
+    with pytest.raises(ValueError, match="is an HDF5 file"):
+        inspect_file(path, io.StringIO())
