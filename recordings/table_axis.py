@@ -22,6 +22,7 @@ from imuscope.recordings.time_units import CLOSE, rate_text, usual_step
 
 AHEAD, AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
+LAST_CHANGE = "the file's last change"
 NEARLY_ALL = 0.9  # of the steps: a logger that writes in bursts has some long ones
 EPOCHS = {
     "1970": "since 1970 (UTC)",
@@ -152,8 +153,8 @@ def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) ->
     if clock.epoch == "start":
         if start is not None:
             return start - first, "the head of the file"
-        return (named - first, "the file's name") if named is not None else (written - first, "the file's last change")
-    known, by = (named, "the file's name") if named is not None else (written, "the file's last change")
+        return (named - first, "the file's name") if named is not None else (written - first, LAST_CHANGE)
+    known, by = (named, "the file's name") if named is not None else (written, LAST_CHANGE)
     if clock.epoch == "day":
         midnight = float(np.floor(known / DAY) * DAY)
         return (midnight if midnight + first <= written + HOUR else midnight - DAY), by

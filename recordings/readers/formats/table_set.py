@@ -8,6 +8,8 @@ from pathlib import Path
 
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.table_axis import LAST_CHANGE
+from imuscope.recordings.table_dates import dated_name
 from imuscope.recordings.tabular import TableRows, TableSource
 
 
@@ -26,6 +28,11 @@ class TableSet(TableSource):
         self._noted: list[FileDamage] = []
         self.axis = tables[0].axis
         self.timed = all(one.timed for one in tables)
+        named = dated_name(path.name)
+        for axis in (one.axis for one in tables):
+            if axis is not None and named is not None and axis.dated_by == LAST_CHANGE and axis.clock.epoch == "start":
+                axis.origin += named - path.stat().st_mtime
+                axis.dated_by = "the file's name"
         for axis in (one.axis for one in tables):  # one clock without a date has one zero, whenever its rows begin
             if axis is not None and self.axis is not None and axis.dated_by and axis.clock.epoch == "start":
                 same = (axis.name, axis.clock.unit) == (self.axis.name, self.axis.clock.unit)

@@ -9,13 +9,14 @@ gyroscope,411480,-0.28,0.04,0.14             several sensors of one form, withou
 from __future__ import annotations
 
 import csv
+import os
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from io import BytesIO, StringIO, TextIOWrapper
+from collections.abc import Sequence
+from io import StringIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.compressed import temporary_source
@@ -129,27 +130,26 @@ def _heading(line: str, row: tuple[str, str, list[str]] | None, columns: dict[st
 def _written(path: Path, unpacked: UnpackedFolder) -> list[Path]:
     """A file of each name, in the order of the names, and without them."""
     columns: dict[str, str] = {}
-    tables: dict[str, list[str]] = {}
+    tables = _Tables(path, unpacked)
     with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in iter(lambda: file.readline(LONGEST_LINE), ""):
             row = _row(line.rstrip())
             _heading(line.rstrip(), row, columns)
-            if row is not None and (row[0] in tables or len(tables) < MOST_NAMES):
-                tables.setdefault(row[0], []).append(row[1].join(row[2]))
-    return _tables(unpacked, {name: [columns.get(name, ""), *rows] for name, rows in tables.items()})
+            if row is not None:
+                tables.add(row[0], row[1].join(row[2]), columns.get(row[0], ""))
+    return tables.files()
 
 
 def _written_by_column(path: Path, unpacked: UnpackedFolder, form: TableFormat, column: int) -> list[Path]:
     """A file of each name in a column, and without it."""
-    tables: dict[str, list[str]] = {}
     heading = _line(form.headings, column, form.separator)
+    tables = _Tables(path, unpacked)
     with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in islice(iter(lambda: file.readline(LONGEST_LINE), ""), form.skip, None):
             cells = split(line.rstrip("\r\n"), form.separator)
-            name = cells[column].strip() if len(cells) == form.columns else ""
-            if name and (name in tables or len(tables) < MOST_NAMES):
-                tables.setdefault(name, [heading]).append(_line(cells, column, form.separator))
-    return _tables(unpacked, tables)
+            if len(cells) == form.columns and cells[column].strip():
+                tables.add(cells[column].strip(), _line(cells, column, form.separator), heading)
+    return tables.files()
 
 
 def _line(cells: Sequence[str], without: int, separator: str) -> str:
@@ -159,10 +159,32 @@ def _line(cells: Sequence[str], without: int, separator: str) -> str:
     return out.getvalue()
 
 
-def _tables(unpacked: UnpackedFolder, tables: Mapping[str, Sequence[str]]) -> list[Path]:
-    """Files of tables; the first line is the heading, empty without one."""
-    return [
-        unpacked.write(clean_name(f"{name}.csv"), BytesIO("\n".join([*filter(None, lines), ""]).encode()))
-        for name, lines in tables.items()
-        if len(lines) > FEWEST_ROWS
-    ]
+class _Tables:
+    """Tables in a folder, written as their rows come."""
+
+    def __init__(self, path: Path, unpacked: UnpackedFolder) -> None:
+        state = path.stat()
+        unpacked.check(state.st_size)
+        self._written = state.st_mtime
+        self._folder = unpacked.path
+        self._files: dict[str, TextIO] = {}
+        self._rows: Counter[str] = Counter()
+
+    def add(self, name: str, line: str, heading: str) -> None:
+        """Add a row; the heading, if there is one, stands above the first."""
+        if name not in self._files:
+            if len(self._files) == MOST_NAMES:
+                return
+            place = self._folder / clean_name(f"{name}.csv")
+            place = place if not place.exists() else self._folder / clean_name(f"{len(self._files)} {name}.csv")
+            self._files[name] = place.open("x", encoding="utf-8")
+            self._files[name].write(f"{heading}\n" if heading else "")
+        self._files[name].write(f"{line}\n")
+        self._rows[name] += 1
+
+    def files(self) -> list[Path]:
+        """The files, closed; without those of a single row."""
+        for file in self._files.values():
+            file.close()
+            os.utime(file.name, (self._written, self._written))  # tables without a date are dated by it
+        return [Path(file.name) for name, file in self._files.items() if self._rows[name] >= FEWEST_ROWS]

@@ -66,6 +66,8 @@ def test_one_clock_of_two_tables_has_one_zero(tmp_path: Path) -> None:
     lines = [f"ACCE;{100 + n / 50:.3f};1;2;9\n" + f"GYRO;{100 + n / 50:.3f};1;2;9;3\n" * (n > 25) for n in range(N)]
     path.write_text("".join(lines))
     store = opened(path)
+    assert "last change" in " ".join(store.manifest["time"]["sentences"])
+    assert store.exact(1, 0, 1).time[0] == pytest.approx(path.stat().st_mtime, abs=1e-3)
     first = {message: store.exact(of[0]["id"], 0, 1).time[0] for message, of in channels(store).items()}
     assert first["GYRO"] - first["ACCE"] == pytest.approx(26 / 50, abs=1e-6)
 
@@ -92,3 +94,11 @@ def test_tables_that_all_leave_something_open_are_asked_for(tmp_path: Path) -> N
     path.write_text("".join(f"ATT,{n},0,1\nCTUN,{n},0,1,2\n" for n in range(N)))
     with pytest.raises(RecordingError, match="the unit of column 1 can be s"):
         opened(path)
+
+
+def test_tables_of_one_file_are_dated_by_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "walk_2017-07-14_02-40-00.txt"
+    path.write_text("".join(f"ACCE;{100 + n / 50:.3f};1;2;9\nGYRO;{100 + n / 50:.3f};1;2;9;3\n" for n in range(N)))
+    store = opened(path)
+    assert {store.exact(of[0]["id"], 0, 1).time[0] for of in channels(store).values()} == {1_500_000_000.0}
+    assert "the file's name" in " ".join(store.manifest["time"]["sentences"])
