@@ -83,7 +83,7 @@ class ClockSearch:
         if len(cells) and all(map(is_number, cells[: names.FEWEST])):
             words = names.words_of(self.headings[column].name)
             named = "utc" in words or any(names.IS_GNSS.match(names.words_of(one.name)) for one in self.headings)
-            is_named = not words or names.TIME.match(words) is not None or words in names.TIMES
+            is_named = not words or any(one.match(words) for one in (names.TIME, names.TIMES))
             return is_named and are_packed(cells, named=named)
         return bool(cells) and sum(map(is_moment, cells)) > len(cells) / 2
 
@@ -145,18 +145,19 @@ class ClockSearch:
 
     def _unnamed(self) -> list[TableClock]:
         """A column of numbers that rise in every row, where no heading names a time: dates, else the first column."""
-        rising = {}
+        rising: dict[int, TableClock] = {}
         for column in range(len(self.headings)):
             values = self.numbers(column)
-            if len(values) >= max(names.FEWEST, len(self.form.sample)) and (np.diff(values) > 0).all():
-                rising[column] = self._inferred(column, 5)
+            if len(values) >= max(names.FEWEST, len(self.form.sample)) and (np.diff(values) >= 0).mean() > names.RISING:
+                one = self._inferred(column, 5)
+                rising |= {column: one} if one.epoch == "1970" or (np.diff(values) > 0).all() else {}
         clock = next((one for one in rising.values() if one.epoch == "1970"), None)
         if clock is None and rising and self.form.headings:
             named = (one for i, one in rising.items() if names.TIMELIKE.search(self.headings[i].name.lower()))
             clock = next((one for one in named if not one.is_open), None)
         elif clock is None and rising and len(self.headings) > names.FEWEST:
             clock = rising.get(next(i for i in range(len(self.headings)) if len(self.numbers(i))))
-        return [] if clock is None else [replace(clock, why=f"it rises in every row, and {clock.why}")]
+        return [] if clock is None else [replace(clock, why=f"it rises from row to row, and {clock.why}")]
 
     def column_named(self, name: str) -> int:
         """Place of a column by its heading or number from 1.
@@ -314,7 +315,7 @@ class ClockSearch:
         if words == names.FINE:
             return self._fine(column)
         is_ros = heading.name.startswith("%") or words.endswith("header_stamp")
-        is_named = is_ros or names.TIME.match(words) or names.ELAPSED.match(words) or words in names.TIMES
+        is_named = is_ros or names.TIME.match(words) or names.ELAPSED.match(words) or names.TIMES.match(words)
         if not is_named or (words == "t" and names.has_odd_unit(heading)):  # a temperature
             return None
         rank = 1 if words.endswith("header_stamp") else 2 if names.is_plain(heading) or is_ros else 3

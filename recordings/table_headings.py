@@ -107,12 +107,13 @@ def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
     out: list[tuple[str, list[tuple[str, str]]]] = []
     for group, members in groups.items():
         axes = {inner.lower(): name for name, inner in members if inner.lower() in (*AXES, "w")}
-        if len(members) > len(axes) >= len(AXES) <= len({*AXES} & {*axes}):  # with a covariance, for instance
-            out += [(group, _ordered(axes)), *_arrays([name for name, _ in members if name not in axes.values()])]
+        others = [name for name, _ in members if name not in axes.values()]
+        if {*AXES} <= axes.keys() and others and (len(others) < len(AXES) or all(map(_ARRAY.match, others))):
+            out += [(group, _ordered(axes)), *_arrays(others)]  # with a covariance, for instance
         elif len(members) == 1:
             out.append((members[0][0], [(members[0][0], "value")]))
         else:
-            out.append((group, _ordered(axes) if {*AXES} <= axes.keys() else members))
+            out.append((group, _ordered(axes) if {*AXES} <= axes.keys() and not others else members))
     return out
 
 
