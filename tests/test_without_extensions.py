@@ -44,11 +44,12 @@ ROUTES = {
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the program."""
+    """A copy of the program, with what Python has compiled of it: only what a process writes meanwhile is left out."""
     folder = tmp_path_factory.mktemp("tree")
+    ignored = shutil.ignore_patterns("*.pyc.*")
     for name in COPIED:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=ignored)
         else:
             shutil.copy(ROOT / name, folder / name)
     return folder
