@@ -53,19 +53,23 @@ def _sources_of_others() -> Iterator[Path]:
 
 def decoding_sources() -> list[Path]:
     """Source files imported by the decoding process, sorted."""
-    sources: dict[str, Path] = {}
+    sources: list[Path] = []
+    visited: set[str] = set()
     computing = (plugin.module for plugin in plugins_of(COMPUTED_SIGNALS) if plugin.is_there)
     readers = (f"{READERS}.{path.stem}" for path in PACKAGE.joinpath(*READERS.split(".")[1:]).glob("*.py"))
     waiting = [BEGIN, *computing, *readers, *(plugin.module for plugin in protocol_plugins())]
     while waiting:
         module = waiting.pop()
-        path = _path(module)
-        if path is None or module in sources or is_simulator(module):
+        if module in visited:
             continue
-        sources[module] = path
+        visited.add(module)
+        path = _path(module)
+        if path is None or is_simulator(module):
+            continue
+        sources.append(path)
         waiting += [".".join(module.split(".")[:n]) for n in range(1, module.count(".") + 1)]
         waiting += _imported(path)
-    return sorted(sources.values())
+    return sorted(sources)
 
 
 def is_simulator(module: str) -> bool:
