@@ -33,7 +33,7 @@ from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.recordings.readers.bag_folder import METADATA, is_bag_folder
-from imuscope.recordings.readers.euroc_folder import DATA, sensor_folders
+from imuscope.recordings.readers.formats.euroc_folder import DATA, sensor_folders
 from imuscope.recordings.readers.known_files import known_file
 from imuscope.recordings.readers.registry import (
     HEAD_BYTES,

@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from imuscope.recordings.readers.bag_folder import is_bag_folder
-from imuscope.recordings.readers.euroc_folder import sensor_folders
+from imuscope.recordings.readers.formats.euroc_folder import sensor_folders
 from imuscope.recordings.table_options import TableOptions, read_columns
 from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.bag_folder import METADATA
-from imuscope.recordings.readers.euroc_folder import DATA as SENSOR_DATA
-from imuscope.recordings.readers.euroc_folder import SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, decompressed
+from imuscope.recordings.readers.formats.euroc_folder import DATA as SENSOR_DATA
+from imuscope.recordings.readers.formats.euroc_folder import SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular

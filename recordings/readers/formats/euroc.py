@@ -21,7 +21,7 @@ import numpy as np
 
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.readers.euroc_folder import DATA, SENSOR, sensor_folders
+from imuscope.recordings.readers.formats.euroc_folder import DATA, SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.table_set import TableSet
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_options import TableOptions
