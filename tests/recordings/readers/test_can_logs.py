@@ -11,9 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imuscope.protocols.can.lines import LINE, scan
+from imuscope.protocols.compiled import plain
+from imuscope.protocols.framing import QUANTITIES
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats.can_kernels import ASC, LOG, TERMINAL, read_lines, write_lines
 from imuscope.recordings.table_options import TableOptions
 from tests.each_row import each_row
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
@@ -253,3 +257,24 @@ def test_damage_does_no_harm(name: str, tmp_path: Path) -> None:
     data = b"".join(lines_of(golden(name))[:300])
     opens, _ = survives_damage(written(tmp_path / name, data), tmp_path)
     assert opens > 30
+
+
+@each_row(("name", "form"), [("mti.log", LOG), ("mti_terminal.txt", TERMINAL), ("mti.asc", ASC)])
+def test_the_loops_give_the_same_in_plain_python(name: str, form: int) -> None:
+    data = np.frombuffer(b"".join(lines_of(golden(name))[:40]) + b"(1.5) x\n\xff(2026-01-0\n 0.5 1 Z\n", np.uint8)
+    tables = [np.zeros((LINE, 64), np.int64) for _ in range(2)]
+    counts = [read(data, 0, form, table) for read, table in zip((read_lines, plain(read_lines)), tables, strict=True)]
+    assert counts[0] == counts[1]
+    np.testing.assert_array_equal(*tables)
+    frames = np.ascontiguousarray(tables[0][:, : counts[0][0]])
+    written_by = []
+    for write in (write_lines, plain(write_lines)):
+        out, ends = np.zeros(5000, np.uint8), np.zeros(frames.shape[1], np.int64)
+        written_by.append(bytes(out[: write(data, frames, np.arange(frames.shape[1]) * 1_000_001, out, ends)]))
+    assert written_by[0] == written_by[1]
+    lines = np.frombuffer(written_by[0] + b"(1.5) x\n#CAN {}\n", np.uint8)
+    tables = [np.zeros((QUANTITIES, 64), np.int64) for _ in range(2)]
+    ends_of = [one(lines, 0, True, table) for one, table in zip((scan, plain(scan)), tables, strict=True)]
+    assert ends_of[0] == ends_of[1]
+    np.testing.assert_array_equal(*tables)
+    assert ends_of[0][0] == frames.shape[1] + 2
