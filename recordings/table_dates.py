@@ -29,7 +29,7 @@ _CLOCK = re.compile(
 _PACKED = re.compile(r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T _-]?([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d*)\s*$")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _IN_WORDS = re.compile(rf"^\s*(\d{{1,2}})[- ]({'|'.join(_MONTHS)})[a-z]*[- ](\d{{4}})\b", re.IGNORECASE)
-_PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d*)?\s*$")
+_PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d+)?\s*$")
 
 
 @dataclass(frozen=True, slots=True)

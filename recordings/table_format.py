@@ -159,9 +159,10 @@ def _format(name: str, lines: list[str]) -> TableFormat:
 
 def _empatica_start(rows: Sequence[Sequence[str]]) -> float:
     """Start in the first row of a table without a heading, if it is a date in every cell, and the second row a rate."""
-    if len(rows) < 2 or any(len({float(cell) for cell in row}) > 1 for row in rows if all(map(is_number, row))):
+    cells = [{cell.strip() for cell in row} for row in rows]
+    if len(rows) < 2 or any(len(one) > 1 for one in cells):
         return 0.0
-    start, rate = (float(row[0]) if is_number(row[0]) else 0.0 for row in rows)
+    start, rate = (float(one) if one.replace(".", "", 1).isdecimal() else 0.0 for row in cells for one in row)
     return start if is_dated(start, np.inf) and 0 < rate < FASTEST_FRACTION and rate == round(rate) else 0.0
 
 

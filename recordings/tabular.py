@@ -54,7 +54,7 @@ MOST_CELLS_NAMED = 4
 _TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
-_RATE = re.compile(r"^\s*([0-9.]+)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
+_RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
 _RATE_NAME = re.compile(
     r"^((update|output|sampl(e|ing)|data|log(ging)?|measurement)[ _]?)?(rate|frequency|freq)$|^fs$|^odr$"
 )

@@ -84,7 +84,8 @@ def _names_column(path: Path) -> tuple[TableFormat, int] | None:
         return None
     for column, heading in enumerate(form.headings):
         names = {row[column].strip() for row in form.sample}
-        if not 2 <= len(names) <= MOST_NAMES or any(is_number(one) or is_moment(one) or not one for one in names):
+        most = min(MOST_NAMES, len(form.sample) // FEWEST_ROWS)  # so that one has rows enough
+        if not 2 <= len(names) <= most or any(is_number(one) or is_moment(one) or not one for one in names):
             continue
         if _KEY.match(words_of(heading)) or sum(map(bool, map(SENSOR.search, names))) > 1:
             return form, column

@@ -123,6 +123,7 @@ START = 1_500_000_000
         ("", "1500000000{n:03}000,{x},0,9", START, "column 1 in µs, since 1970 (UTC)"),
         ("", "{n},1500000000.{n:02},{x},0,9", START, "column 2 in s, since 1970 (UTC)"),
         ("", "{s} {x} 0 9", None, "column 1 in s, since the start of the device"),
+        ("", "10,{n:02};0,{x};0,0;9,8", None, "read with a decimal comma"),
         ("", "2017-07-14 02:40:{n:02}.000,{x},0,9", START, "column 1, since 1970 (UTC)"),
         ("Date,Timestamp,a_x\n", "2017-07-14 02:40:00,1500000000.{n:02},{x}", START, "Timestamp in s"),
         (HEADED("uptime_ms,server_time"), "{ms},2017-07-14 02:40:{n:02},0,0,9", START, "date is that of server_time"),
