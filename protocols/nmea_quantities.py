@@ -26,6 +26,7 @@ import numpy as np
 from imuscope.protocols.events import Batch, Text
 from imuscope.protocols.nmea import SENTENCES
 from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.ubx_content import fields_of
 
 _XYZ = ("x", "y", "z")
 _NED = ("north", "east", "down")
@@ -46,6 +47,14 @@ TOGETHER: Mapping[tuple[str, ...], Field] = {
     ),
     ("velX", "velY", "velZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3),
     ("velN", "velE", "velD"): Field("VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, frame="NED"),
+    ("xAccel", "yAccel", "zAccel"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=2),
+    ("accelX", "accelY", "accelZ"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3),
+    ("xAngRate", "yAngRate", "zAngRate"): Field(
+        "RateOfTurn", "f8", (3,), unit="°/s", axes=_XYZ, decimals=3, title="Rate of turn"
+    ),
+    ("gyroX", "gyroY", "gyroZ"): Field(
+        "RateOfTurn", "f8", (3,), unit="°/s", axes=_XYZ, decimals=3, title="Rate of turn"
+    ),
     ("pqrX", "pqrY", "pqrZ"): Field(
         "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn", frame="body"
     ),
@@ -139,7 +148,7 @@ def _message(kind: tuple[str, ...]) -> Message:
     whole = [(group, field) for group, field in TOGETHER.items() if set(group) <= set(names)]
     in_groups = {one for group, _ in whole for one in group}
     fields = [field for _, field in whole]
-    own = {field.name: field for field in SENTENCES[name].fields} if name in SENTENCES else {}
+    own = {field.name: field for field in SENTENCES[name].fields} if name in SENTENCES else fields_of(name)
     fields += [_named(one, own.get(one)) for one in names if one not in in_groups]
     title = name if protocol == name.lower() else f"{protocol.upper()} {name}"
     return Message(0, name, tuple(fields), separate_channels=tuple(field.name for _, field in whole), title=title)
