@@ -14,7 +14,7 @@ INTRODUCTION = (
 )
 OTHERS = (
     "NMEA 0183 sentences",
-    "UBX and RTCM 3 messages",
+    "UBX messages: position, velocity, attitude, time and sensors of a u-blox receiver; others, and RTCM 3, are counted",
 )
 FILES = (
     "recordings of imuscope, and other MCAP files with numbers (protobuf, ROS 2, JSON)",
