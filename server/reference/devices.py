@@ -14,14 +14,13 @@ INTRODUCTION = (
 )
 OTHERS = (
     "NMEA 0183 sentences",
-    "UBX messages: position, velocity, attitude, time and sensors of a u-blox receiver; others, and RTCM 3, are counted",
+    "UBX messages: position, velocity, attitude, time and sensors of a u-blox receiver; RTCM 3 messages",
 )
 FILES = (
     "recordings of imuscope, and other MCAP files with numbers (protobuf, ROS 2, JSON)",
-    "ROS 2 bags",
     *(f"`{log.suffix}` of {family.title}" for family, log in log_formats()),
     "raw captures of any protocol below",
-    "text tables (CSV, exports of MT Manager and of loggers), see Time of a file in the guide",
+    "bags of ROS 1 and 2, logs of flight controllers and of a CAN bus, arrays, tables: see Recordings in the guide",
 )
 
 
