@@ -116,7 +116,8 @@ def test_a_bag_is_downloaded_as_a_zip(tmp_path: Path) -> None:
             [one] = client.get("/api/recordings/exports").json()
             return one if one["state"] not in ("waiting", "running") else None
 
-        assert block_until(done, "the export is finished")["file"] == "A-drive-rosbag2-mcap.zip"
+        state = block_until(done, "the export is finished")
+        assert state["file"] == "A-drive-rosbag2-mcap.zip", state
         data = client.get(f"/api/recordings/exports/{job}/file").content
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         assert archive.namelist() == ["A-drive.rosbag2/A-drive.rosbag2.mcap", "A-drive.rosbag2/metadata.yaml"]
