@@ -79,6 +79,7 @@ FEWEST_POINTS = 6  # of the envelope, from which their own scatter gives their a
 FORGET_NS = 120e9  # a delay hidden by an adapter moves with the drift between two crystals: for this long ...
 WANDER = 1.4  # ... it may have moved by the hidden amount, and more, while the drift was learned
 JUDGED_NS, JUDGED_FROM = 0.2e9, 64  # how often the delays are judged, once there are this many
+JUDGED_LATER_NS, LATER_NS = 1e9, 30e9  # and how often after that time: those of the last seconds change slowly then
 STEP_NS = 50e6  # rows this far below the line are a step of the clock: three times the longest USB burst
 SMALLEST_STEP_NS, STEP_BOUNDS = 1e6, 4  # once the line is known, a step is this much and this many ± below it
 
@@ -160,7 +161,8 @@ class ClockModel:
             self.begin_at(self.intercept, 0.0)
         elif self.newest - self._planned >= PLAN_NS:
             self._plan(settled)
-        if self.newest - self._tested >= JUDGED_NS or self.late.rows <= JUDGED_FROM:
+        interval = JUDGED_NS if self.newest < LATER_NS else JUDGED_LATER_NS
+        if self.newest - self._tested >= interval or self.late.rows <= JUDGED_FROM:
             self._test_step()
 
     def _append_history(

@@ -50,6 +50,7 @@ LEFT_OUT_S = 10.0  # a gap this soon after bytes were left out is attributed to 
 SLICE_NS = 1_000_000_000  # part of a drain that is mapped to host time at once
 PAUSE_S = 5.0  # shortest reported pause of a capture, by the device's clock
 NEAR_S = 0.5  # a jump that ends this near the end of a pause is that pause
+NO_TIMES: NDArray[np.float64] = np.zeros(0)
 REMAP_INTERVAL_S = 10.0  # between reports, so that an unsettled mapping does not fill the log
 REPORTED_ONCE = ("no_key",)  # by server/devices/stream_diagnostics.py, not for every frame
 MAX_INTERRUPTIONS = 64  # remembered while no frame arrives
@@ -219,9 +220,10 @@ class Ingest:
     def ingest(self, events: Sequence[Event]) -> None:
         """Process decoded events of this device, in stream order."""
         batches = [event for event in events if isinstance(event, Batch) and len(event)]
-        steps = [event for event in events if isinstance(event, ClockStep)]
+        others = events if len(batches) < len(events) else ()  # samples only, the usual case
+        steps = [event for event in others if isinstance(event, ClockStep)]
+        texts = [event for event in others if isinstance(event, Text)]
         times = self._host_times(batches, steps)
-        texts = [event for event in events if isinstance(event, Text)]
         if self._kinds is not None:
             self._update_identity(events, self._kinds)
         by_gnss = not self._line.timed and self._line.by_gnss()
@@ -277,7 +279,7 @@ class Ingest:
         A drain of a recording may span many seconds, in which the clock may step and its mapping restart. So rows are
         mapped a second at a time, with the knowledge at that time, as they were live.
         """
-        out = [np.full(len(batch), np.nan) for batch in batches]
+        out = [np.full(len(batch), np.nan) if batch.time_ns is None else NO_TIMES for batch in batches]
         clock_sets = [step for step in steps if step.kind == "sync" and step.by_ns]
         if isinstance(self.clock, CaptureClock):
             self.clock.stepped([step.offset for step in steps if step not in clock_sets])
@@ -294,6 +296,8 @@ class Ingest:
             return out
         seconds = np.unique(np.concatenate([(part.arrival - first) // SLICE_NS for part in whole.values()]))
         done = dict.fromkeys(whole, 0)
+        for i in timed:
+            out[i] = np.full(len(batches[i]), np.nan)
         for edge in (first + (seconds + 1) * SLICE_NS).tolist():  # none of a long pause
             ends = {i: int(np.searchsorted(part.arrival, edge)) for i, part in whole.items()}
             rows = {i: slice(done[i], end) for i, end in ends.items() if done[i] < end}
