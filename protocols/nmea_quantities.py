@@ -32,6 +32,7 @@ _XYZ = ("x", "y", "z")
 _NED = ("north", "east", "down")
 _SIDES = re.compile(r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$")  # fields with the direction of the number before
 _NEGATIVE = frozenset("SWLPB")  # south, west, left (port); in PHTRO bow down and port down
+_ABOUT_FRAME = {"class", "id", "number", "length"}  # of a UBX or RTCM message whose content is not read
 _MAX_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
 TOGETHER: Mapping[tuple[str, ...], Field] = {
@@ -46,7 +47,9 @@ TOGETHER: Mapping[tuple[str, ...], Field] = {
         "MagneticField", "f8", (3,), unit="a.u.", axes=_XYZ, decimals=4, title="Magnetic field"
     ),
     ("velX", "velY", "velZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3),
-    ("velN", "velE", "velD"): Field("VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, frame="NED"),
+    ("velN", "velE", "velD"): Field(
+        "VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, title="Velocity", frame="NED"
+    ),
     ("xAccel", "yAccel", "zAccel"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=2),
     ("accelX", "accelY", "accelZ"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3),
     ("xAngRate", "yAngRate", "zAngRate"): Field(
@@ -117,7 +120,7 @@ class NmeaQuantities:
             if not text.name:
                 continue
             numbers = _numbers(text.fields)
-            if numbers:
+            if numbers.keys() - _ABOUT_FRAME:
                 kinds.setdefault((text.protocol, text.name, *numbers), []).append((text, list(numbers.values())))
         return [self._batch(kind, rows) for kind, rows in kinds.items()]
 
