@@ -6,10 +6,10 @@ It runs in the thread of a recording's writer, and ends at least once a second, 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 
 import numpy as np
 
+from imuscope.protocols.messages.records import records_of
 from imuscope.recordings import record_kernel as rows
 from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.read_memory import MAX_READS, NEVER, ReadFollower
@@ -86,16 +86,6 @@ class DirectWriter:
         self._followed = [one for one in self._followed if not one[1].has_ended]
         written, size, part = self._counters.tolist()
         self._counters.fill(0)
-        writer.note_written(written, records(self._out[:size].tobytes()), part)
+        unwritten = [record for _, record in records_of(self._out[:size].tobytes())]
+        writer.note_written(written, unwritten, part)
         return bool(result == 0)
-
-
-def records(data: bytes) -> Sequence[bytes]:
-    """The records in `data`."""
-    parts = []
-    at = 0
-    while at < len(data):
-        end = at + 9 + int.from_bytes(data[at + 1 : at + 9], "little")
-        parts.append(data[at:end])
-        at = end
-    return parts

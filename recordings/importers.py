@@ -254,20 +254,19 @@ def open_file(
     table = table or TableOptions()
     if not is_packed and not is_complete:
         table = over(table, sidecar.chosen_reading(path, head).table)
-    suffix = path.suffix.lower()
+    request, suffix = OpenRequest(path, protocol, table, is_packed), path.suffix.lower()
     if (reader := marked_reader(head)) is not None:
-        return _read(reader, OpenRequest(path, protocol, table, is_packed))
+        return _read(reader, request)
     log_format = vendor_logs.marked_format(head)
     if log_format is None:
         reader, log_format = suffix_reader(suffix), vendor_logs.suffix_format(suffix)
         if (reader or log_format) and not protocol and known_file(head) is not None:
             raise _unknown(path, head)  # the first bytes say more than the suffix
     if reader is not None:
-        return _read(reader, OpenRequest(path, protocol, table, is_packed))
+        return _read(reader, request)
     if log_format is not None:
         log = _log(path, *log_format, protocol)
-        return log if log.protocol or not has_rows(path) else CsvSource(path, table)
-    request = OpenRequest(path, protocol, table, is_packed)
+        return log if log.protocol or not is_table(path) else _table(request)
     if suffix in TABLES:
         if not protocol and known_file(head) is not None:
             raise _unknown(path, head)

@@ -143,6 +143,20 @@ def line_end(data: Bytes, at: int, end: int) -> int:
     return at
 
 
+@compiled(INT, INTS, INT, INT, INT, INT, INT, INT, INT)
+def fill_line(line: Ints, body: int, length: int, number: int, kind: int, stamp: int, bus: int, key: int) -> int:
+    """Set the quantities of a line but its place and its size."""
+    line[BODY] = body
+    line[LENGTH] = length
+    line[ID] = number
+    line[SENDER] = kind
+    line[STATUS] = FRAME
+    line[STAMP] = stamp
+    line[BUS] = bus
+    line[BUS_KEY] = key
+    return 0
+
+
 @compiled(INT, BYTES, INT, INT, INTS)
 def frame_at(data: Bytes, at: int, end: int, line: Ints) -> int:
     """Read the line of a frame that begins at a place, into the LINE quantities of `line`.
@@ -199,14 +213,7 @@ def frame_at(data: Bytes, at: int, end: int, line: Ints) -> int:
         return DAMAGED
     line[OFFSET] = at
     line[SIZE] = after - at
-    line[BODY] = body
-    line[LENGTH] = count
-    line[ID] = number
-    line[SENDER] = kind
-    line[STATUS] = FRAME
-    line[STAMP] = stamp
-    line[BUS] = bus
-    line[BUS_KEY] = key
+    fill_line(line, body, count, number, kind, stamp, bus, key)
     return after
 
 

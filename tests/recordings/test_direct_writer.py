@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from imuscope.protocols.compiled import plain
 from imuscope.recordings import record_kernel
 from imuscope.recordings.direct_writer import DirectWriter
+from imuscope.recordings.mcap_records import MESSAGE_HEAD
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.read_memory import MAX_READS, READ_COUNT, ReadFollower, ReadMemory
 from imuscope.recordings.recording_writer import Limits, RecordingWriter
@@ -90,6 +91,10 @@ def test_each_read_is_written_once_with_its_time(each_kernel: None, data: st.Dat
         assert theirs(path) == read(path)
         for device, source in sources.items():
             assert chunks(path, device) == source.expected
+
+
+def test_the_head_of_a_record_is_that_of_a_message() -> None:
+    assert MESSAGE_HEAD.size == record_kernel.HEAD_BYTES
 
 
 def test_a_shift_is_added_to_the_times(tmp_path: Path, each_kernel: None) -> None:

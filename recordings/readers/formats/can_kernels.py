@@ -14,7 +14,6 @@ import numpy as np
 
 from imuscope.protocols.can.lines import (
     BUS,
-    BUS_KEY,
     DAMAGED,
     DATA,
     ERROR,
@@ -23,7 +22,7 @@ from imuscope.protocols.can.lines import (
     LINE,
     LONGEST_NAME,
     REQUEST,
-    STAMP,
+    fill_line,
     frame_at,
     hex_digit,
     identifier_at,
@@ -33,7 +32,7 @@ from imuscope.protocols.can.lines import (
 )
 from imuscope.protocols.compiled import BYTES, INT, INTS, PAIR, TABLE, TRIPLE, ArrayType, compiled
 from imuscope.protocols.events import Array
-from imuscope.protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, SENDER, SIZE, STATUS, Bytes, Ints
+from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE, Bytes, Ints
 
 LOG, TERMINAL, ASC = range(3)
 """Forms of a log."""
@@ -98,19 +97,6 @@ def _count_pairs(data: Bytes, at: int, end: int, most: int) -> int:
     return count
 
 
-@compiled(INT, INTS, INT, INT, INT, INT, INT, INT, INT)
-def _fill(line: Ints, body: int, length: int, number: int, kind: int, stamp: int, bus: int, key: int) -> int:
-    line[BODY] = body
-    line[LENGTH] = length
-    line[ID] = number
-    line[SENDER] = kind
-    line[STATUS] = FRAME
-    line[STAMP] = stamp
-    line[BUS] = bus
-    line[BUS_KEY] = key
-    return 0
-
-
 @compiled(INT, BYTES, INT, INT, INTS)
 def _terminal_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     """Read a line of candump on a terminal; 0, or DAMAGED."""
@@ -152,7 +138,7 @@ def _terminal_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
         kind = REQUEST
     if kind == DATA and (length > 8 or _count_pairs(data, place, stop, length) != length):
         return DAMAGED
-    _fill(line, place, length, number, kind, stamp, bus, key)
+    fill_line(line, place, length, number, kind, stamp, bus, key)
     return 0
 
 
@@ -170,7 +156,7 @@ def _asc_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     if place - bus == 5 and int(data[place - 1]) == 68:  # CANFD
         bus = _skip(data, place, stop)
         key, place = name_at(data, bus, stop)
-        _fill(line, place, 0, 0, FD, stamp, bus, key)
+        fill_line(line, place, 0, 0, FD, stamp, bus, key)
         return 0
     first = _skip(data, place, stop)
     number = 0
@@ -179,7 +165,7 @@ def _asc_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
         number = 16 * number + hex_digit(int(data[place]))
         place += 1
     if place < stop and int(data[place]) == _R and int(data[first]) == _E:  # ErrorFrame
-        _fill(line, place, 0, 0, ERROR, stamp, bus, key)
+        fill_line(line, place, 0, 0, ERROR, stamp, bus, key)
         return 0
     if place == first or place >= stop:
         return DAMAGED
@@ -197,7 +183,7 @@ def _asc_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     if place >= stop:
         return DAMAGED
     if int(data[place]) == _R:
-        _fill(line, place, 0, number, REQUEST, stamp, bus, key)
+        fill_line(line, place, 0, number, REQUEST, stamp, bus, key)
         return 0
     if int(data[place]) != _D:
         return DAMAGED
@@ -206,7 +192,7 @@ def _asc_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     body = _skip(data, place + 1, stop)
     if length < 0 or length > 8 or _count_pairs(data, body, stop, length) != length:
         return DAMAGED
-    _fill(line, body, length, number, DATA, stamp, bus, key)
+    fill_line(line, body, length, number, DATA, stamp, bus, key)
     return 0
 
 
