@@ -220,10 +220,10 @@ class FrameFormat:
         rows: rows of its messages, named as its listing prints them: title, text and section of the document.
         composer: makes frames from words and JSON, with the settings of the given options.
         permissive: keywords of a decoder that accepts frames unchecked, for inspecting bytes.
-        frame_size: name of a module with a function `frame_size(data, at)` (server/holder/queues.py, FrameSize), which
+        frame_size: name of a module with a function `frame_size(data, at)` (FrameSize of the shared ports), which
             imports nothing heavy: with it a slow client of a shared port loses whole frames. "" for none.
-        configuration_frames: name of a module with a function `effect_of(frame)` (server/holder/client_frames.py,
-            Effect), which imports nothing heavy: with it imuscope waits while a client of a shared port configures the
+        configuration_frames: name of a module with a function `effect_of(frame)` (Effect of the shared
+            ports), which imports nothing heavy: with it imuscope waits while a client of a shared port configures the
             device, and shows what it changed. "" for none.
     """
 

@@ -208,12 +208,6 @@ def _rearm(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
-def _hold(options: argparse.Namespace) -> None:
-    from imuscope.server.commands.hold import hold
-
-    hold(options.source, options.shares)
-
-
 def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
@@ -311,7 +305,6 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "send": _send,
     "commands": _commands,
     "rearm": _rearm,
-    "hold": _hold,
     "record": _record,
     "replay": _replay,
     "decode": _decode,

@@ -14,7 +14,7 @@
     split_mb = 2000             # size at which a recording continues in a new file
     split_min = 60              # … or duration
     sync_s = 10                 # time between two writes of a recording to the disk itself; 0: left to the system
-    shares = { "/dev/ttyUSB0" = ["/run/imuscope/imu0", "tcp://127.0.0.1:4001"] }  # for other programs (server/holder)
+    shares = { "/dev/ttyUSB0" = ["/run/imuscope/imu0", "tcp://127.0.0.1:4001"] }  # for other programs
     foxglove = 8765             # serve the Foxglove protocol, on this loopback port and at /foxglove
     rerun_connect = "rerun+http://desk.local:9876/proxy"  # stream to this Rerun viewer
     ros2 = true                 # devices as nodes of ROS 2, through the Zenoh router at ros2_router
@@ -60,7 +60,6 @@ from imuscope.server.devices.decode_options import (
     source_options,
 )
 from imuscope.server.extension_settings import ExtensionSettings, extension_settings, shipped_owner
-from imuscope.server.holder.shares import ShareAddress, ShareError
 from imuscope.server.logging_setup import LEVELS, STYLES
 from imuscope.server.setting_types import Form, allowed_by, empty_or, one_of, refusal_of, zero_or
 
@@ -146,8 +145,6 @@ class Config:
         split_mb, split_min: size (10⁶ bytes) or duration at which a recording continues in a new file; 0 for never.
         sync_s: time between two fdatasyncs of a recording, whose end a power cut loses; 0 to leave them to the system.
         record_head: request the Configuration of an Xsens device when a recording begins (it pauses for a moment).
-        shares: addresses at which the port of a source is offered to other programs, by source
-            (server/holder/shares.py).
         upload_gb: maximum size of an uploaded recording, 10⁹ bytes.
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
@@ -178,7 +175,6 @@ class Config:
     split_min: Annotated[float, zero_or(0.01, 1e6, "min")] = 0.0
     sync_s: Annotated[float, zero_or(0.1, 60, "s", "left to the system")] = 1.0
     record_head: bool = True
-    shares: dict[str, tuple[str, ...]] = field(default_factory=dict)
     upload_gb: Annotated[float, Interval(gt=0, le=1e6)] = 16.0
     log_format: Annotated[str, one_of(*STYLES)] = "text"
     log_level: Annotated[str, one_of(*LEVELS)] = "info"
@@ -275,7 +271,6 @@ def _checked(settings: Mapping[str, Any]) -> Config:
         raise ConfigError(f"{present} needs {other}: the files of a certificate and of its key.")
     if config.tls and config.tls_cert:
         raise ConfigError("tls creates a certificate and tls_cert names one: give one of the two.")
-    _check_shares(config)
     try:
         for one in config.extensions:
             one.check()
@@ -310,20 +305,6 @@ def _decode_options(settings: Mapping[str, Any]) -> dict[str, str | bool]:
             shown = "…" if option.kind == "secret" else repr(value)
             raise ConfigError(f"{name} must be {_TYPES[kind]}, not {shown}.")
     return dict(settings)
-
-
-def _check_shares(config: Config) -> None:
-    """Raise ConfigError for an invalid share, one given twice, or one of a source that is not opened."""
-    names: list[str] = []
-    for source, texts in config.shares.items():
-        if source not in config.sources:
-            raise ConfigError(f"shares has {source!r}, which is not among the sources: {', '.join(config.sources)}.")
-        try:
-            names += [ShareAddress.parse(text).text for text in texts]
-        except ShareError as error:
-            raise ConfigError(f"shares of {source}: {error}.") from None
-    if twice := next((name for name in names if names.count(name) > 1), ""):
-        raise ConfigError(f"shares has {twice} twice; give each address once.")
 
 
 def _as_tuples(value: Any) -> Any:

@@ -30,6 +30,7 @@ SHIPPED: Mapping[str, Sequence[str]] = {
         *("ros2", "ros2_domain", "ros2_router", "ros2_namespace", "ros2_reliability", "ros2_depth"),
         *("ros2_axes", "ros2_frames", "ros2_map_frame", "ros2_tf"),
     ),
+    "shares": ("shares",),
 }
 """Settings of imuscope's own extensions, for an error when one is not installed, and so cannot name them."""
 

@@ -12,7 +12,7 @@ OWN = "imuscope"
 ROOT = Path("/")
 MOST_COMM = 15  # characters of a program's name that the kernel keeps
 SHARED_PATH = "/run/imuscope/imu0"  # an example
-MODULE = re.compile(r" -m imuscope(\.server\.(cli|holder))?( |$)")
+MODULE = re.compile(r" -m imuscope(\.server\.(cli|[\w.]+\.holder))?( |$)")
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,6 @@ from imuscope.server.auth import Access
 from imuscope.server.capability_list import list_capabilities
 from imuscope.server.config import Config
 from imuscope.server.configuration.controllers import ControllerRegistry
-from imuscope.server.configuration.port_shares import PortShares
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.devices.byte_memory import ByteMemory
 from imuscope.server.devices.decode_options import DecodeOptions
@@ -67,7 +66,6 @@ class Services:
     metrics: Metrics
     sessions: Sessions
     controllers: ControllerRegistry
-    shares: PortShares
     catalogue: Catalogue
     columns: ColumnCache
     recorder: Recorder
@@ -145,7 +143,7 @@ def build_services(
     EventLogger(bus)
     sessions = Sessions(
         bus,
-        lambda source, settings: shares.shared(open_link(source, settings)),
+        open_link,
         protocol_set or all_protocols(),
         LinkSettings(now_ns=now_ns),
         sequences=SequenceStore(config.data),
@@ -155,7 +153,6 @@ def build_services(
         names=DeviceNames(config.data),
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
-    shares = PortShares(bus, sessions, controllers, config.shares)
     library = Library(config.data / FOLDER, tables=TableMemory(config.data))
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
@@ -170,7 +167,6 @@ def build_services(
         metrics=Metrics(bus),
         sessions=sessions,
         controllers=controllers,
-        shares=shares,
         catalogue=catalogue,
         columns=columns,
         recorder=recorder,

@@ -36,7 +36,7 @@ KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, 
 # name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
 COMMON = {
     *("backoff", "capabilities", "errors", "heartbeat", "limiters", "listeners", "previous_names", "printable"),
-    *("processes", "prometheus_text", "read_kernel", "rate_meter", "version", "wire", "workers"),
+    *("processes", "prometheus_text", "read_kernel", "rate_meter", "terminals", "version", "wire", "workers"),
 }
 SERVER: dict[str, set[str]] = {
     **{part: set() for part in sorted(COMMON)},
@@ -50,22 +50,20 @@ SERVER: dict[str, set[str]] = {
     "timings": set(),
     "workspaces": set(),
     "fair_queue": set(),
-    **{part: set() for part in ("logging_setup", "setting_types", "extension_settings", "holder")},
+    **{part: set() for part in ("logging_setup", "setting_types", "extension_settings")},
     "handshakes": {"connections"},
-    "links": {"holder"},
+    "links": set(),
     "diagnostics": set(),
     "capability_list": {"links"},
     "streaming": {"wire_codec"},
     "devices": {"wire_codec", "links", "streaming"},
-    "config": {
-        *("extension_settings", "logging_setup", "devices", "holder", "setting_types"),
-    },
+    "config": {"extension_settings", "logging_setup", "devices", "setting_types"},
     "tls": {"config"},
     "login_throttle": {"config"},
     "auth": {"config", "login_throttle", "security_headers"},
     "rate_limit": {"auth", "login_throttle"},
     "metrics": {"devices", "streaming"},
-    "configuration": {"holder", "wire_codec", "links", "streaming", "devices"},
+    "configuration": {"wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "links", "streaming", "devices", "config", "configuration"},
     "decode_worker": {"devices", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth"},
@@ -121,7 +119,7 @@ SERVER: dict[str, set[str]] = {
     },
     "commands": {
         *("app", "auth", "config", "configuration", "devices", "diagnostics"),
-        *("extension", "extension_settings", "holder"),
+        *("extension", "extension_settings"),
         *(
             "http_server",
             "library",
@@ -151,7 +149,7 @@ ONE_PLACE = {
 
 # Files that start processes without the worker, and why.
 STARTS_A_PROCESS = {
-    "server/links/held.py": "the holder outlives the server",
+    "server/extensions/shares/shared_port_link.py": "the holder outlives the server",
     "protocols/compiler/build.py": "runs the C compiler when a package is built, never in a server",
     "server/version.py": "asks git once; the build of the package runs it without ours",
     "server/extensions/rerun/assets.py": "runs once in a thread, at the first opening of the page",

@@ -68,8 +68,11 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "links/test_baud_scan.py": ({"wait": 1}, "the plug is pulled at any moment of the search"),
     "links/test_capture_file.py": ({"clock": 2, "wait": 2}, "a file is read ahead, and nothing tells how far"),
     "links/test_foxglove_source.py": ({"clock": 5}, STAMPS),
-    "links/test_held.py": ({"clock": 4, "wait": 1}, "a holder that is quiet for a time of its own process"),
-    "links/test_held_clients.py": ({"clock": 6}, "a client that is quiet for a time of the holder's process"),
+    "extensions/shares/test_held.py": ({"clock": 4, "wait": 1}, "a holder that is quiet for a time of its own process"),
+    "extensions/shares/test_held_clients.py": (
+        {"clock": 6},
+        "a client that is quiet for a time of its holder",
+    ),
     "links/test_network.py": ({"wait": 2}, "a host that never answers; a reading thread that is held up"),
     "links/test_read_loop.py": ({"clock": 5}, "a wait lasts at least as long as was asked for"),
     "links/test_replay.py": ({"wait": 1}, "the second device is opened later"),

@@ -38,6 +38,7 @@ ROUTES = {
     "viser": "/viser",
     "rerun": "/rerun/",
     "ros2": "/api/ros2",
+    "shares": "/api/devices/1/shares",
 }
 """A path that only the extension answers."""
 

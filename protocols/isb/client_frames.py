@@ -51,7 +51,7 @@ PERIOD = 6 + 6  # where the period of a request is: after the header, and data s
 
 
 def effect_of(packet: bytes) -> Literal["", "begin", "change", "end"]:
-    """The effect of a whole packet or sentence (server/holder/client_frames.py, Effect)."""
+    """The effect of a whole packet or sentence (server/extensions/shares/holder/client_frames.py, Effect)."""
     if packet[:1] == b"$":
         word, is_set = packet[1:5], packet[5:6] == b","
         return "change" if word in SENTENCES or (word == b"ASCE" and is_set) else ""

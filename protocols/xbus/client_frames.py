@@ -34,7 +34,7 @@ GO_TO_MEASUREMENT, GO_TO_CONFIG, WAKE_UP_ACK, RESET = 0x10, 0x30, 0x3F, 0x40
 
 
 def effect_of(frame: bytes) -> Literal["", "begin", "change", "end"]:
-    """The effect of a whole frame (server/holder/client_frames.py, Effect)."""
+    """The effect of a whole frame (server/extensions/shares/holder/client_frames.py, Effect)."""
     number = frame[2]
     if number in (GO_TO_CONFIG, WAKE_UP_ACK):
         return "begin"

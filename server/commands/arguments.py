@@ -25,7 +25,7 @@ from imuscope.server.version import described
 ABSENT = {command.name: one.extra for one in absent_extensions() for command in one.commands}
 """Commands of extensions whose packages are not installed, with the extra that has them."""
 COMMANDS = (
-    *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
+    *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "record", "replay"),
     *("decode", *extension_commands(), *ABSENT, "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
@@ -144,9 +144,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     for at, word in enumerate(rest):  # the number of such an option may be left out, and then no source is one
         if word in bare and not (at + 1 < len(rest) and rest[at + 1].lstrip("-").isdigit()):
             rest[at] = f"{word}={bare[word]}"
-    owners = _owners_of_shares(command, rest) if words[0] == "serve" else []
     options = command.parse_intermixed_args(rest)
-    options.share_owners = owners
+    options.words = rest
     options.command = words[0]
     variables = dict(ENVIRONMENT)
     if words[0] in DECODE_SCOPES or words[0] == "simulate":
@@ -164,16 +163,6 @@ class _PrintVersion(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(described())
         parser.exit()
-
-
-def _owners_of_shares(command: argparse.ArgumentParser, words: Sequence[str]) -> list[int]:
-    """For each --share the position of the source before it, which argparse does not keep; −1 for none."""
-    owners = []
-    for at, word in enumerate(words):
-        if word == "--share" or word.startswith("--share="):
-            before, _ = command.parse_known_intermixed_args(list(words[:at]))
-            owners.append(len(before.sources) - 1)
-    return owners
 
 
 def parser(*, with_help: bool = True, command: str = "") -> _Parser:
@@ -200,7 +189,6 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_send(commands.add_parser, about)
     _add_commands(commands.add_parser)
     _add_rearm(commands.add_parser)
-    _add_hold(commands.add_parser)
     _add_record(commands.add_parser, about)
     _add_replay(commands.add_parser)
     _add_simulate(commands.add_parser)
@@ -224,14 +212,6 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
     )
     command.add_argument("sources", nargs="*", metavar="SOURCE", help=about.sources)
     add_page_address(command)
-    command.add_argument(
-        "--share",
-        action="append",
-        dest="shares",
-        metavar="ADDRESS",
-        help="offer the port of the source before it to other programs: PATH of a pseudo-terminal, tcp://HOST:PORT or "
-        "udp://HOST:PORT, each with ?mode=read to forbid writing; may be repeated",
-    )
     command.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
     for kind in extension_settings():
         kind.add_options(command)
@@ -319,23 +299,6 @@ def _add_rearm(add_parser: _AddParser) -> None:
         "--token", default="", metavar="TOKEN", help="control token of the server, or @FILE containing it"
     )
     _add_data(command)
-
-
-def _add_hold(add_parser: _AddParser) -> None:
-    command = add_parser(
-        "hold",
-        help="keep a port open and share it with other programs, whether or not a server runs",
-        epilog="A server of the same user finds the holder when it opens the port.",
-    )
-    command.add_argument("source", metavar="SOURCE", help="/dev/ttyUSB0?baud=921600 or tcp://host:port")
-    command.add_argument(
-        "--share",
-        action="append",
-        required=True,
-        dest="shares",
-        metavar="ADDRESS",
-        help="PATH of a pseudo-terminal, tcp://HOST:PORT or udp://HOST:PORT; may be repeated",
-    )
 
 
 def _add_record(add_parser: _AddParser, about: _Registered) -> None:

@@ -185,23 +185,6 @@ def normalized_sources(sources: Sequence[str]) -> list[str]:
     return ["/dev/stdin" if source == "-" else source for source in sources]
 
 
-def shares_by_source(shares: Sequence[str], owners: Sequence[int], sources: Sequence[str]) -> dict[str, list[str]]:
-    """The addresses of --share, by the source before each.
-
-    Args:
-        owners: position of that source; −1 for none.
-
-    Raises:
-        UsageError: a --share is before all sources.
-    """
-    by_source: dict[str, list[str]] = {}
-    for share, owner in zip(shares, owners, strict=True):
-        if owner < 0:
-            raise UsageError(f"--share {share} has no source before it: give the source first, then its shares")
-        by_source.setdefault(sources[owner], []).append(share)
-    return by_source
-
-
 def missing_file_text(path: str) -> str:
     """Error text for a path that is not a file."""
     return f"{path} is a folder; name one capture in it." if Path(path).is_dir() else f"file not found: {path}."

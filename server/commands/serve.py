@@ -15,7 +15,6 @@ from imuscope.server.commands.common import (
     check_sources,
     given_options,
     normalized_sources,
-    shares_by_source,
     warn_if_interpreted,
 )
 from imuscope.server.config import Config, load
@@ -107,7 +106,6 @@ def _config(options: argparse.Namespace) -> Config:
         tls=options.tls,
         tls_cert=options.tls_cert,
         tls_key=options.tls_key,
-        shares=shares_by_source(options.shares or (), options.share_owners, sources) or None,
         record=options.record,
         log_format=options.log_format,
         log_level=options.log_level,

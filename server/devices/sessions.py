@@ -74,6 +74,7 @@ class Sessions:
         self._bus = bus
         self._scheduler = DecodeScheduler(sample_interval)
         self._open_link = open_link
+        self._replaced: Callable[[Link], Link] = lambda link: link
         self._protocols = protocol_set
         self._settings = settings
         self._wall_ns = wall_ns
@@ -92,7 +93,10 @@ class Sessions:
         self._has_sessions = asyncio.Event()
         self.scan_lock = asyncio.Lock()
         self._shedding, self._processor = shedding or Shedding(), ProcessorUse()
-        """The link of a source whose port is shared (server/configuration/port_shares.py)."""
+
+    def open_through(self, replaced: Callable[[Link], Link]) -> None:
+        """Open sources with the link that an extension gives in place of theirs."""
+        self._replaced = replaced
 
     def memory_of(self, device: str) -> LinkMemory | None:
         """The last bytes of the link of a device; None if none are kept."""
@@ -131,7 +135,7 @@ class Sessions:
         if len(self._sessions) >= MAX_DEVICES:
             raise LinkError("full", f"The maximum of {MAX_DEVICES} devices is open.", "Remove one first.")
         settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
-        link = self._open_link(source, settings)
+        link = self._replaced(self._open_link(source, settings))
         device = self.names.id_of(source, self._used)
         self._used.add(device)
         session = self._sessions[device] = Session(

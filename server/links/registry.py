@@ -35,7 +35,7 @@ class LinkDefinition:
         usage: forms with their options and descriptions, for `--help`.
         examples: for the page.
         order: position in lists, ascending.
-        shareable: its port can be held by another process and shared (server/links/held.py).
+        shareable: its port can be held by another process and shared (server/extensions/shares/shared_port_link.py).
         counts_messages: of a link that receives messages: they are numbered, so that lost ones are known.
         network: bytes arrive over a network, which has varying delays and is reachable by others.
     """

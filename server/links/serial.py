@@ -33,7 +33,6 @@ from typing import Any
 
 import serial
 
-from imuscope.server.holder.port import may_be_terminal
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from imuscope.server.links.baud_scan import find_baud
 from imuscope.server.links.reader_thread import (
@@ -48,6 +47,7 @@ from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
 from imuscope.server.processes import OWN, programs_with, unblock_steps
+from imuscope.server.terminals import may_be_terminal
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")

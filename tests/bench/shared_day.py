@@ -31,9 +31,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from imuscope.server.holder.messages import MessageKind, MessageReader  # noqa: E402
-from imuscope.server.holder.settings import HolderSettings  # noqa: E402
-from imuscope.server.holder.shares import ShareAddress  # noqa: E402
+from imuscope.server.extensions.shares.holder.messages import MessageKind, MessageReader  # noqa: E402
+from imuscope.server.extensions.shares.holder.settings import HolderSettings  # noqa: E402
+from imuscope.server.extensions.shares.holder.shares import ShareAddress  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
@@ -221,7 +221,7 @@ def main() -> int:
         shares = [ShareAddress.parse(one) for one in (str(path), *(f"tcp://127.0.0.1:{one}" for one in numbers))]
         port = {"kind": "serial", "place": terminal.path, "baud": 921_600}
         settings = HolderSettings(port, str(folder / "holder.sock"), tuple(shares), stay=True)
-        holder = subprocess.Popen([sys.executable, "-m", "imuscope.server.holder", settings.to_text()], cwd=ROOT)
+        holder = subprocess.Popen(settings.command, cwd=ROOT)
         while not path.exists():
             time.sleep(0.01)
         device, driver = Device(terminal, options.rate), WellBehaved(path)

@@ -33,8 +33,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from imuscope.server.holder.settings import HolderSettings  # noqa: E402
-from imuscope.server.holder.shares import ShareAddress  # noqa: E402
+from imuscope.server.extensions.shares.holder.settings import HolderSettings  # noqa: E402
+from imuscope.server.extensions.shares.holder.shares import ShareAddress  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
@@ -86,7 +86,7 @@ def held(device: Terminal, folder: Path) -> Iterator[tuple[int, int]]:
     path = folder / "imu0"
     port = {"kind": "serial", "place": device.path, "baud": 2_000_000}
     settings = HolderSettings(port, str(folder / "holder.sock"), (ShareAddress.parse(str(path)),), stay=True)
-    process = subprocess.Popen([sys.executable, "-m", "imuscope.server.holder", settings.to_text()], cwd=ROOT)
+    process = subprocess.Popen(settings.command, cwd=ROOT)
     while not path.exists():
         time.sleep(0.01)
     server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

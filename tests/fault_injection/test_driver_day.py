@@ -23,9 +23,9 @@ from imuscope.protocols.xbus.frames import build
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
+from tests.extensions.shares.shared_port import opened
 from tests.fault_injection.busy_page import ListeningDevice, heard_by, open_a_page, record
 from tests.free_ports import free_port
-from tests.links.shared_port import opened
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until

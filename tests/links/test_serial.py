@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 import serial
 
-from imuscope.server.holder.port import Port, PortError, may_be_terminal
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
+from imuscope.server.terminals import may_be_terminal
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
 
@@ -266,9 +266,6 @@ def test_a_device_that_is_no_terminal_is_not_even_opened(
     with pytest.raises(LinkError, match=f"{place} is not a serial port") as refused:
         open_port(str(place), SerialSettings())
     assert refused.value.kind == "refused"
-    port = Port({"kind": "serial", "place": str(place)})
-    with pytest.raises(PortError):
-        port.open()
     assert str(place) not in used
 
 

@@ -78,24 +78,3 @@ def test_loopback(host: str) -> None:
 @each_row("host", ["0.0.0.0", "::", "", "192.0.2.1", "robot.local", "localhost.example"])
 def test_not_loopback(host: str) -> None:
     assert not is_loopback(host)
-
-
-def test_shares_belong_to_sources(tmp_path: Path) -> None:
-    toml = tmp_path / "imuscope.toml"
-    toml.write_text('sources = ["/dev/a", "/dev/b"]\n[shares]\n"/dev/b" = ["/run/imu0", "tcp://:4001?mode=read"]\n')
-    assert load(toml).shares == {"/dev/b": ("/run/imu0", "tcp://:4001?mode=read")}
-
-
-@each_row(
-    ("shares", "words"),
-    [
-        ({"/dev/c": ["/run/imu0"]}, "not among the sources: /dev/a"),
-        ({"/dev/a": ["imu0"]}, "absolute path"),
-        ({"/dev/a": ["/run/imu0", "/run/imu0?mode=read"]}, "/run/imu0 twice"),
-        ({"/dev/a": "/run/imu0"}, "a table of lists of strings"),
-        (["/run/imu0"], "a table of lists of strings"),
-    ],
-)
-def test_wrong_shares_are_refused(shares: object, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
-        load(sources=["/dev/a"], shares=shares)

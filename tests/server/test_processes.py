@@ -15,7 +15,7 @@ from tests.each_row import each_row
         (b"minicom\0-D\0/run/imuscope", "python"),
         (b"/a/.venv/bin/python\0/a/.venv/bin/imuscope\0serve", "imuscope"),
         (b"imuscope serve /dev/ttyUSB0", "imuscope"),  # as its title has it
-        (b"python\0-m\0imuscope.server.holder\0/dev/ttyUSB0", "imuscope"),
+        (b"python\0-m\0imuscope.server.extensions.shares.holder\0/dev/ttyUSB0", "imuscope"),
         (b"python\0-m\0imuscope\0serve", "imuscope"),
         (b"python\0-m\0imuscope_of_others", "python"),
     ],

@@ -1694,34 +1694,6 @@ export interface Routes {
     readonly body: Defaulted<CompareRequest, "take">;
     readonly answer: Difference;
   };
-  /** The shares with their clients. */
-  "GET /api/devices/{device}/shares": {
-    readonly path: { readonly device: string };
-    readonly answer: SharedPort;
-  };
-  /** Share the port. For the first share the link is opened again, by a process that stays when this server ends. */
-  "POST /api/devices/{device}/shares": {
-    readonly path: { readonly device: string };
-    readonly body: AddShareRequest;
-    readonly answer: SharedPort;
-  };
-  /** End a share and disconnect its clients. */
-  "DELETE /api/devices/{device}/shares": {
-    readonly path: { readonly device: string };
-    readonly query: { readonly name: string };
-    readonly answer: SharedPort;
-  };
-  /** End a configuration that a program has begun and not finished, so that others may talk to the device. 409 names the program until it is `confirmed`. */
-  "POST /api/devices/{device}/shares/take-over": {
-    readonly path: { readonly device: string };
-    readonly body: TakeOverRequest;
-    readonly answer: SharedPort;
-  };
-  /** Disconnect a client; it may connect again. */
-  "DELETE /api/devices/{device}/shares/clients/{number}": {
-    readonly path: { readonly number: number; readonly device: string };
-    readonly answer: SharedPort;
-  };
   /** The frame that made a sample of a live device, and its neighbours, as far as its bytes are in memory: each frame as `imuscope inspect` lists it, with the meaning of each byte. */
   "GET /api/devices/{device}/frames": {
     readonly path: { readonly device: string };
@@ -2026,6 +1998,34 @@ export interface Routes {
   "PATCH /api/ros2/topics": {
     readonly body: SwitchTopicRequest;
     readonly answer: RosState;
+  };
+  /** The shares with their clients. */
+  "GET /api/devices/{device}/shares": {
+    readonly path: { readonly device: string };
+    readonly answer: SharedPort;
+  };
+  /** Share the port. For the first share the link is opened again, by a process that stays when this server ends. */
+  "POST /api/devices/{device}/shares": {
+    readonly path: { readonly device: string };
+    readonly body: AddShareRequest;
+    readonly answer: SharedPort;
+  };
+  /** End a share and disconnect its clients. */
+  "DELETE /api/devices/{device}/shares": {
+    readonly path: { readonly device: string };
+    readonly query: { readonly name: string };
+    readonly answer: SharedPort;
+  };
+  /** End a configuration that a program has begun and not finished, so that others may talk to the device. 409 names the program until it is `confirmed`. */
+  "POST /api/devices/{device}/shares/take-over": {
+    readonly path: { readonly device: string };
+    readonly body: TakeOverRequest;
+    readonly answer: SharedPort;
+  };
+  /** Disconnect a client; it may connect again. */
+  "DELETE /api/devices/{device}/shares/clients/{number}": {
+    readonly path: { readonly number: number; readonly device: string };
+    readonly answer: SharedPort;
   };
   /** Begin a 3D scene; returns its address as soon as it can be opened. */
   "GET /api/views/scene": {

@@ -11,10 +11,10 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
-from imuscope.server.holder.shares import ShareAddress
+from imuscope.server.extensions.shares.holder.shares import ShareAddress
+from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
 from imuscope.server.links import LinkSettings, open_link, steady_clock
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.held import SharedPortLink
 from imuscope.server.links.serial import SerialLink
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until

@@ -6,7 +6,7 @@ import errno
 import socket
 import struct
 
-from imuscope.server.holder.messages import STAMP, MessageKind, MessageReader, message
+from imuscope.server.extensions.shares.holder.messages import STAMP, MessageKind, MessageReader, message
 
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of the other end, see unix(7)
 SERVER_S = 0.008

@@ -1,4 +1,4 @@
-"""Link to a port that a holder keeps open and shares (server/holder).
+"""Link to a port that a holder keeps open and shares (server/extensions/shares/holder).
 
     holder ── Unix socket ──> SharedPortLink ──> session
 
@@ -14,7 +14,6 @@ import json
 import os
 import socket
 import subprocess
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from imuscope.server.holder.messages import (
+from imuscope.server.extensions.shares.holder.messages import (
     CLIENT,
     STAMP,
     VERSION,
@@ -32,16 +31,16 @@ from imuscope.server.holder.messages import (
     json_message,
     message,
 )
-from imuscope.server.holder.settings import HolderSettings
-from imuscope.server.holder.shares import ShareAddress
-from imuscope.server.holder.socket_paths import cause_of_end, log_of, socket_of
+from imuscope.server.extensions.shares.holder.settings import HolderSettings
+from imuscope.server.extensions.shares.holder.shares import ShareAddress
+from imuscope.server.extensions.shares.holder.socket_paths import cause_of_end, log_of, socket_of
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
 from imuscope.server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
 from imuscope.server.links.serial import PARITIES, SerialLink, cannot_open, latency_notices
 from imuscope.server.links.tcp import TcpLink
 from imuscope.server.listeners import CallbackList
 
-ROOT = Path(__file__).absolute().parents[3]  # holds imuscope/
+ROOT = Path(__file__).absolute().parents[4]  # holds imuscope/
 START_S = 5.0  # until a holder that was started answers
 SILENT_S = 8.0  # more than it is busy with opening a port, for which it waits at most 5 s
 ATTEMPTS, ATTEMPT_S = 10, 0.05
@@ -66,7 +65,7 @@ class SharedPortLink(ThreadedLink):
         shares: what the port is handed on as.
 
     Attributes:
-        state: last state of the holder (server/holder/process.py), {} before the first.
+        state: last state of the holder (server/extensions/shares/holder/process.py), {} before the first.
         names: of clients by number, where they are known better than by their address.
         on_state, on_client_data: called in the event loop.
     """
@@ -290,7 +289,7 @@ class SharedPortLink(ThreadedLink):
         return None if stamp_ns is None else stamp_ns + self._offset_ns
 
     async def request(self, do: str, **arguments: Any) -> None:
-        """A request to the holder (server/holder/requests.py).
+        """A request to the holder (server/extensions/shares/holder/requests.py).
 
         Raises:
             LinkError: it cannot be carried out.
@@ -454,7 +453,7 @@ def _run_holder(settings: HolderSettings) -> None:
     """
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "imuscope.server.holder", settings.to_text()],
+            settings.command,
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
             capture_output=True,

@@ -20,19 +20,18 @@ from pathlib import Path
 import pytest
 
 from imuscope.protocols.xbus.frames import build
-from imuscope.server.holder import server_session, sharing
-from imuscope.server.holder.arbiter import QUIET_S
-from imuscope.server.holder.messages import MessageKind, MessageReader, message
-from imuscope.server.holder.process import Holder
-from imuscope.server.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
-from imuscope.server.holder.shares import ShareError
-from imuscope.server.holder.socket_paths import log_of, socket_of
-from imuscope.server.links import held
+from imuscope.server.extensions.shares import shared_port_link
+from imuscope.server.extensions.shares.holder import server_session, sharing
+from imuscope.server.extensions.shares.holder.arbiter import QUIET_S
+from imuscope.server.extensions.shares.holder.messages import MessageKind, MessageReader, message
+from imuscope.server.extensions.shares.holder.process import Holder
+from imuscope.server.extensions.shares.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
+from imuscope.server.extensions.shares.holder.shares import ShareError
+from imuscope.server.extensions.shares.holder.socket_paths import log_of, socket_of
+from imuscope.server.extensions.shares.shared_port_link import ROOT, SharedPortLink, holder_settings
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.held import ROOT, SharedPortLink, holder_settings
 from imuscope.server.processes import programs_with
-from tests.free_ports import free_port
-from tests.links.shared_port import (
+from tests.extensions.shares.shared_port import (
     DevicePort,
     clients,
     eventually,
@@ -44,6 +43,7 @@ from tests.links.shared_port import (
     shared,
     write_and_close,
 )
+from tests.free_ports import free_port
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -316,14 +316,14 @@ def test_the_next_terminal_of_a_number_is_not_taken_for_the_port(port: DevicePor
 
 
 FAILING = """
-import sys, imuscope.server.holder.sharing as sharing
+import sys, imuscope.server.extensions.shares.holder.sharing as sharing
 look = sharing.Sharing.update
 def failing(self, now):
     look(self, now)
     if any(client.received for client in self.clients.values()):
         raise RuntimeError("a defect")
 sharing.Sharing.update = failing
-from imuscope.server.holder.__main__ import main
+from imuscope.server.extensions.shares.holder.__main__ import main
 raise SystemExit(main())
 """
 
@@ -401,7 +401,7 @@ def is_refused(port: DevicePort, body: bytes) -> bool:
 async def test_a_holder_that_is_stuck_is_reported(
     port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(held, "SILENT_S", 2.0)
+    monkeypatch.setattr(shared_port_link, "SILENT_S", 2.0)
 
     async with shared(port, str(tmp_path / "imu0")) as link:
         os.kill(link.holder_pid, signal.SIGSTOP)

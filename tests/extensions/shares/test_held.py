@@ -12,13 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.holder.arbiter import QUIET_S
-from imuscope.server.holder.socket_paths import socket_of
+from imuscope.server.extensions.shares.holder.arbiter import QUIET_S
+from imuscope.server.extensions.shares.holder.socket_paths import socket_of
+from imuscope.server.extensions.shares.shared_port_link import ClientData, SharedPortLink, is_held
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.held import ClientData, SharedPortLink, is_held
 from tests.each_row import each_row
-from tests.free_ports import free_port
-from tests.links.shared_port import (
+from tests.extensions.shares.shared_port import (
     DevicePort,
     clients,
     eventually,
@@ -29,6 +28,7 @@ from tests.links.shared_port import (
     received,
     shared,
 )
+from tests.free_ports import free_port
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -322,7 +322,7 @@ async def test_a_request_is_answered_though_the_end_of_its_holder_is_noticed_fir
 
     reading = asyncio.create_task(read_until_gone())
     await asyncio.sleep(0)  # it waits for bytes
-    monkeypatch.setattr("imuscope.server.links.held.write_all", write_and_delay)
+    monkeypatch.setattr("imuscope.server.extensions.shares.shared_port_link.write_all", write_and_delay)
     await link.request("end")
     await reading
 

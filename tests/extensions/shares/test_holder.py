@@ -16,10 +16,10 @@ from imuscope.protocols.isb.client_frames import SETTINGS
 from imuscope.protocols.isb.stored_settings import STORED
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
-from imuscope.server.holder.arbiter import MOST_TURN_S, QUIET_S, SERVER, Arbiter
-from imuscope.server.holder.client_frames import ClientFrames, FrameRules
-from imuscope.server.holder.clients import LEAST_BURST, sendable
-from imuscope.server.holder.messages import (
+from imuscope.server.extensions.shares.holder.arbiter import MOST_TURN_S, QUIET_S, SERVER, Arbiter
+from imuscope.server.extensions.shares.holder.client_frames import ClientFrames, FrameRules
+from imuscope.server.extensions.shares.holder.clients import LEAST_BURST, sendable
+from imuscope.server.extensions.shares.holder.messages import (
     HEADER,
     MOST_BODY,
     MessageError,
@@ -28,8 +28,10 @@ from imuscope.server.holder.messages import (
     json_message,
     message,
 )
-from imuscope.server.holder.queues import ClientQueue, FrameSize, frame_bounds
-from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.extensions.shares.holder.port import Port, PortError
+from imuscope.server.extensions.shares.holder.queues import ClientQueue, FrameSize, frame_bounds
+from imuscope.server.extensions.shares.holder.settings import MODULE
+from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.limiters import TokenBucket
 from tests.each_row import each_row
 from tests.source_files import ROOT
@@ -339,9 +341,16 @@ def test_another_protocol_on_the_socket_is_refused(head: bytes) -> None:
 def test_the_holder_imports_nothing_heavy() -> None:
     modules = [(one.frames.frame_size, one.frames.configuration_frames) for one in PROTOCOLS.values()]
     code = (
-        "import sys, imuscope.server.holder.__main__; from imuscope.server.holder.client_frames import FrameRules; "
+        f"import sys, {MODULE}.__main__; from {MODULE}.client_frames import FrameRules; "
         f"[FrameRules.of(*one) for one in {modules!r}]; "
         "print([name for name in ('numpy', 'asyncio', 'fastapi', 'ssl') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@each_row("place", ["/dev/zero", "/dev/null", "/dev/full"])
+def test_a_holder_does_not_even_open_a_device_that_is_no_terminal(place: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("serial.Serial", None)
+    with pytest.raises(PortError):
+        Port({"kind": "serial", "place": place}).open()

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.links.shared_port import DevicePort
+from tests.extensions.shares.shared_port import DevicePort
 
 
 @pytest.fixture

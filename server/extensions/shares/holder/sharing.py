@@ -15,13 +15,13 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from imuscope.server.holder.arbiter import Arbiter
-from imuscope.server.holder.client_frames import FrameRules
-from imuscope.server.holder.clients import Client, sendable
-from imuscope.server.holder.event_loop import GONE, READ, WRITE, EventLoop
-from imuscope.server.holder.port import MOST_WAITING, Port, PortError
-from imuscope.server.holder.share_kinds import Share, make_share
-from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.extensions.shares.holder.arbiter import Arbiter
+from imuscope.server.extensions.shares.holder.client_frames import FrameRules
+from imuscope.server.extensions.shares.holder.clients import Client, sendable
+from imuscope.server.extensions.shares.holder.event_loop import GONE, READ, WRITE, EventLoop
+from imuscope.server.extensions.shares.holder.port import MOST_WAITING, Port, PortError
+from imuscope.server.extensions.shares.holder.share_kinds import Share, make_share
+from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 
 MOST_WAIT_S = 10.0  # of a client for the voice
 SETTLE_S = 0.02  # from a new rate of a client to that of the port: what it sent before goes out at the former one

@@ -10,10 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import responses
-from imuscope.server.configuration.client_changes import SettingsChange
-from imuscope.server.configuration.port_shares import client_name, speaker_name
 from imuscope.server.devices.session import Session
-from imuscope.server.links.held import SharedPortLink
+from imuscope.server.extensions.shares.client_changes import SettingsChange
+from imuscope.server.extensions.shares.port_shares import PortShares, client_name, speaker_name
+from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
 from imuscope.server.services import Services
 
 router = APIRouter(prefix="/api/devices/{device}/shares", tags=["shares"])
@@ -72,15 +72,15 @@ class SharedPort(BaseModel):
 
 
 def _shared_port(services: Services, session: Session) -> SharedPort:
-    state, shares, why_not = services.shares.state(session)
+    state, shares, why_not = services.parts.get(PortShares).state(session)
     clients, link = state.get("clients", ()), session.access.link
     return SharedPort(
         why_not=why_not,
-        folder=services.shares.folder,
+        folder=services.parts.get(PortShares).folder,
         holder=link.holder_pid if isinstance(link, SharedPortLink) and link.is_connected else 0,
         speaker=speaker_name(link),
         configuring=state.get("configuring") is not None,
-        changes=list(services.shares.changes_of(session)),
+        changes=list(services.parts.get(PortShares).changes_of(session)),
         shares=[
             PortShare(
                 name=share.text,
@@ -106,7 +106,7 @@ async def get_shares(services: TheServices, session: OneSession) -> SharedPort:
 @router.post("", status_code=201, responses=responses(403, 404, 409, 422, 502))
 async def add_share(body: AddShareRequest, services: TheServices, session: OneSession) -> SharedPort:
     """Share the port. For the first share the link is opened again, by a process that stays when this server ends."""
-    await services.shares.add(session, body.address)
+    await services.parts.get(PortShares).add(session, body.address)
     return _shared_port(services, session)
 
 
@@ -115,7 +115,7 @@ async def delete_share(
     services: TheServices, session: OneSession, name: Annotated[str, Query(description="name of the share")]
 ) -> SharedPort:
     """End a share and disconnect its clients."""
-    await services.shares.remove(session, name)
+    await services.parts.get(PortShares).remove(session, name)
     return _shared_port(services, session)
 
 
@@ -130,7 +130,7 @@ async def take_over(body: TakeOverRequest, services: TheServices, session: OneSe
     """End a configuration that a program has begun and not finished, so that others may talk to the device. 409 names
     the program until it is `confirmed`.
     """
-    await services.shares.take_over(session, confirmed=body.confirmed)
+    await services.parts.get(PortShares).take_over(session, confirmed=body.confirmed)
     return _shared_port(services, session)
 
 
@@ -139,5 +139,5 @@ async def disconnect_client(
     services: TheServices, session: OneSession, number: Annotated[int, Path(ge=1)]
 ) -> SharedPort:
     """Disconnect a client; it may connect again."""
-    await services.shares.drop(session, number)
+    await services.parts.get(PortShares).drop(session, number)
     return _shared_port(services, session)

@@ -2,7 +2,7 @@
 
     device ══ port ══ holder ──┬── pseudo-terminal   the robot's own driver
                                ├── TCP, UDP          programs on this or another machine
-                               └── Unix socket       imuscope (server/links/held.py)
+                               └── Unix socket       imuscope (server/extensions/shares/shared_port_link.py)
 
 It outlives the server: what a client reads and writes does not depend on imuscope, its upgrade or its end. It imports
 neither numpy nor anything of the web, and runs one epoll loop in one thread.

@@ -16,8 +16,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from imuscope.recordings import atomic_write
-from imuscope.server.holder.clients import Client, UdpClient
-from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.extensions.shares.holder.clients import Client, UdpClient
+from imuscope.server.extensions.shares.holder.settings import MODULE
+from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 
 MOST_TCP_CLIENTS = 16
 UNREAD = 1 << 13  # bytes that a client has not read, of a line of some 10 kB/s: it does not read at all
@@ -311,7 +312,7 @@ def _holder_of(path: str) -> int | None:
         return None
     for folder in Path("/proc").iterdir():
         try:
-            if not folder.name.isdecimal() or b"imuscope.server.holder" not in (folder / "cmdline").read_bytes():
+            if not folder.name.isdecimal() or MODULE.encode() not in (folder / "cmdline").read_bytes():
                 continue
             for fd in (folder / "fd").iterdir():
                 about = folder / "fdinfo" / fd.name

@@ -12,8 +12,8 @@ import termios
 from functools import partial
 from typing import Any
 
-from imuscope.server.holder.client_frames import ClientFrames
-from imuscope.server.holder.queues import ClientQueue, FrameSize
+from imuscope.server.extensions.shares.holder.client_frames import ClientFrames
+from imuscope.server.extensions.shares.holder.queues import ClientQueue, FrameSize
 from imuscope.server.limiters import TokenBucket
 
 READ_BYTES = 1 << 12

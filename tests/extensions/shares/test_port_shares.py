@@ -22,13 +22,13 @@ from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build
 from imuscope.server.commands.arguments import parse
-from imuscope.server.commands.common import shares_by_source
+from imuscope.server.extensions.shares.settings import ShareSettings
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
 from imuscope.server.links.simulator import SimulatorThread
 from imuscope.server.links.source_url import SourceUrl
 from tests.each_row import each_row
+from tests.extensions.shares.shared_port import opened
 from tests.free_ports import free_port
-from tests.links.shared_port import opened
 from tests.server_process import ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -257,7 +257,7 @@ def test_shares_follow_their_source_on_the_command_line() -> None:
     options = parse(
         ["serve", "/dev/a", "--share", "/run/a", "--record", "/dev/b", "--share=/run/b", "--share", "/run/c"]
     )
-    found = shares_by_source(options.shares, options.share_owners, options.sources)
+    found = ShareSettings.from_options(options)["shares"]
     assert found == {"/dev/a": ["/run/a"], "/dev/b": ["/run/b", "/run/c"]}
 
 

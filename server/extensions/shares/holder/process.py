@@ -16,17 +16,17 @@ from collections.abc import Callable
 from typing import Any
 
 from imuscope.server.backoff import Backoff
-from imuscope.server.holder.arbiter import SERVER, Arbiter
-from imuscope.server.holder.client_frames import FrameRules
-from imuscope.server.holder.clients import Client
-from imuscope.server.holder.event_loop import READ, WRITE, EventLoop
-from imuscope.server.holder.messages import MessageKind
-from imuscope.server.holder.port import Port, PortError
-from imuscope.server.holder.requests import carry_out
-from imuscope.server.holder.server_session import ServerSide
-from imuscope.server.holder.settings import HolderSettings
-from imuscope.server.holder.shares import ShareError
-from imuscope.server.holder.sharing import Sharing
+from imuscope.server.extensions.shares.holder.arbiter import SERVER, Arbiter
+from imuscope.server.extensions.shares.holder.client_frames import FrameRules
+from imuscope.server.extensions.shares.holder.clients import Client
+from imuscope.server.extensions.shares.holder.event_loop import READ, WRITE, EventLoop
+from imuscope.server.extensions.shares.holder.messages import MessageKind
+from imuscope.server.extensions.shares.holder.port import Port, PortError
+from imuscope.server.extensions.shares.holder.requests import carry_out
+from imuscope.server.extensions.shares.holder.server_session import ServerSide
+from imuscope.server.extensions.shares.holder.settings import HolderSettings
+from imuscope.server.extensions.shares.holder.shares import ShareError
+from imuscope.server.extensions.shares.holder.sharing import Sharing
 
 TICK_S = 0.02
 STATE_S = 1.0

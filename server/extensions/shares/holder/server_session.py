@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from imuscope.server.holder.clients import Client
-from imuscope.server.holder.event_loop import READ, WRITE, EventLoop
-from imuscope.server.holder.messages import CLIENT, VERSION, MessageKind, json_message, message
-from imuscope.server.holder.server_connection import ServerConnection
-from imuscope.server.holder.shares import ShareError
+from imuscope.server.extensions.shares.holder.clients import Client
+from imuscope.server.extensions.shares.holder.event_loop import READ, WRITE, EventLoop
+from imuscope.server.extensions.shares.holder.messages import CLIENT, VERSION, MessageKind, json_message, message
+from imuscope.server.extensions.shares.holder.server_connection import ServerConnection
+from imuscope.server.extensions.shares.holder.shares import ShareError
 
 MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
 SERVER_BYTES = 1 << 15  # collected for the server before it is due

@@ -14,20 +14,23 @@ import os
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from typing import Any
 
-from imuscope.server.configuration.client_changes import ClientChanges, SettingsChange
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.errors import DomainError
-from imuscope.server.holder.arbiter import SERVER
-from imuscope.server.holder.shares import ShareAddress, ShareError
-from imuscope.server.holder.socket_paths import runtime_folder
+from imuscope.server.extensions.shares.client_changes import ClientChanges, SettingsChange
+from imuscope.server.extensions.shares.holder.arbiter import SERVER
+from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
+from imuscope.server.extensions.shares.holder.socket_paths import runtime_folder
+from imuscope.server.extensions.shares.settings import ShareSettings
+from imuscope.server.extensions.shares.shared_port_link import ClientData, SharedPortLink, is_held
 from imuscope.server.links.base import Link, LinkError
-from imuscope.server.links.held import ClientData, SharedPortLink, is_held
 from imuscope.server.links.serial import SerialLink
 from imuscope.server.links.tcp import TcpLink
+from imuscope.server.parts import ServicePart
 from imuscope.server.processes import programs_with
+from imuscope.server.services import Services
 from imuscope.server.streaming.bus import TelemetryBus
 
 MOST_SHARES = 8
@@ -36,11 +39,20 @@ MOST_PARTIAL = 4096  # bytes of a client without a frame, after which they are l
 PORTS = "A serial port or a TCP connection can be shared."
 
 
+def parts(services: Services) -> Iterator[ServicePart]:
+    """The shares of all ports."""
+    addresses = services.config.of(ShareSettings).shares
+    yield ServicePart(
+        "shared ports",
+        PortShares(services.telemetry.bus, services.sessions, services.controllers, addresses),
+    )
+
+
 class PortShares:
     """The shares of all devices.
 
     Args:
-        addresses: addresses by source, offered from the start; checked already (server/config.py).
+        addresses: addresses by source, offered from the start; checked already (settings.py).
     """
 
     def __init__(
@@ -57,8 +69,9 @@ class PortShares:
         self._changes: dict[str, ClientChanges] = {}  # by device
         self._tasks: set[asyncio.Task[None]] = set()
         sessions.on_added(self._on_added)
+        sessions.open_through(self._shared)
 
-    def shared(self, link: Link) -> Link:
+    def _shared(self, link: Link) -> Link:
         """The link of a source that is shared from the start, or whose port a holder has already (`imuscope hold`, or
         left by an earlier server), in place of the one that would open the port itself.
 

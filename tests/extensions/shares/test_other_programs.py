@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from imuscope.protocols.xbus.frames import build
-from tests.links.shared_port import DevicePort, clients, eventually, read_exactly, received, shared
+from tests.extensions.shares.shared_port import DevicePort, clients, eventually, read_exactly, received, shared
 from tests.timeouts import PATIENCE_S
 
 pytestmark = pytest.mark.usefixtures("runtime")

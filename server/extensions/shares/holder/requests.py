@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from imuscope.server.holder.shares import ShareAddress
+from imuscope.server.extensions.shares.holder.shares import ShareAddress
 
 if TYPE_CHECKING:
-    from imuscope.server.holder.process import Holder
+    from imuscope.server.extensions.shares.holder.process import Holder
 
 
 def carry_out(holder: Holder, request: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.holder SETTINGS`, where SETTINGS is the JSON of `HolderSettings`.
+"""`python -m imuscope.server.extensions.shares.holder SETTINGS`, where SETTINGS is the JSON of `HolderSettings`.
 
 A holder that fails says why: on standard error, which is the journal for a unit of systemd and a log beside its socket
 for one that a server has started (places.log_of), and in the system's log.
@@ -14,10 +14,10 @@ import syslog
 import traceback
 from collections.abc import Callable
 
-from imuscope.server.holder.process import Holder
-from imuscope.server.holder.settings import HolderSettings
-from imuscope.server.holder.shares import ShareError
-from imuscope.server.holder.socket_paths import failure_of, log_of
+from imuscope.server.extensions.shares.holder.process import Holder
+from imuscope.server.extensions.shares.holder.settings import HolderSettings
+from imuscope.server.extensions.shares.holder.shares import ShareError
+from imuscope.server.extensions.shares.holder.socket_paths import failure_of, log_of
 
 READY = b"ready"
 MOST_LOG = 1 << 16  # bytes, beyond which a new log is begun

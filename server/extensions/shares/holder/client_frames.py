@@ -12,7 +12,7 @@ from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any, Literal
 
-from imuscope.server.holder.queues import FrameSize
+from imuscope.server.extensions.shares.holder.queues import FrameSize
 
 MOST_PARTIAL = 4096  # bytes without the end of a frame, after which the search restarts
 

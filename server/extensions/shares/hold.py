@@ -1,24 +1,49 @@
 """`imuscope hold SOURCE --share ADDRESS`: the holder of a port, in the foreground, such as a unit of systemd.
 
-This process becomes the holder (server/holder), so that nothing heavy stays in memory.
+This process becomes the holder (server/extensions/shares/holder), so that nothing heavy stays in memory.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from imuscope.server.commands.common import UsageError
-from imuscope.server.holder.shares import ShareAddress, ShareError
+from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
+from imuscope.server.extensions.shares.settings import OPTION
+from imuscope.server.extensions.shares.shared_port_link import ROOT, holder_settings
 from imuscope.server.links import LinkSettings, open_link, steady_clock
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.held import ROOT, holder_settings
 from imuscope.server.links.serial import SerialLink
 from imuscope.server.links.tcp import TcpLink
 
 
-def hold(source: str, shares: Sequence[str]) -> None:
+def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    """Add `imuscope hold`."""
+    command = add_parser(
+        "hold",
+        help="keep a port open and share it with other programs, whether or not a server runs",
+        epilog="A server of the same user finds the holder when it opens the port.",
+    )
+    command.add_argument("source", metavar="SOURCE", help="/dev/ttyUSB0?baud=921600 or tcp://host:port")
+    command.add_argument(
+        OPTION,
+        action="append",
+        required=True,
+        dest="shares",
+        metavar="ADDRESS",
+        help="PATH of a pseudo-terminal, tcp://HOST:PORT or udp://HOST:PORT; may be repeated",
+    )
+    return command
+
+
+def run(options: argparse.Namespace) -> None:
+    _hold(options.source, options.shares)
+
+
+def _hold(source: str, shares: Sequence[str]) -> None:
     """Become the holder of a port; returns only by an error.
 
     Raises:
@@ -38,4 +63,4 @@ def hold(source: str, shares: Sequence[str]) -> None:
     except OSError as error:
         raise UsageError(f"there is no folder for the socket of the holder: {error}") from None
     os.chdir(ROOT)
-    os.execv(sys.executable, [sys.executable, "-m", "imuscope.server.holder", settings.to_text()])
+    os.execv(sys.executable, settings.command)

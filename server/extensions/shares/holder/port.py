@@ -14,8 +14,9 @@ import termios
 import time
 from collections import deque
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
+
+from imuscope.server.terminals import may_be_terminal
 
 READ_BYTES = 1 << 16
 CONNECT_S = 5.0
@@ -23,26 +24,6 @@ LOCKED_S, POLL_S = 0.5, 0.02
 MOST_WAITING = 1 << 15  # bytes for the device beyond which clients are not read
 NETWORK_CAPACITY = 1e6  # bytes/s, of a device server: more than any serial line behind it
 EMPTY_READS = 3  # consecutive empty reads after which the port counts as gone
-
-
-def may_be_terminal(place: str, root: Path = Path("/")) -> bool:
-    """Whether a path may be a serial port: only then it is opened, because to open another device can have effects.
-
-    The system reports the kind of a device; where it does not (`/sys` is missing), the opened port has to be a
-    terminal.
-    """
-    try:
-        about = os.stat(place)
-    except OSError:
-        return True  # which is reported when it is opened
-    if not stat.S_ISCHR(about.st_mode):
-        return False
-    major, minor = os.major(about.st_rdev), os.minor(about.st_rdev)
-    try:
-        kind = os.readlink(root / f"sys/dev/char/{major}:{minor}/subsystem")
-    except OSError:
-        return True  # a pseudo-terminal has none
-    return kind.rpartition("/")[2] == "tty"
 
 
 class PortError(Exception):
@@ -58,7 +39,7 @@ class Port:
 
     Args:
         source: {"kind": "serial", "place", "baud", "bits", "parity", "stop", "flow"} or {"kind": "tcp", "host",
-            "port"}, as server/links/held.py makes it.
+            "port"}, as server/extensions/shares/shared_port_link.py makes it.
     """
 
     def __init__(self, source: Mapping[str, Any]) -> None:

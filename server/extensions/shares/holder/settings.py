@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from imuscope.server.holder.shares import ShareAddress
+from imuscope.server.extensions.shares.holder.shares import ShareAddress
+
+MODULE = "imuscope.server.extensions.shares.holder"
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,11 @@ class HolderSettings:
     socket: str
     shares: tuple[ShareAddress, ...] = ()
     stay: bool = False
+
+    @property
+    def command(self) -> list[str]:
+        """Command line of a holder with these settings."""
+        return [sys.executable, "-m", MODULE, self.to_text()]
 
     def to_text(self) -> str:
         """The inverse of `from_text`."""

@@ -1,0 +1,19 @@
+"""Declaration of shared ports."""
+
+from imuscope.server.extension import Extension, ExtensionCommand
+
+EXTENSION = Extension(
+    "shares",
+    "Shared ports",
+    parts="imuscope.server.extensions.shares.port_shares",
+    routes=("imuscope.server.extensions.shares.routes",),
+    checks="imuscope.server.extensions.shares.settings:check_sources",
+    commands=(
+        ExtensionCommand(
+            "hold",
+            "imuscope.server.extensions.shares.hold:add",
+            "imuscope.server.extensions.shares.hold:run",
+            has_data=False,
+        ),
+    ),
+)
