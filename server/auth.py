@@ -11,9 +11,9 @@ Three dangers, three checks, all before a route is reached:
     to this machine (rebinding)    page's own files
 
 A view token can read, a control token can also change things. Some requests are POST only because they carry values
-(preview, fit rates, compare, analysis, comparison, calibration of a stretch, check and preview of an alarm, a question
-about the store): they change nothing, and a view token may send them. At a fleet server, the same holds for requests to
-a robot below /robots/NAME; the robot compares them with its own rules again (extensions/fleet/http_tunnel_robot.py).
+(the preview of a setting, an analysis): they change nothing, and a view token may send them (server/route_rules.py). At
+a fleet server, the same holds for requests to a robot below /robots/NAME; the robot compares them with its own rules
+again (extensions/fleet/http_tunnel_robot.py).
 
 Wrong tokens are rate-limited: server/login_throttle.py explains how, and why a valid token is not locked out.
 
@@ -45,19 +45,14 @@ from imuscope.server.config import Config, is_loopback
 from imuscope.server.errors import DomainError, status_of
 from imuscope.server.login_throttle import UNGUESSABLE, LoginThrottle
 from imuscope.server.previous_names import path_of
+from imuscope.server.route_rules import SAFE_METHODS, RouteRules
 from imuscope.server.security_headers import WEBHOOK_HEADER, with_defaults
 
 log = logging.getLogger("imuscope.auth")
 
 Role = Literal["view", "control"]
-PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/extensions", "/viser", "/rerun", "/foxglove")
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
-SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MAX_BODY = 1024 * 1024
-READ_ONLY_POST = re.compile(  # they carry values
-    r"/api/(devices/[^/]+/(preview|fit-rates|compare)|(analysis|calibration)/[^/]+|comparison(/settings)?"
-    r"|alarms/(check|preview)|query)\Z"
-)
 ON_ROBOT = re.compile(r"/robots/[^/]+(/(?:api|ws)(?:/.*)?)\Z", re.DOTALL)
 UPLOAD = ("PUT", "/api/recordings/upload")  # the only body that is not JSON: a recording, up to `upload_gb`
 UPLOAD_TYPE = "application/octet-stream"
@@ -93,11 +88,13 @@ class Access:
 
     Attributes:
         operators: further tokens; None for none.
+        routes: which paths need a token.
     """
 
     def __init__(self, config: Config, failures: LoginThrottle | None = None) -> None:
         self.config = config
         self.operators: PartialRights | None = None
+        self.routes = RouteRules()
         self._failures = LoginThrottle() if failures is None else failures
         needed = not config.is_loopback
         self.control_token = config.control_token or (secrets.token_urlsafe(18) if needed else "")
@@ -177,7 +174,7 @@ class Access:
             role = "control" if self.operators.may_command(self._token(headers, query_token), place) else "view"
         if changes:
             self._check_body(headers, upload=(method, path) == UPLOAD)
-            if role != "control" and is_command(method, path):
+            if role != "control" and self.routes.is_command(method, path):
                 raise self._view_only(headers, query_token)
         return role
 
@@ -292,16 +289,6 @@ def _is_address(name: str) -> bool:
     return True
 
 
-def is_protected(path: str) -> bool:
-    """Whether this path is more than the page's own files."""
-    return any(path == prefix or path.startswith(prefix + "/") for prefix in PROTECTED)
-
-
-def is_command(method: str, path: str) -> bool:
-    """Whether a request changes something."""
-    return method not in SAFE_METHODS and not (method == "POST" and READ_ONLY_POST.match(path))
-
-
 def path_on_robot(path: str) -> str:
     """The path at the robot of a request to its fleet server: /robots/otter-7/api/devices → /api/devices."""
     match = ON_ROBOT.match(path)
@@ -328,7 +315,7 @@ class Guard:
             if WEBHOOK_HEADER in headers:
                 hint = "Give the alarm another address."
                 raise RefusedError("own-webhook", "Webhooks of imuscope may not be posted to imuscope.", hint)
-            if is_protected(path):
+            if self._access.routes.is_protected(path):
                 socket = scope["type"] == "websocket"
                 place = scope["path"]
                 role = self._access.check(

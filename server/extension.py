@@ -118,6 +118,9 @@ class Extension:
         parts: module with a function `parts(services)` that yields its long-lived objects (server/parts.py); "" if it
             has none.
         routes: modules with a `router`, in the order in which their routes are matched.
+        places: paths of its routes outside /api and /ws, which need a token as these do: "/viser".
+        read_only_posts: routes whose POST requests carry values and change nothing, so that a view token may send them:
+            "/api/analysis/{name}".
         commands: of the command line.
         checks: "module:function" that is called with the configuration before a server is made, and raises ValueError
             with a sentence; "" for none.
@@ -132,6 +135,8 @@ class Extension:
     title: str
     parts: str = ""
     routes: tuple[str, ...] = ()
+    places: tuple[str, ...] = ()
+    read_only_posts: tuple[str, ...] = ()
     commands: tuple[ExtensionCommand, ...] = ()
     checks: str = ""
     jobs: tuple[str, ...] = ()
@@ -168,10 +173,18 @@ class Extension:
         return [*_named(self.diagnoses)(config)] if self.diagnoses else []
 
     def install(self, services: Services) -> list[APIRouter]:
-        """Add its parts to a server; returns its routes."""
-        parts = import_module(self.parts).parts(services) if self.parts else ()
+        """Add its parts to a server; returns its routes.
+
+        Raises:
+            ValueError: a route of another package can be used without a token.
+        """
+        rules = services.access.routes
+        rules.add(self.places, self.read_only_posts)
         routers = [import_module(name).router for name in self.routes]
-        services.parts.add(parts)
+        for route in (route for router in routers for route in router.routes if self.package):
+            if not rules.is_protected(route.path):
+                raise ValueError(f"its route {route.path} needs no token; put it below /api, or name it in `places`")
+        services.parts.add(import_module(self.parts).parts(services) if self.parts else ())
         return routers
 
 

@@ -36,7 +36,17 @@ KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, 
 # name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
 COMMON = {
     *("backoff", "capabilities", "errors", "heartbeat", "limiters", "listeners", "previous_names", "printable"),
-    *("processes", "prometheus_text", "read_kernel", "rate_meter", "terminals", "version", "wire", "workers"),
+    *(
+        "processes",
+        "prometheus_text",
+        "read_kernel",
+        "rate_meter",
+        "route_rules",
+        "terminals",
+        "version",
+        "wire",
+        "workers",
+    ),
 }
 SERVER: dict[str, set[str]] = {
     **{part: set() for part in sorted(COMMON)},

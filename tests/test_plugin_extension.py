@@ -128,6 +128,20 @@ def test_one_that_fails_when_it_is_used_stops_nothing(site: Path, tmp_path: Path
     assert "The extension 'total' of imuscope-total 1.0 cannot be used: RuntimeError: of the package." in said
 
 
+def test_a_route_that_anyone_could_use_without_a_token_is_refused(site: Path, tmp_path: Path) -> None:
+    shutil.copytree(site, tmp_path / "site")
+    routes = tmp_path / "site" / "imuscope_total" / "routes.py"
+    routes.write_text(routes.read_text().replace('prefix="/api"', 'prefix="/figures"'))
+    with (
+        finding(tmp_path / "site"),
+        ServerProcess("sim:xbus", data=tmp_path / "data", fresh=True) as server,
+    ):
+        block_until(lambda: "cannot be used" in server.log, "it is said")
+        said = next(line for line in server.lines if "cannot be used" in line)
+        assert status_of(f"{server.url}/figures/total") == 404
+    assert "cannot be used: its route /figures/total needs no token; put it below /api" in said
+
+
 def test_doctor_names_what_cannot_be_used(site: Path, tmp_path: Path) -> None:
     shutil.copytree(site, tmp_path / "site")
     (tmp_path / "site" / "imuscope_total" / "__init__.py").write_text("raise RuntimeError('of the package')\n")

@@ -14,7 +14,7 @@ from typing import Any
 from fastapi import FastAPI
 
 from imuscope.server.api.errors import ProblemBody
-from imuscope.server.auth import is_protected
+from imuscope.server.route_rules import RouteRules
 
 BEARER = {
     "type": "http",
@@ -23,10 +23,11 @@ BEARER = {
 }
 
 
-def install(app: FastAPI, common: Mapping[int | str, Mapping[str, Any]]) -> None:
+def install(app: FastAPI, rules: RouteRules, common: Mapping[int | str, Mapping[str, Any]]) -> None:
     """Add the authentication and the shape of errors to the description of this application.
 
     Args:
+        rules: which routes need a token.
         common: responses that every route can give besides its own.
     """
     original = app.openapi
@@ -41,7 +42,7 @@ def install(app: FastAPI, common: Mapping[int | str, Mapping[str, Any]]) -> None
         for path, methods in schema["paths"].items():
             for operation in methods.values():
                 operation["responses"] = {**everywhere, **operation["responses"]}
-                operation["security"] = [{"token": []}, {}] if is_protected(path) else []
+                operation["security"] = [{"token": []}, {}] if rules.is_protected(path) else []
         return schema
 
     app.openapi = openapi  # type: ignore[method-assign]

@@ -29,6 +29,7 @@ from websockets.asyncio.client import connect
 
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
 from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
+from imuscope.server.route_rules import RouteRules
 from imuscope.server.wire import HEADER, SUBPROTOCOL
 from imuscope.server.wire.frames import OPCODE_SAMPLES
 from tests.bench.cpu import seconds_of
@@ -72,7 +73,7 @@ async def robots(count: int, rate: float, router: str) -> None:
     for number in range(count):
         session = await asyncio.to_thread(open_bus, settings)
         robot = FleetRobot(name_of(number), session=session)
-        pages = PageServer(robot.name, robot.journal.boot, "view", lambda level, text: None)
+        pages = PageServer(robot.name, robot.journal.boot, "view", RouteRules(), lambda level, text: None)
         pages.serve(Pages(rate, number / count))
         held += [robot, pages, pages.declare(session)]
     while True:

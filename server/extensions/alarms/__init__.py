@@ -21,6 +21,7 @@ EXTENSION = Extension(
     "Alarms",
     parts="imuscope.server.extensions.alarms.service",
     routes=("imuscope.server.extensions.alarms.routes",),
+    read_only_posts=("/api/alarms/check", "/api/alarms/preview"),
     jobs=("imuscope.server.extensions.alarms.preview",),
     requires=("analysis",),
 )

@@ -14,6 +14,7 @@ EXTENSION = Extension(
         "imuscope.server.extensions.analysis.comparison_routes",
         "imuscope.server.extensions.analysis.signal_routes",
     ),
+    read_only_posts=("/api/analysis/{name}", "/api/comparison", "/api/comparison/settings"),
     commands=(
         ExtensionCommand(
             "analyse",

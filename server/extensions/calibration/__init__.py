@@ -7,6 +7,7 @@ EXTENSION = Extension(
     "Calibration",
     parts="imuscope.server.extensions.calibration.session",
     routes=("imuscope.server.extensions.calibration.routes",),
+    read_only_posts=("/api/calibration/{kind}",),
     commands=(
         ExtensionCommand(
             "calibrate",

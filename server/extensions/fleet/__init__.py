@@ -52,6 +52,7 @@ EXTENSION = Extension(
         "imuscope.server.extensions.fleet.rollout_routes",
         "imuscope.server.extensions.fleet.page_routes",
     ),
+    read_only_posts=("/api/query",),
     commands=(
         ExtensionCommand(
             "upload",

@@ -24,7 +24,6 @@ import msgspec
 from starlette.types import ASGIApp, Message
 
 from imuscope.server import wire
-from imuscope.server.auth import is_command
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.flow_control import Window
@@ -48,6 +47,7 @@ from imuscope.server.extensions.fleet.inbox import Inbox
 from imuscope.server.extensions.fleet.summaries import PagesAllowed
 from imuscope.server.previous_names import path_of
 from imuscope.server.printable import printable
+from imuscope.server.route_rules import RouteRules
 
 if TYPE_CHECKING:
     import zenoh
@@ -69,11 +69,12 @@ HEADERS = frozenset(
 """Headers of an answer that are sent; cookies and redirections are not."""
 
 
-def check_allowed(request: OpenStream, pages: PagesAllowed) -> None:
+def check_allowed(request: OpenStream, pages: PagesAllowed, *, changes: bool) -> None:
     """Refuse what the robot does not let through.
 
     Args:
         pages: `fleet.pages`.
+        changes: whether it changes something.
 
     Raises:
         DomainError: with the reason and what to do.
@@ -87,7 +88,7 @@ def check_allowed(request: OpenStream, pages: PagesAllowed) -> None:
         raise DomainError(
             "not-found", "This is not available through the fleet server.", "Open the page at the robot's own address."
         )
-    if request.socket is None and is_command(request.method, path):
+    if changes:
         if request.role != "control":
             raise DomainError("view-only", "This token is view-only.", "Open the page with a control token.")
         if pages != "control":
@@ -101,6 +102,7 @@ class PageServer:
     Args:
         name, boot: the robot and this run of it.
         pages: `fleet.pages`.
+        rules: of the routes of its pages.
         report: takes an event: level and text.
         delay_of: seconds until so many bytes may be sent; 0: they are counted as sent now.
     """
@@ -110,11 +112,12 @@ class PageServer:
         name: str,
         boot: str,
         pages: PagesAllowed,
+        rules: RouteRules,
         report: Callable[[wire.Level, str], None],
         delay_of: Callable[[int], float] = lambda size: 0.0,
     ) -> None:
         self._name, self._boot, self.pages = name, boot, pages
-        self._report, self._delay_of = report, delay_of
+        self._rules, self._report, self._delay_of = rules, report, delay_of
         self._inbox = Inbox(self.take)
         self._app: ASGIApp | None = None
         self._session: zenoh.Session | None = None
@@ -190,13 +193,13 @@ class PageServer:
         place = server, request.stream
         if request.boot != self._boot or place in self._streams:
             return
-        changes = request.socket is None and is_command(request.method, path_of(request.path))
+        changes = request.socket is None and self._rules.is_command(request.method, path_of(request.path))
         words = f"{printable(request.who) or 'an unnamed viewer'}: {request.method} {printable(request.path[:200])}"
         try:
             if self._app is None or len(self._streams) >= MAX_OPEN:
                 words = f"This robot answers at most {MAX_OPEN} requests through the fleet server at once."
                 raise DomainError("full", words, "Close an unused page, or try again later.")
-            check_allowed(request, self.pages)
+            check_allowed(request, self.pages, changes=changes)
         except DomainError as error:
             if changes:
                 self._report("warning", f"Refused a command through the fleet server of {words}. {error.message}")
@@ -204,7 +207,7 @@ class PageServer:
             return
         if changes:
             self._report("info", f"Command through the fleet server of {words}.")
-        stream = self._streams[place] = RobotStream(self, server, request)
+        stream = self._streams[place] = RobotStream(self, server, request, may_cancel=not changes)
         stream.task = asyncio.create_task(stream.run(self._app), name="page for the fleet")
         stream.task.add_done_callback(lambda _: self._streams.pop(place, None))
 
@@ -241,13 +244,17 @@ _RUNNING: set[asyncio.Task[None]] = set()
 
 
 class RobotStream:
-    """A request or a WebSocket of a viewer."""
+    """A request or a WebSocket of a viewer.
+
+    Args:
+        may_cancel: whether a request may end before it is answered: it changes nothing.
+    """
 
     task: asyncio.Task[None]
 
-    def __init__(self, pages: PageServer, server: str, request: OpenStream) -> None:
+    def __init__(self, pages: PageServer, server: str, request: OpenStream, *, may_cancel: bool) -> None:
         self.server = server
-        self._pages, self._request = pages, request
+        self._pages, self._request, self._may_cancel = pages, request, may_cancel
         self._is_socket = request.socket is not None
         self._window = Window()
         self._number = 0  # of the next message that is sent
@@ -284,7 +291,7 @@ class RobotStream:
         self._news.set()
         if self._is_socket:
             asyncio.get_running_loop().call_later(LEAVE_S, self.task.cancel)
-        elif self._has_begun or not is_command(self._request.method, path_of(self._request.path)):
+        elif self._has_begun or self._may_cancel:
             self.task.cancel()
 
     # ── the application ──────────────────────────────────────────────────────────────────────────────────────────────

@@ -17,7 +17,6 @@ from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.auth import is_command
 from imuscope.server.errors import DomainError, status_of
 from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     MAX_BODY,
@@ -77,7 +76,9 @@ async def page_of_robot(robot: str, server: TheFleetServer, request: Request) ->
 
 
 @router.api_route("/robots/{robot}/api/{path:path}", methods=METHODS)
-async def request_to_robot(robot: str, path: str, server: TheFleetServer, request: Request) -> Response:
+async def request_to_robot(
+    robot: str, path: str, server: TheFleetServer, services: TheServices, request: Request
+) -> Response:
     """Pass a request on to a robot, and its answer back."""
     outgoing = _request(request, f"/api/{path}")
     body = b""
@@ -86,7 +87,7 @@ async def request_to_robot(robot: str, path: str, server: TheFleetServer, reques
     elif outgoing.method in METHODS:
         hint = "Open the page at the robot's own address."
         raise DomainError("too-large", f"A body through the fleet may have at most {MAX_BODY} bytes.", hint)
-    changes = is_command(outgoing.method, path_of(outgoing.path))
+    changes = services.access.routes.is_command(outgoing.method, path_of(outgoing.path))
     log_text = f"{outgoing.who}: {outgoing.method} {printable(outgoing.path[:200])}"
     try:
         stream = server.pages.open(

@@ -33,7 +33,7 @@ def parts(services: Services) -> Iterator[ServicePart]:
     yield ServicePart("questions", QueryService(config.of(FleetTables).store))
     alarms = services.parts.get(AlarmService)
     known = KnownSettings(config.data / "fleet", services.controllers.get)
-    publisher = FleetPublisher(services.telemetry, config, lambda: active_alarms(alarms), known)
+    publisher = FleetPublisher(services.telemetry, config, services.access.routes, lambda: active_alarms(alarms), known)
     yield ServicePart("the fleet", publisher, publisher.close, publisher.start, serves=publisher.pages.serve)
     for one in services.brought:
         if isinstance(one, FleetServer):

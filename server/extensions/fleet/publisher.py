@@ -43,6 +43,7 @@ from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, with_hysteresis
 from imuscope.server.limiters import TokenBucket
+from imuscope.server.route_rules import RouteRules
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.version import VERSION
 
@@ -129,6 +130,7 @@ class FleetPublisher:
     """The robot in its fleet. To be used in the event loop of the server.
 
     Args:
+        rules: of the routes of its pages.
         alarms: those that are raised at present.
         settings: those of the devices, as far as they are known.
 
@@ -140,6 +142,7 @@ class FleetPublisher:
         self,
         telemetry: Telemetry,
         config: Config,
+        rules: RouteRules,
         alarms: Callable[[], Iterable[ReportedAlarm]],
         settings: KnownSettings,
     ) -> None:
@@ -158,7 +161,7 @@ class FleetPublisher:
         self._reserved = rate * BURST_S * RESERVED
         self._budget_lock = threading.Lock()
         pages = allowed_pages(self._settings)
-        self.pages = PageServer(self.name, self.journal.boot, pages, self._report_command, self._delay_of_pages)
+        self.pages = PageServer(self.name, self.journal.boot, pages, rules, self._report_command, self._delay_of_pages)
         self._session: zenoh.Session | None = None
         self._publisher: zenoh.Publisher | None = None
         self._declared: list[object] = []  # a token ends with its object

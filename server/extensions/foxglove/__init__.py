@@ -9,4 +9,5 @@ EXTENSION = Extension(
     extra="viewers",
     parts="imuscope.server.extensions.foxglove.service",
     routes=("imuscope.server.extensions.foxglove.routes",),
+    places=("/foxglove",),
 )

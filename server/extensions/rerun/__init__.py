@@ -9,4 +9,5 @@ EXTENSION = Extension(
     extra="viewers",
     parts="imuscope.server.extensions.rerun.service",
     routes=("imuscope.server.extensions.rerun.routes",),
+    places=("/rerun",),
 )

@@ -9,4 +9,5 @@ EXTENSION = Extension(
     extra="viewers",
     parts="imuscope.server.extensions.viser.service",
     routes=("imuscope.server.extensions.viser.routes",),
+    places=("/viser",),
 )

@@ -32,6 +32,7 @@ from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
 from imuscope.server.extensions.fleet.reports import RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
+from imuscope.server.route_rules import RouteRules
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.waiting import until
@@ -99,7 +100,7 @@ async def line(delay_of: Callable[[int], float] = lambda size: 0.0) -> AsyncIter
     session = await asyncio.to_thread(open_bus, client_settings(bus, BusCredentials()))
     app, alive, told = Application(), [True], list[str]()
     known = {"a": summary_of("a", RobotStatus(), 0.0)}
-    robot = PageServer("a", BOOT, "control", lambda level, text: told.append(text), delay_of)
+    robot = PageServer("a", BOOT, "control", RouteRules(), lambda level, text: told.append(text), delay_of)
     fleet = RobotPages(lambda name: BOOT if alive[0] else "", known.get)
     held = [fleet.declare(router), robot.declare(session)]
     fleet.start()
