@@ -76,7 +76,6 @@ def create_app(
     app.add_middleware(PreviousPaths)
     for router in (*ROUTERS, *install_extensions(services), static_files.router):
         app.router.routes.extend(router.routes)
-    description.install(
-        app, access.routes, errors.responses(401, 403, 411, 413, 415, 429, 500)
-    )  # every route can answer with these
+    of_every_route = errors.responses(401, 403, 411, 413, 415, 429, 500)
+    description.install(app, access.routes, of_every_route)
     return Guard(app, access)

@@ -34,6 +34,5 @@ class RouteRules:
 
     def is_command(self, method: str, path: str) -> bool:
         """Whether a request changes something."""
-        return method not in SAFE_METHODS and not (
-            method == "POST" and any(one.fullmatch(path) for one in self._read_only)
-        )
+        reads = method in SAFE_METHODS or (method == "POST" and any(one.fullmatch(path) for one in self._read_only))
+        return not reads
