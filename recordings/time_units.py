@@ -114,7 +114,7 @@ def possible_units(
     fraction |= bool((times != np.round(times)).any())
     matches = []
     for unit, factor in UNITS.items():
-        its_rate = 1 / (step * factor) if step else 0.0
+        its_rate = 1 / (step * factor) if step * factor else 0.0
         dated = is_dated(first * factor, newest)
         if step and not _is_rate(its_rate, inertial=inertial, fraction=fraction, dated=dated):
             continue

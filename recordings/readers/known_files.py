@@ -35,12 +35,6 @@ FILES = (
     KnownFile("a RIFF file (AVI, WAV or WebP)", OTHER, (b"RIFF",)),
     KnownFile("a PDF document", "Give the numbers themselves, as a CSV file.", (b"%PDF-",)),
     KnownFile(
-        "an HDF5 file",
-        "Write its arrays as Parquet, .npz or CSV, for instance with h5py; in MATLAB save with -v7.",
-        (b"\x89HDF\r\n\x1a\n",),
-    ),
-    KnownFile("an HDF5 file of MATLAB (-v7.3)", "Save it again with save(..., '-v7').", (b"MATLAB 7.3 MAT-file",)),
-    KnownFile(
         "a spreadsheet or document of an older Office", "Save it as CSV.", (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",)
     ),
     KnownFile(

@@ -33,6 +33,7 @@ from imuscope.recordings.mcap_reader import MAGIC
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.known_files import known_file
+from imuscope.recordings.readers.registry import marked_reader
 from imuscope.recordings.sources import McapSource
 from imuscope.server.commands.common import temporary_copy
 from imuscope.server.commands.inspect_table import InspectTable
@@ -206,7 +207,7 @@ def _of_file(
     except RecordingError as error:
         with path.open("rb") as file:
             head = file.read(GUESS_BYTES)
-        if head and not head.startswith(MAGIC) and known_file(head) is None:
+        if head and not head.startswith(MAGIC) and known_file(head) is None and marked_reader(head) is None:
             _guessed(head, name)  # raises a more exact error
         raise ValueError(f"{error.message} {error.hint}".strip()) from None
     if device and not isinstance(source, McapSource | MessageFile):

@@ -1,4 +1,4 @@
-"""Named arrays of a file (NumPy, MATLAB) as the columns of one table: those that have as many rows as most."""
+"""Named arrays of a file (NumPy, MATLAB, HDF5) as the columns of one table: those that have as many rows as most."""
 
 from __future__ import annotations
 
@@ -21,12 +21,15 @@ FEWEST = 2
 AXES = ("x", "y", "z")
 
 
-def columns_of(file: str, arrays: Mapping[str, Array], left_out: list[str]) -> ArrowColumns:
+def columns_of(
+    file: str, arrays: Mapping[str, Array], left_out: list[str], units: Mapping[str, str] = {}
+) -> ArrowColumns:
     """The table of some arrays.
 
     Args:
         arrays: by name; "" for one without.
         left_out: sentences on others.
+        units: of arrays, where the file names them.
 
     Raises:
         RecordingError: none has rows of numbers.
@@ -43,7 +46,8 @@ def columns_of(file: str, arrays: Mapping[str, Array], left_out: list[str]) -> A
         if matrix is None:
             others.append(f"{name} {'x'.join(map(str, array.shape)) or 'single value'}")
             continue
-        columns |= _named(name, matrix)
+        unit = f" ({units[name]})" if units.get(name) else ""
+        columns |= {f"{title}{unit}": one for title, one in _named(name, matrix).items()}
     if others:
         left_out = [*left_out, f"Arrays without {rows} rows of numbers are left out: {', '.join(others[:10])}."]
     names = list(columns)[:MAX_COLUMNS]

@@ -1,6 +1,6 @@
 """MATLAB files up to version 7 (save -v7): arrays, and the fields of structures, as one table.
 
-Version 7.3 is HDF5, which is not read. Objects (timetable, table) are left out: MATLAB keeps their form to itself.
+Version 7.3 is HDF5 (hdf5.py). Objects (timetable, table) are left out: MATLAB keeps their form to itself.
 """
 
 from __future__ import annotations
@@ -34,8 +34,6 @@ def _open(request: OpenRequest) -> ArrowSource:
             chosen, left_out = _chosen(listed)
             file.seek(0)
             loaded: dict[str, Any] = loadmat(file, variable_names=chosen, struct_as_record=True, squeeze_me=False)
-    except NotImplementedError:
-        raise RecordingError(f"{path.name} is an HDF5 file of MATLAB (-v7.3).", RESAVE) from None
     except TypeError:  # by scipy, for a variable of a class without a name
         words = f"{path.name} holds an object of MATLAB, such as a table or timetable, which cannot be read."
         raise RecordingError(words, "Save its columns as arrays, or as CSV with writetable.") from None

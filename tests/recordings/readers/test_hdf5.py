@@ -1,0 +1,175 @@
+"""HDF5 files written by h5py, and MATLAB 7.3 files: HDF5 with the attributes that MATLAB gives its variables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats import hdf5
+from imuscope.recordings.table_options import TableOptions
+from tests.each_row import each_row
+from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
+
+COUNT = 400
+BEGIN = 1_500_000_000.0
+TIME = BEGIN + np.arange(COUNT) / 100
+GYRO = np.stack([np.sin(4 * np.pi * np.arange(COUNT) / 100), np.zeros(COUNT), np.ones(COUNT)], axis=1)
+HEAD = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Thu Jan  1 00:00:00 2026 HDF5 schema 1.00 ."
+
+
+def packed(path: Path) -> None:
+    """Chunks, compressed, shuffled and with checksums, which do not divide the rows."""
+    with h5py.File(path, "w") as file:
+        file["time"] = TIME
+        options = {"chunks": (70, 2), "compression": "gzip", "shuffle": True, "fletcher32": True}
+        file.create_dataset("imu/gyro", data=GYRO, maxshape=(None, 3), **options)
+        file["imu/gyro"].attrs["units"] = "rad/s"
+        file["label"] = "a"
+
+
+def plain(path: Path) -> None:
+    """Numbers that lie together, big-endian, with the samples side by side."""
+    with h5py.File(path, "w") as file:
+        file["time"] = TIME
+        file["imu/gyro"] = np.ascontiguousarray(GYRO.T).astype(">f8")
+        file["imu/gyro"].attrs["units"] = np.bytes_("rad/s")
+
+
+def compact(path: Path) -> None:
+    with h5py.File(path, "w", libver=("earliest", "v108")) as file:
+        file["imu/gyro"] = GYRO
+        file["imu/gyro"].attrs["unit"] = "rad/s"
+        layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        layout.set_layout(h5py.h5d.COMPACT)
+        space = h5py.h5s.create_simple((COUNT,))
+        h5py.h5d.create(file.id, b"time", h5py.h5t.IEEE_F64LE, space, layout).write(h5py.h5s.ALL, h5py.h5s.ALL, TIME)
+
+
+def matlab(path: Path) -> None:
+    """A structure, a text and a cell, as MATLAB 7.3 stores them: matrices turned, 512 bytes ahead."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+
+        def variable(name: str, array: np.ndarray, kind: str, **others: object) -> None:
+            file.create_dataset(name, data=array, chunks=array.shape, compression="gzip")
+            for key, value in {"MATLAB_class": np.bytes_(kind), **others}.items():
+                file[name].attrs[key] = value
+
+        variable("imu/t", TIME.reshape(1, COUNT), "double")
+        variable("imu/gyro", np.ascontiguousarray(GYRO.T), "double")
+        file["imu"].attrs["MATLAB_class"] = np.bytes_("struct")
+        variable("label", np.array([[97], [98]], np.uint16), "char", MATLAB_int_decode=np.int32(2))
+        variable("none", np.array([0, 0], np.uint64), "double", MATLAB_empty=np.uint8(1))
+        file["#refs#/a"] = np.zeros((1, COUNT))
+        file["cell"] = np.array([[file["#refs#/a"].ref]], h5py.ref_dtype)
+        file["cell"].attrs["MATLAB_class"] = np.bytes_("cell")
+        file["table"] = np.zeros((1, 6), np.uint32)
+        file["table"].attrs["MATLAB_class"] = np.bytes_("timetable")
+        file["table"].attrs["MATLAB_object_decode"] = np.int32(3)
+    data = path.read_bytes()
+    path.write_bytes(HEAD.ljust(116).ljust(124, b"\0") + b"\0\2IM" + data[128:])
+
+
+FILES: list[tuple[str, Callable[[Path], None]]] = [
+    ("packed.h5", packed),
+    ("plain.hdf5", plain),
+    ("compact.h5", compact),
+    ("a.mat", matlab),
+]
+
+
+@each_row(("name", "write"), FILES)
+def test_arrays_are_columns(name: str, write: Callable[[Path], None], tmp_path: Path) -> None:
+    write(tmp_path / name)
+    store = opened(tmp_path / name, tmp_path)
+    info = next(one for one in store.manifest["channels"] if one["name"] == "imu.gyro")
+    rows = rows_of(store, "imu.gyro")
+    assert (info["kind"], [column["name"] for column in info["columns"]]) == ("vector", ["x", "y", "z"])
+    assert info["unit"] == ("" if name == "a.mat" else "rad/s")
+    np.testing.assert_array_equal(np.stack(rows.columns, axis=1), GYRO)
+    np.testing.assert_allclose(rows.time, TIME, atol=1e-6)
+
+
+@each_row(("name", "write"), FILES)
+def test_damage_does_no_harm(name: str, write: Callable[[Path], None], tmp_path: Path) -> None:
+    write(tmp_path / name)
+    assert sum(survives_damage(tmp_path / name, tmp_path))
+
+
+def test_what_is_no_column_is_named(tmp_path: Path) -> None:
+    matlab(tmp_path / "a.mat")
+    words = damage_of(opened(tmp_path / "a.mat", tmp_path / "1"))
+    assert "Left out: cell (cell), label (char), none (empty), table (timetable)." in words
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["time"] = TIME
+        file["value"] = TIME
+        file["few"] = [1.0, 2.0]
+        file["complex"] = np.zeros(COUNT, complex)
+        file.create_dataset("lzf", data=GYRO, compression="lzf")
+        file.create_dataset("unwritten", (COUNT,), "f8")
+        file["nowhere"] = h5py.SoftLink("/none")
+        file["loop"] = h5py.SoftLink("/")
+        file["group/above"] = file["/"]
+    words = damage_of(opened(tmp_path / "b.h5", tmp_path / "2"))
+    assert "complex (no numbers)" in words
+    assert "lzf (compressed by filter 32000 of HDF5, not by gzip)" in words
+    assert "unwritten (without values, or cut)" in words
+    assert "Arrays without 400 rows of numbers are left out: few 2." in words
+    with h5py.File(tmp_path / "c.h5", "w") as file:
+        file["label"] = "a"
+    with pytest.raises(RecordingError, match=r"has no arrays of numbers\. Left out: label"):
+        open_file(tmp_path / "c.h5")
+
+
+def test_chunks_that_are_not_stored_hold_nothing(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"] = TIME
+        file.create_dataset("value", (COUNT,), "f8", chunks=(100,))[100:200] = 1.0
+    values = rows_of(opened(tmp_path / "a.h5", tmp_path), "value").columns[0]
+    assert (np.isfinite(values).sum(), set(values[np.isfinite(values)])) == (100, {1.0})
+
+
+@each_row(
+    ("unit", "counted"),
+    [
+        ("seconds since 2017-07-14 02:40:00", np.arange(COUNT) / 100),
+        ("milliseconds since 2017-07-14T02:40:00Z", np.arange(COUNT) * 10),
+        ("days since 2017-07-14 02:40:00 UTC", np.arange(COUNT) / 100 / 86_400),
+        ("microseconds since 1970-01-01", (TIME * 1e6).round().astype(np.int64)),
+    ],
+)
+def test_a_unit_with_a_date_gives_dates(unit: str, counted: np.ndarray, tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        file["time"], file["value"] = counted, np.arange(COUNT)
+        file["time"].attrs["units"] = unit
+    np.testing.assert_allclose(rows_of(opened(tmp_path / "a.nc", tmp_path), "value").time, TIME, atol=1e-6)
+
+
+def test_a_date_that_is_not_understood_is_not_guessed(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"], file["value"] = np.arange(COUNT) / 100, np.arange(COUNT)
+        file["time"].attrs["units"] = "seconds since the start"
+    store = opened(tmp_path / "a.h5", tmp_path, TableOptions(unit="s"))
+    np.testing.assert_allclose(np.diff(rows_of(store, "value").time), 0.01, atol=1e-6)
+
+
+def test_claims_and_bombs_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"] = TIME
+        file["value"] = TIME
+        file.create_dataset("huge", (1 << 40,), "f8", chunks=(1 << 10,), compression="gzip")[0] = 1.0
+        file.create_dataset("wrong", (COUNT,), "f8", chunks=(COUNT,), fletcher32=True)[:] = 7.0
+    data = bytearray((tmp_path / "a.h5").read_bytes())
+    data[data.index(np.full(COUNT, 7.0).tobytes()) + 800] ^= 1
+    (tmp_path / "a.h5").write_bytes(data)
+    words = damage_of(opened(tmp_path / "a.h5", tmp_path))
+    assert "huge (too large)" in words
+    assert "wrong (a checksum is wrong)" in words
+    monkeypatch.setattr(hdf5, "MOST_READS", 5)
+    with pytest.raises(RecordingError, match="leads back to itself"):
+        open_file(tmp_path / "a.h5")
