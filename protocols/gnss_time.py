@@ -4,9 +4,11 @@
     $GNGGA,103000.50,…                time of day; the date is that of the last sentence with one
     UBX-NAV-…                         time of week (iTOW, ms) in the first four bytes of the payload
     UBX-NAV-PVT, -PVAT                and the date, which places the week
+    $VNINS,333811.9,1694,…            time of week and week of VectorNav
 
 Until a date is known, times count from midnight, or from the start of the week. Midnight and the end of the week are
-continued. Sources: NMEA 0183; u-blox F9 HPG 1.32 interface description, 3.15.
+continued. Sources: NMEA 0183; u-blox F9 HPG 1.32 interface description, 3.15; IERS Bulletin C
+(leap seconds).
 """
 
 from __future__ import annotations
@@ -19,10 +21,15 @@ import numpy as np
 
 from imuscope.protocols.events import Text
 from imuscope.protocols.framing import Ints
+from imuscope.protocols.nmea import number_of
 
 S = 1_000_000_000
 DAY_NS, WEEK_NS = 86_400 * S, 604_800 * S
 TIME_AT = {"GGA": 1, "RMC": 1, "ZDA": 1, "GNS": 1, "GST": 1, "GBS": 1, "GLL": 5}  # field with the time of day
+WEEKLY = frozenset({"$VNGPS", "$VNGPE", "$VNINS", "$VNINE"})  # begin with time of week, s, and week
+GPS_EPOCH_NS = 315_964_800 * S
+LEAPS = ((1_483_228_800, 18), (1_435_708_800, 17), (1_341_100_800, 16), (1_230_768_000, 15), (0, 14))
+"""Unix s from which GPS is ahead of UTC by so much, s."""
 OLDEST = 2000
 _HEAD = 6  # bytes of a UBX frame before its payload
 _VERSION_FIRST = frozenset(
@@ -109,6 +116,8 @@ def _time_of(text: Text) -> tuple[str, int, int | None] | None:
 
 def _of_sentence(line: str) -> tuple[str, int, int | None] | None:
     cells = line.partition("*")[0].split(",")
+    if cells[0] in WEEKLY:
+        return _of_week(cells)
     at = TIME_AT.get(cells[0][-3:], 0)
     if cells[0] == "$PUBX" and len(cells) > 3 and cells[1] in ("00", "04"):
         at = 2
@@ -125,6 +134,17 @@ def _of_sentence(line: str) -> tuple[str, int, int | None] | None:
     elif cells[0] == "$PUBX" and cells[1] == "04":
         date = cells[3]
     return "day", within, _midnight(date)
+
+
+def _of_week(cells: Sequence[str]) -> tuple[str, int, int | None] | None:
+    """Time of a week and week, which are 0 until there is one."""
+    seconds, week = (number_of(cell) for cell in [*cells, "", ""][1:3])
+    if seconds is None or not 0 <= seconds < WEEK_NS // S or not week or not 0 < week < 1 << 16:
+        return None
+    within = round(seconds * 1e9)
+    time_ns = GPS_EPOCH_NS + int(week) * WEEK_NS + within
+    ahead = next(leaps for begin, leaps in LEAPS if time_ns >= (begin + leaps) * S)
+    return "week", within, time_ns - ahead * S
 
 
 def _time_of_day(cell: str) -> int | None:

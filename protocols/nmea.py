@@ -29,6 +29,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from imuscope.protocols import vectornav
 from imuscope.protocols.events import LazyMapping
 from imuscope.protocols.schema import Field, Message
 
@@ -112,6 +113,7 @@ SENTENCES: dict[str, Message] = {
             source=SOURCE,
         ),
         Message(12, "XSVEL", _vector("vel", "m/s"), doc="Velocity.", source=SOURCE),
+        *vectornav.SENTENCES,
     )
 }
 
@@ -235,7 +237,7 @@ def _own(name: str, content: bytes) -> dict[str, Any]:
 
 
 def _number_of(row: Field, word: str) -> float | int | None:
-    return _float(word) if row.dtype == "f8" else _whole(word)
+    return number_of(word) if row.dtype == "f8" else _whole(word)
 
 
 def _whole(word: str) -> int | None:
@@ -243,7 +245,7 @@ def _whole(word: str) -> int | None:
     return int(word) if _WHOLE.fullmatch(word.strip()) else None
 
 
-def _float(word: str) -> float | None:
+def number_of(word: str) -> float | None:
     """The number of a word; None if it is not one, or not finite ("nan" is not a measurement)."""
     value = float(word) if _NUMBER.fullmatch(word.strip()) else math.nan
     return value if math.isfinite(value) else None

@@ -8,6 +8,9 @@ A sentence gives names and numbers (protocols/nmea.py, protocols/xbus/binary_str
 by name, for any sentence. Numbers along axes are one quantity, as in a device's own messages: an orientation is drawn
 as one. A name that is not listed is shown unchanged.
 
+The numbers of a sentence that no table knows are shown by their places, field_01, field_02 …, without units. If its
+first field is a word ($PIXSE,ATITUD,…), this is part of the name: other words there mean other numbers.
+
 A number whose sign is a letter in the next field gets it here: `$PHTRO,10.37,P` is a pitch of −10.37°. The sentence
 itself keeps both as on the wire.
 
@@ -17,6 +20,7 @@ Sources: MT0101P 2020.A, 5.3.5; NMEA 0183 names as pynmeagps spells them.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -24,15 +28,19 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.events import Batch, Text
-from imuscope.protocols.nmea import SENTENCES
+from imuscope.protocols.nmea import SENTENCES, number_of
 from imuscope.protocols.schema import Field, Message
 from imuscope.protocols.ubx_content import fields_of
 
 _XYZ = ("x", "y", "z")
 _NED = ("north", "east", "down")
+_EULER = ("roll", "pitch", "yaw")
 _SIDES = re.compile(r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$")  # fields with the direction of the number before
 _NEGATIVE = frozenset("SWLPB")  # south, west, left (port); in PHTRO bow down and port down
 _ABOUT_FRAME = {"class", "id", "number", "length"}  # of a UBX or RTCM message whose content is not read
+UNNAMED = "field_01"  # of a sentence that no table knows
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9]{1,9}")
+_UNKNOWN = "imuscope does not know this sentence: its numbers are shown by their places."
 _MAX_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
 TOGETHER: Mapping[tuple[str, ...], Field] = {
@@ -66,13 +74,47 @@ TOGETHER: Mapping[tuple[str, ...], Field] = {
         "LocalPosition", "f8", (3,), unit="m", axes=_NED, decimals=3, title="Local position", frame="NED"
     ),
     ("thetaRoll", "thetaPitch", "thetaYaw"): Field(
-        "EulerAngles", "f8", (3,), unit="rad", axes=("roll", "pitch", "yaw"), decimals=4, title="Euler angles"
+        "EulerAngles", "f8", (3,), unit="rad", axes=_EULER, decimals=4, title="Euler angles"
     ),
     ("dthetaX", "dthetaY", "dthetaZ"): Field(
         "RotationIncrement", "f8", (3,), unit="rad", axes=_XYZ, decimals=4, title="Rotation increment"
     ),
     ("dvelX", "dvelY", "dvelZ"): Field(
         "VelocityIncrement", "f8", (3,), unit="m/s", axes=_XYZ, decimals=4, title="Velocity increment"
+    ),
+    ("Roll", "Pitch", "Yaw"): Field(
+        "EulerAngles", "f8", (3,), unit="°", axes=_EULER, decimals=2, title="Euler angles", frame="NED from body"
+    ),
+    ("Quat3", "Quat0", "Quat1", "Quat2"): Field(
+        "Quaternion", "f8", (4,), axes=("w", "x", "y", "z"), decimals=4, frame="NED from body", doc="Orientation."
+    ),
+    ("MagX", "MagY", "MagZ"): Field(
+        "MagneticField", "f8", (3,), unit="G", axes=_XYZ, decimals=4, title="Magnetic field", frame="body"
+    ),
+    ("AccelX", "AccelY", "AccelZ"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3, frame="body"),
+    ("BodyAccelX", "BodyAccelY", "BodyAccelZ"): Field(
+        "TrueAcceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3, title="True acceleration", frame="body"
+    ),
+    ("InertialAccelX", "InertialAccelY", "InertialAccelZ"): Field(
+        "TrueAccelerationNED", "f8", (3,), unit="m/s²", axes=_NED, decimals=3, title="True acceleration", frame="NED"
+    ),
+    ("GyroX", "GyroY", "GyroZ"): Field(
+        "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn", frame="body"
+    ),
+    ("DeltaThetaX", "DeltaThetaY", "DeltaThetaZ"): Field(
+        "RotationIncrement", "f8", (3,), unit="°", axes=_XYZ, decimals=3, title="Rotation increment", frame="body"
+    ),
+    ("DeltaVelX", "DeltaVelY", "DeltaVelZ"): Field(
+        "VelocityIncrement", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3, title="Velocity increment", frame="body"
+    ),
+    ("VelN", "VelE", "VelD"): Field(
+        "VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, title="Velocity", frame="NED"
+    ),
+    ("PositionX", "PositionY", "PositionZ"): Field(
+        "Position", "f8", (3,), unit="m", axes=_XYZ, decimals=3, frame="ECEF"
+    ),
+    ("VelocityX", "VelocityY", "VelocityZ"): Field(
+        "Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3, frame="ECEF"
     ),
 }
 
@@ -93,6 +135,8 @@ ALONE: Mapping[str, Field] = {
     "mv": _angle("Magnetic variation"),
     "lat": Field("", "f8", unit="°", title="Latitude", decimals=7),
     "lon": Field("", "f8", unit="°", title="Longitude", decimals=7, period=360),
+    "Latitude": Field("", "f8", unit="°", decimals=7),
+    "Longitude": Field("", "f8", unit="°", decimals=7, period=360),
     "alt": Field("", "f8", unit="m", title="Height above sea level", decimals=2),
     "sep": Field("", "f8", unit="m", title="Geoid above the ellipsoid", decimals=2),
     "hae": Field("", "f8", unit="m", title="Height above the ellipsoid", decimals=2),
@@ -112,6 +156,7 @@ class NmeaQuantities:
 
     def __init__(self) -> None:
         self._messages: dict[tuple[str, ...], Message] = {}
+        self._places: dict[str, list[str]] = {}  # of numbers in each kind of unknown sentence
 
     def batches(self, texts: Iterable[Text]) -> list[Batch]:
         """One batch for each kind of sentence that contains numbers; without device time."""
@@ -119,10 +164,25 @@ class NmeaQuantities:
         for text in texts:
             if not text.name:
                 continue
-            numbers = _numbers(text.fields)
+            name, fields = text.name, text.fields
+            if text.protocol == "nmea" and UNNAMED in fields:
+                name, numbers = self._unnamed(name, fields)
+            else:
+                numbers = _numbers(fields)
             if numbers.keys() - _ABOUT_FRAME:
-                kinds.setdefault((text.protocol, text.name, *numbers), []).append((text, list(numbers.values())))
+                kinds.setdefault((text.protocol, name, *numbers), []).append((text, list(numbers.values())))
         return [self._batch(kind, rows) for kind, rows in kinds.items()]
+
+    def _unnamed(self, name: str, fields: Mapping[str, Any]) -> tuple[str, dict[str, float]]:
+        """Name and numbers of a sentence that no table knows; NaN where one had a number before and is empty now."""
+        word = fields[UNNAMED] or ""
+        kind = f"{name}_{word}" if _WORD.fullmatch(word) else name
+        numbers = {place: number for place, cell in fields.items() if (number := number_of(cell or "")) is not None}
+        if kind not in self._places and len(self._places) >= _MAX_KINDS:
+            self._places.clear()
+        places = self._places.setdefault(kind, [])
+        places += sorted(numbers.keys() - set(places))
+        return kind, {place: numbers.get(place, math.nan) for place in sorted(places)} if numbers else {}
 
     def _batch(self, kind: tuple[str, ...], rows: Sequence[tuple[Text, list[float]]]) -> Batch:
         if kind not in self._messages:
@@ -154,7 +214,9 @@ def _message(kind: tuple[str, ...]) -> Message:
     own = {field.name: field for field in SENTENCES[name].fields} if name in SENTENCES else fields_of(name)
     fields += [_named(one, own.get(one)) for one in names if one not in in_groups]
     title = name if protocol == name.lower() else f"{protocol.upper()} {name}"
-    return Message(0, name, tuple(fields), separate_channels=tuple(field.name for _, field in whole), title=title)
+    apart = tuple(field.name for _, field in whole)
+    about = _UNKNOWN if protocol == "nmea" and names[0].startswith("field_") else ""
+    return Message(0, name, tuple(fields), separate_channels=apart, title=title, doc=about)
 
 
 def _named(name: str, own: Field | None) -> Field:

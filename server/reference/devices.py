@@ -13,7 +13,7 @@ INTRODUCTION = (
     "shown live, recorded, replayed, exported, inspected and simulated."
 )
 OTHERS = (
-    "NMEA 0183 sentences",
+    "NMEA 0183 sentences, with the ASCII messages of VectorNav",
     "UBX messages: position, velocity, attitude, time and sensors of a u-blox receiver; RTCM 3 messages",
 )
 FILES = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from imuscope.protocols.nmea import checksum
+from tests.protocols.vectornav_sentences import VECTORNAV
 
 
 def sentence(content: str) -> bytes:
@@ -13,6 +14,7 @@ def sentence(content: str) -> bytes:
 
 
 EXAMPLES: dict[str, tuple[str, dict[str, Any]]] = {
+    **VECTORNAV,
     "HCHDM": ("HCHDM,238.50,M", {"headingM": 238.5, "headingMag": "M"}),
     "HCHDG": (
         "HCHDG,98.3,1.5,E,12.6,W",

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from imuscope.protocols import vectornav
 from imuscope.protocols.events import Text
 from imuscope.protocols.isb import sentences
 from imuscope.protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea
 from imuscope.protocols.nmea_quantities import NmeaQuantities
 from imuscope.protocols.schema import Message
 from tests.each_row import each_row
+from tests.protocols.nmea_sentences import sentence
+from tests.protocols.vectornav_sentences import VECTORNAV
 
 
 def text(name: str, offset: int = 0, **fields: object) -> Text:
@@ -87,3 +90,62 @@ def test_a_sign_that_is_a_letter_is_not_lost(line: str, expected: dict[str, floa
     (batch,) = NmeaQuantities().batches([Text("nmea", found.name, found.line, 0, len(raw), 0, found.fields)])
     assert {name: float(batch.columns[name][0]) for name in expected} == pytest.approx(expected)
     assert found.line == raw.decode().strip()
+
+
+@each_row("name", [row.name for row in vectornav.SENTENCES])
+def test_every_number_of_vectornav_has_its_unit(name: str) -> None:
+    [parsed], _ = find_nmea(sentence(VECTORNAV[name][0]), final=True)
+    row = SENTENCES[name]
+    assert len(parsed.fields) == len(row.fields)
+    assert None not in parsed.fields.values()
+    (batch,) = NmeaQuantities().batches([text(name, **parsed.fields)])
+    units = {field.unit for field in row.fields if field.unit}
+    assert {field.unit for field in batch.message.fields if field.unit} == units
+    assert not batch.message.doc
+    assert all(len(field.axes) > 1 for field in batch.message.fields if field.name.startswith(("Rate", "Euler")))
+
+
+def test_angles_and_quaternion_of_vectornav_agree() -> None:
+    """The manual prints both, of one sensor a moment apart."""
+    angles, quaternion = (
+        NmeaQuantities().batches([text(name, **find_nmea(sentence(VECTORNAV[name][0]), final=True)[0][0].fields)])[0]
+        for name in ("VNYMR", "VNQTN")
+    )
+    w, x, y, z = quaternion.columns["Quaternion"][0]
+    roll, pitch, yaw = angles.columns["EulerAngles"][0]
+    assert w == 0.998255
+    assert np.degrees(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))) == pytest.approx(roll, abs=0.2)
+    assert np.degrees(np.arcsin(2 * (w * y - z * x))) == pytest.approx(pitch, abs=0.2)
+    assert np.degrees(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))) == pytest.approx(yaw, abs=0.2)
+
+
+def unknown(*lines: str) -> list[Text]:
+    parsed, _ = find_nmea(b"".join(sentence(line) for line in lines), final=True)
+    return [text(one.name, number, **one.fields) for number, one in enumerate(parsed)]
+
+
+def test_numbers_of_an_unknown_sentence_are_shown_by_their_places() -> None:
+    quantities = NmeaQuantities()
+    (batch,) = quantities.batches(unknown("PTNTHPR,85.9,N,-0.9,N,0.8,N", "PTNTHPR,86.9,N,,N,0.9,N"))
+    assert (batch.message.name, list(batch.columns)) == ("PTNTHPR", ["field_01", "field_03", "field_05"])
+    np.testing.assert_array_equal(batch.columns["field_03"], [-0.9, np.nan])
+    assert "does not know this sentence" in batch.message.doc
+    (later,) = quantities.batches(unknown("PTNTHPR,87.9,N,-0.8,N,0.8,N"))
+    assert later.message is batch.message
+    assert quantities.batches(unknown("PTEXT,hello,N", "PMTK010")) == []
+
+
+def test_a_word_ahead_makes_another_sentence() -> None:
+    batches = NmeaQuantities().batches(unknown("PIXSE,ATITUD,-1.6,-0.5", "PIXSE,POSITI,48.1,-4.5,0.0", "PSAT,HPR,1,2"))
+    assert [(one.message.name, len(one.columns)) for one in batches] == [
+        ("PIXSE_ATITUD", 2),
+        ("PIXSE_POSITI", 3),
+        ("PSAT_HPR", 2),
+    ]
+
+
+def test_unknown_sentences_take_no_memory_without_limit() -> None:
+    quantities = NmeaQuantities()
+    for number in range(1000):
+        quantities.batches(unknown(f"P{number},1.0".replace("P", "PX")))
+    assert len(quantities._places) <= 256

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer as RosWriter
 
+from imuscope.protocols.nmea import sentence
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.server.commands.inspect import inspect_file
@@ -241,6 +242,26 @@ def test_a_log_of_navigation_messages_has_their_times(tmp_path: Path) -> None:
     for one in store.manifest["channels"]:
         time = store.exact(one["id"], 0, 100).time
         np.testing.assert_allclose(time, 1_767_787_182 + np.arange(50) / 10, atol=1e-6)
+
+
+@each_row(
+    ("week", "begin"),
+    [(1694, 1_340_829_196.0), (2400, 1_767_817_993.0)],  # GPS is 15 s, then 18 s ahead of UTC
+)
+def test_messages_of_vectornav_are_dated_by_their_week(week: int, begin: float, tmp_path: Path) -> None:
+    lines = []
+    for n in range(50):
+        lines.append(
+            f"VNINS,{333_811 + n / 10 - 600:.6f},{week},0004,9.5,-4.7,-0.2,32.9,-96.7,179.5,0.1,0,0,7.8,1.6,0.2"
+        )
+        lines.append(f"VNACC,{n},0,-9.8")
+    path = tmp_path / "vectornav.log"
+    path.write_bytes(b"".join(sentence(line) for line in lines))
+    store = opened(path, tmp_path)
+    time = columns_of(store, "VNINS")[0]
+    np.testing.assert_allclose(time, begin + np.arange(50) / 10, atol=1e-6)
+    others = columns_of(store, "Acceleration")[1]  # between them, by the pace of the line
+    np.testing.assert_allclose(others, begin + np.arange(50) / 10, atol=0.11)
 
 
 def test_midnight_is_continued_where_no_sentence_has_a_date(tmp_path: Path) -> None:
