@@ -174,6 +174,10 @@ class Registry(Generic[Listed]):
             self._problems = each_usable(installed, self._kind, _import)
         return self._problems
 
+    def problems(self) -> list[str]:
+        """Sentences that `load` returns, without an import if no other package declares any."""
+        return self.load() if plugins_of_others(self._group) else []
+
     def all(self) -> dict[str, Listed]:
         """All objects by name, sorted by `order`."""
         self.load()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
+import gc
 import logging
 import os
 import signal
@@ -47,6 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end
     if not words or (words[0] not in COMMANDS and words[0] not in ("-h", "--help", "--version")):
         words.insert(0, "serve")
+    if words[0] == "serve":
+        gc.disable()  # a tenth of the start, and hardly anything is garbage; http_server.run enables it
     logging.basicConfig(level=logging.WARNING, format="imuscope: %(levelname)s: %(message)s")
     try:
         options = parse(words)

@@ -411,6 +411,7 @@ def run(
     sys.setswitchinterval(SWITCH_S)
     raise_limit()
     gc.freeze()  # imported objects stay: exclude them from garbage collection while devices stream
+    gc.enable()
 
     def end(*_: object) -> None:
         serving.should_exit = True

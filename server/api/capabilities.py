@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.capabilities import Capabilities
 
-router = APIRouter(prefix="/api/capabilities", tags=["build"])
+router = lazy_router(prefix="/api/capabilities", tags=["build"])
 
 
 @router.get("")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 from functools import lru_cache
 
-from fastapi import APIRouter
-
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import Forms
 from imuscope.server.configuration.form_builder import all_forms
 
-router = APIRouter(prefix="/api", tags=["forms"])
+router = lazy_router(prefix="/api", tags=["forms"])
 
 _tables = lru_cache(maxsize=1)(all_forms)
 

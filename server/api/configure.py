@@ -11,12 +11,13 @@ import asyncio
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 
 from imuscope.protocols.transactions import Risk
 from imuscope.server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_device
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import ApplyRequest, RawRequest, ReadRequest, RunRequest
 from imuscope.server.configuration.change_plan import (
     ChangeRequest,
@@ -33,7 +34,7 @@ from imuscope.server.configuration.value_format import numbers
 from imuscope.server.errors import DomainError
 from imuscope.server.wire import DeviceHealth
 
-router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
+router = lazy_router(prefix="/api/devices/{device}", tags=["control"])
 
 MAX_RAW = 4096
 CONFIRM_S = (1, 600)

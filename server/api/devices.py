@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.server.api.answers import DeviceAnswer
 from imuscope.server.api.decode_options_body import DecodeOptionsBody, bad_setting
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_device
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.devices.decode_options import DecodeOptionError, changed, parse_source_options
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
@@ -21,7 +22,7 @@ from imuscope.server.links.base import LinkError
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.services import Services
 
-router = APIRouter(prefix="/api/devices", tags=["devices"])
+router = lazy_router(prefix="/api/devices", tags=["devices"])
 
 
 class AddDeviceRequest(DecodeOptionsBody):

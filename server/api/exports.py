@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from fastapi.responses import FileResponse
 
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 
-router = APIRouter(prefix="/api/recordings", tags=["exports"])
+router = lazy_router(prefix="/api/recordings", tags=["exports"])
 
 MAX_CHANNELS = 10_000
 

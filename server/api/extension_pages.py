@@ -11,14 +11,15 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from starlette.exceptions import HTTPException
 
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.static_files import serve
 from imuscope.server.extension import extensions
 from imuscope.server.page_files import Files
 
-router = APIRouter(tags=["build"])
+router = lazy_router(tags=["build"])
 
 MODULE = "index.js"
 

@@ -6,11 +6,10 @@ view token may call them (LOOKING in server/auth.py).
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-
 from imuscope.protocols.layouts import EncodeError
 from imuscope.server.api.configure import OneController
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import (
     FitRatesRequest,
     FitRatesResult,
@@ -23,7 +22,7 @@ from imuscope.server.configuration.form_builder import forms_of
 from imuscope.server.configuration.preview import fit, preview_command, preview_setting
 from imuscope.server.errors import DomainError
 
-router = APIRouter(prefix="/api/devices/{device}", tags=["forms"])
+router = lazy_router(prefix="/api/devices/{device}", tags=["forms"])
 
 UNKNOWN = "The product is not known yet, so everything of its family is listed; read the device to see what it has."
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import Path
 from fastapi.responses import Response
 from pydantic import BaseModel
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.integrations.map_tiles import KINDS
 
 DEEPEST = 22
 KEEP = "private, max-age=86400"
 
-router = APIRouter(prefix="/api", tags=["map"])
+router = lazy_router(prefix="/api", tags=["map"])
 
 
 class MapInfo(BaseModel):

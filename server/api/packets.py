@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 
 from imuscope.protocols.family import ProtocolInfo
 from imuscope.recordings.column_store import Base
@@ -14,6 +14,7 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recording_data import columns_of
 from imuscope.server.devices.decode_options import DecodeOptions, recorded
 from imuscope.server.errors import DomainError
@@ -28,7 +29,7 @@ from imuscope.server.library.packets import (
 )
 from imuscope.server.wire import ChannelInfo
 
-router = APIRouter(tags=["packets"])
+router = lazy_router(tags=["packets"])
 
 NO_NAMES: tuple[str, ...] = ()
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import asyncio
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.links.ports import PortInfo, list_ports, scan
 
-router = APIRouter(prefix="/api/ports", tags=["ports"])
+router = lazy_router(prefix="/api/ports", tags=["ports"])
 
 
 class ScanPortsRequest(BaseModel):

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import HeldBytes, MarkerRequest, SavedMemory, SaveMemoryRequest, StartRequest
 
-router = APIRouter(tags=["recorder"])
+router = lazy_router(tags=["recorder"])
 
 MAX_TEXT = 2000
 MAX_TITLE = 200

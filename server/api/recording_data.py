@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import Depends, Query, Request
 from fastapi.responses import JSONResponse, Response, StreamingResponse
 from pydantic import BaseModel, Field
 
@@ -21,6 +21,7 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import OpeningState, RecordedSettings, RecordingDetail
 from imuscope.server.library.column_cache import DecodeJob
@@ -40,7 +41,7 @@ from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recording_detail import as_json, channels_of, detail
 from imuscope.server.previous_names import with_previous_keys
 
-router = APIRouter(tags=["recordings"])
+router = lazy_router(tags=["recordings"])
 
 MAX_WIDTH = 8000
 MAX_SECONDS = 7200

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, BinaryIO, TypeVar
 from urllib.parse import quote
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import Depends, Query, Request
 from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 
@@ -20,11 +20,12 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import EditRequest, MarkerRequest, RecordingInfo
 from imuscope.server.streaming_response import streamed, with_first_chunk
 
-router = APIRouter(prefix="/api/recordings", tags=["recordings"])
+router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
 MAX_TITLE, MAX_NOTES, MAX_TAGS, MAX_TAG, MAX_TEXT, MAX_MARKERS = 200, 20_000, 50, 60, 2000, 5000
 BUFFER = 1 << 20

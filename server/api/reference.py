@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.static_files import HEADERS
 from imuscope.server.reference.pages import PAGES
 
-router = APIRouter(include_in_schema=False)
+router = lazy_router(include_in_schema=False)
 
 TEMPLATE = "docs.html"  # part of the built page: its styles, and a placeholder for the content
 PLACE = "<!-- content -->"

@@ -6,7 +6,7 @@ import asyncio
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
@@ -14,11 +14,12 @@ from imuscope.recordings.replay import extent
 from imuscope.server.api.answers import DeviceAnswer
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import PlayRequest
 from imuscope.server.links.capture_file import SPEEDS
 
-router = APIRouter(tags=["recordings"])
+router = lazy_router(tags=["recordings"])
 
 HINT_SPEED = f"Use {SPEEDS[0]:g} to {SPEEDS[1]:g} times the original speed."
 

@@ -6,12 +6,13 @@ import asyncio
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from fastapi.responses import Response
 
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.api.configure import AllControllers, OneController, controller_of
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import (
     CompareRequest,
     Difference,
@@ -31,7 +32,7 @@ from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, fro
 from imuscope.server.errors import DomainError
 from imuscope.server.wire_codec import to_json_safe
 
-router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
+router = lazy_router(prefix="/api/devices/{device}", tags=["snapshots"])
 
 NOT_READ = "The device has not been read yet."
 READ_FIRST = "Read its settings first."

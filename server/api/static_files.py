@@ -12,11 +12,12 @@ from __future__ import annotations
 import mimetypes
 from pathlib import Path
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import HTMLResponse, Response
 from starlette.exceptions import HTTPException
 
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.page_files import Files
 
 POLICY = "; ".join(
@@ -58,7 +59,7 @@ MISSING = """<!doctype html><html lang="en"><meta charset="utf-8"><title>imuscop
 <a href="/openapi.json">/openapi.json</a>.</p>
 <p>Build the page with <code>python web/build.py</code> (no Node needed), then reload.</p></html>"""
 
-router = APIRouter(include_in_schema=False)
+router = lazy_router(include_in_schema=False)
 
 
 def _accepted(request: Request) -> set[str]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import platform
 from typing import Any, Literal
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.auth import Role
 from imuscope.server.metrics import Sources
 from imuscope.server.prometheus_text import CONTENT_TYPE
 from imuscope.server.version import VERSION
 from imuscope.server.wire import SUBPROTOCOL
 
-router = APIRouter(tags=["build"])
+router = lazy_router(tags=["build"])
 
 FIGURES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
 

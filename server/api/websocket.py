@@ -13,16 +13,17 @@ import contextlib
 import logging
 from typing import Any
 
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import WebSocket, WebSocketDisconnect
 
 from imuscope.server import wire, wire_codec
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.send_queue import SendQueue
 
 log = logging.getLogger("imuscope.live")
-router = APIRouter()
+router = lazy_router()
 
 MAX_WAITING_TEXT = 16 * 1024 * 1024  # bytes; text is never dropped, so a client this slow is disconnected
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 60.0  # a page asks twice a second, and some dozen times when it is opened

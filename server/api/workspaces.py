@@ -5,14 +5,15 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Response
+from fastapi import Header, Response
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.workspaces import ANY, StoredWorkspace
 
-router = APIRouter(prefix="/api", tags=["workspaces"])
+router = lazy_router(prefix="/api", tags=["workspaces"])
 
 IfMatch = Annotated[str | None, Header(description="revision that is replaced, as ETag; `*`: any")]
 

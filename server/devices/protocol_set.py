@@ -55,7 +55,7 @@ def problems() -> list[str]:
     from imuscope.recordings.readers.registry import READERS
     from imuscope.server.links.registry import load_links
 
-    return [*PROBLEMS, *OF_EXPORTERS, *READERS.load(), *load_links()]
+    return [*PROBLEMS, *OF_EXPORTERS, *READERS.problems(), *load_links()]
 
 
 def all_protocols() -> ProtocolSet:

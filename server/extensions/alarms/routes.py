@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import Depends, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.along_time import notes_on
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
@@ -28,7 +29,7 @@ from imuscope.server.extensions.analysis.expression_syntax import ExpressionErro
 from imuscope.server.extensions.analysis.routes import recording_of, response_of
 from imuscope.server.library.recording_detail import channels_of
 
-router = APIRouter(prefix="/api/alarms", tags=["alarms"])
+router = lazy_router(prefix="/api/alarms", tags=["alarms"])
 
 
 async def alarms_of(services: TheServices) -> AlarmService:

@@ -26,5 +26,5 @@ EXTENSION = Extension(
             epilog="imuscope.server.extensions.analysis.command:analysis_list",
         ),
     ),
-    problems="imuscope.server.extensions.analysis.registry:load_analyses",
+    problems="imuscope.server.extensions.analysis.registry:problems",
 )

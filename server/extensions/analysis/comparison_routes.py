@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
@@ -15,6 +15,7 @@ from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import Difference, DifferenceRow
 from imuscope.server.configuration.controllers import driver_of
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
@@ -31,7 +32,7 @@ from imuscope.server.extensions.analysis.two_sides import Alignment, ComparisonA
 from imuscope.server.services import Services
 from imuscope.server.wire_codec import to_json_safe
 
-router = APIRouter(prefix="/api/comparison", tags=["analysis"])
+router = lazy_router(prefix="/api/comparison", tags=["analysis"])
 
 LARGE = re.compile(r"-?[1-9]\d{15,19}")
 

@@ -162,7 +162,7 @@ def _unit_of(declared: str, own: str) -> str:
 
 
 ANALYSES = Registry[Analysis]("analysis", "imuscope.server.extensions.analysis.methods", "imuscope.analyses")
-register_analysis, load_analyses = ANALYSES.register, ANALYSES.load
+register_analysis, load_analyses, problems = ANALYSES.register, ANALYSES.load, ANALYSES.problems
 
 
 def analyses() -> list[Analysis]:

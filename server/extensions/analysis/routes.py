@@ -7,7 +7,7 @@ import math
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
@@ -16,6 +16,7 @@ from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.data_sheet import Product
@@ -39,7 +40,7 @@ from imuscope.server.extensions.analysis.signals import live_samples
 from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 from imuscope.server.services import Services
 
-router = APIRouter(prefix="/api/analysis", tags=["analysis"])
+router = lazy_router(prefix="/api/analysis", tags=["analysis"])
 
 MAX_SIGNALS = 64
 MAX_TIME = 9e9  # unix s

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.derived_channels import DerivedChannels
 from imuscope.server.extensions.analysis.expression_functions import FUNCTIONS
 from imuscope.server.extensions.analysis.units import SYMBOLS
 from imuscope.server.library.signal_definitions import MAX_NAME, MAX_TEXT, SignalDefinition
 
-router = APIRouter(tags=["signals"])
+router = lazy_router(tags=["signals"])
 
 
 class ExpressionFunction(BaseModel):

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -16,6 +16,7 @@ from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.column_store import Base
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.jobs import RecordedSource, SampleSource, copied
@@ -40,7 +41,7 @@ from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.services import Services
 from imuscope.server.wire import ChannelInfo
 
-router = APIRouter(prefix="/api", tags=["calibration"])
+router = lazy_router(prefix="/api", tags=["calibration"])
 
 ExportFormat = Literal["json", "yaml", "csv", "c"]
 assert set(FORMATS) == set(ExportFormat.__args__)  # type: ignore[attr-defined]

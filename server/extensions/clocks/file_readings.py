@@ -6,7 +6,6 @@ import asyncio
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.recordings.column_store import ColumnStore
@@ -25,10 +24,11 @@ from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.table_preview import TABLES, TablePreview, may_be_table, preview_of, question_of
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recordings import OneEntry, still_recording
 from imuscope.server.errors import DomainError
 
-router = APIRouter(prefix="/api/recordings", tags=["recordings"])
+router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
 MOST_PACKED = 20_000_000  # bytes of an archive that is unpacked to look for a question
 Heading = Annotated[str, Field(max_length=LONGEST)]

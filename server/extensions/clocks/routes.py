@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response
 
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, while_connected
 from imuscope.server.api.devices import session_of
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.recordings import OneEntry
 from imuscope.server.extensions.clocks.figures import MessageClocks, clocks_of
@@ -18,7 +19,7 @@ from imuscope.server.extensions.clocks.file_readings import FileReadingBody, bod
 from imuscope.server.extensions.clocks.live import LiveClocks, nothing_stored
 from imuscope.server.extensions.clocks.live_time import LiveTime
 
-router = APIRouter()
+router = lazy_router()
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.protocols.registry import PROTOCOLS
@@ -12,13 +11,14 @@ from imuscope.server.api.configure import OneController
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import check_path
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import Corrections
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.corrections.manager import CorrectionManager
 from imuscope.server.extensions.corrections.ntrip import CorrectionError
 from imuscope.server.extensions.corrections.stream import file_of
 
-router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
+router = lazy_router(prefix="/api/devices/{device}", tags=["corrections"])
 
 
 class CorrectionsRequest(BaseModel):

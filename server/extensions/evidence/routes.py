@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses, unknown_recording
 from imuscope.server.api.exports import check_range, check_time
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.extensions.evidence.job import evidence_work
 from imuscope.server.extensions.evidence.request import EvidenceRequest
 
-router = APIRouter(prefix="/api/recordings", tags=["exports"])
+router = lazy_router(prefix="/api/recordings", tags=["exports"])
 
 
 @router.post("/{recording}/evidence", status_code=202, responses=responses(404, 409, 422))

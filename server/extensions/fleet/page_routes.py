@@ -13,10 +13,11 @@ from collections.abc import AsyncIterator
 from urllib.parse import parse_qsl, urlencode
 
 import msgspec
-from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
+from fastapi import Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError, status_of
 from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     MAX_BODY,
@@ -32,7 +33,7 @@ from imuscope.server.extensions.fleet.robot_routes import TheFleetServer, fleet_
 from imuscope.server.previous_names import path_of
 from imuscope.server.printable import printable
 
-router = APIRouter(include_in_schema=False)
+router = lazy_router(include_in_schema=False)
 
 FORWARDED = frozenset({"accept", "content-type", "if-match", "if-none-match", "range"})
 """Headers of a request that are forwarded to a robot; tokens and cookies are not."""

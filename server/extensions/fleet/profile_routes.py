@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.fleet_server import FleetServer
 from imuscope.server.extensions.fleet.group_profiles import SettingsCheck
@@ -17,7 +18,7 @@ from imuscope.server.extensions.fleet.robot_routes import TheFleetServer
 from imuscope.server.extensions.fleet.rollout_models import ProfileOrigin
 from imuscope.server.extensions.fleet.summaries import RobotSummary, SettingsState
 
-router = APIRouter(prefix="/api/fleet/robots", tags=["fleet"])
+router = lazy_router(prefix="/api/fleet/robots", tags=["fleet"])
 
 
 class SettingDifference(BaseModel):

@@ -7,7 +7,7 @@ import re
 from contextlib import AsyncExitStack
 from typing import Literal
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.types import Receive, Scope, Send
@@ -15,11 +15,12 @@ from starlette.types import Receive, Scope, Send
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.query_service import QueryService, QuestionRequest, RunningQuery
 
-router = APIRouter(prefix="/api/query", tags=["query"])
+router = lazy_router(prefix="/api/query", tags=["query"])
 
 MAX_SQL = 100_000
 MAX_ROWS = 200_000

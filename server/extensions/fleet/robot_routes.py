@@ -5,18 +5,19 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.fleet_server import FleetServer
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.summaries import FleetRobots
 
-router = APIRouter(prefix="/api/fleet", tags=["fleet"])
+router = lazy_router(prefix="/api/fleet", tags=["fleet"])
 
 
 async def robots_of(services: TheServices) -> Robots:

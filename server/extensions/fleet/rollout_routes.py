@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.extensions.fleet.profile_routes import device_of
 from imuscope.server.extensions.fleet.robot_routes import TheFleetServer
 from imuscope.server.extensions.fleet.rollout_models import DEFAULT_WAVES, Rollout, RolloutHead, RolloutPlan
 
-router = APIRouter(prefix="/api/fleet", tags=["fleet"])
+router = lazy_router(prefix="/api/fleet", tags=["fleet"])
 
 WAVES = "sizes of waves, or percentages of the rest, separated by commas; the last one is repeated"
 Waves = Annotated[str, Query(max_length=200, description=WAVES)]

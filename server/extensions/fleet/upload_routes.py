@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.extensions.fleet.uploads import RecordingUpload, UploadService
 
-router = APIRouter(prefix="/api/uploads", tags=["uploads"])
+router = lazy_router(prefix="/api/uploads", tags=["uploads"])
 
 
 class UploadsState(BaseModel):

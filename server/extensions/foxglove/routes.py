@@ -4,15 +4,16 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, WebSocket
+from fastapi import WebSocket
 
 from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.foxglove.protocol_server import MAX_UP, SUBPROTOCOLS
 from imuscope.server.extensions.foxglove.service import Foxglove
 from imuscope.server.integrations.proxy import reject, relay
 
-router = APIRouter()
+router = lazy_router()
 
 MAX_DOWN = 16 * 1024 * 1024  # all advertised topics come in one message
 

@@ -20,13 +20,14 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, WebSocket
+from fastapi import Query, Request, WebSocket
 from fastapi.responses import FileResponse, RedirectResponse, Response, StreamingResponse
 from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.static_files import HEADERS
 from imuscope.server.errors import DomainError
@@ -34,7 +35,7 @@ from imuscope.server.extensions.rerun.assets import NAMES, folder_of, viewer_fil
 from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
 from imuscope.server.extensions.rerun.service import Rerun, RerunFeed, RerunViewer, recording_stream
 
-router = APIRouter()
+router = lazy_router()
 
 PAGE = Path(__file__).resolve().parent / "page"
 OWN = {"": "index.html", "start.js": "start.js", "style.css": "style.css"}

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.extensions.ros2.service import Ros2
 from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.services import Services
 
-router = APIRouter(prefix="/api/ros2", tags=["ros2"])
+router = lazy_router(prefix="/api/ros2", tags=["ros2"])
 
 
 class SwitchTopicRequest(BaseModel):

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query
+from fastapi import Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.devices.session import Session
 from imuscope.server.extensions.shares.client_changes import SettingsChange
 from imuscope.server.extensions.shares.port_shares import PortShares, client_name, speaker_name
 from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
 from imuscope.server.services import Services
 
-router = APIRouter(prefix="/api/devices/{device}/shares", tags=["shares"])
+router = lazy_router(prefix="/api/devices/{device}/shares", tags=["shares"])
 
 
 class AddShareRequest(BaseModel):

@@ -14,7 +14,7 @@ import json
 from typing import Annotated
 
 import msgspec
-from fastapi import APIRouter, Query, Request, WebSocket
+from fastapi import Query, Request, WebSocket
 from fastapi.responses import RedirectResponse, Response
 from pydantic import BaseModel, Field
 from starlette.websockets import WebSocketDisconnect
@@ -22,6 +22,7 @@ from starlette.websockets import WebSocketDisconnect
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
+from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.static_files import HEADERS
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.viser.replay_sync import ReplayFollower
@@ -30,7 +31,7 @@ from imuscope.server.http_server import MAX_FROM_VIEWER
 from imuscope.server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
 from imuscope.server.integrations.viewer_process import PER_S
 
-router = APIRouter()
+router = lazy_router()
 
 MAX_PAGE = 8 * 1024 * 1024  # viser's page has 0.8 MB
 

@@ -185,14 +185,18 @@ def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     """The start would take seconds longer: what draws, hands on or reads tables is imported by who does that."""
     code = (
         "import sys; import imuscope.server.cli; import imuscope.server.extensions.fleet.publisher; "
-        "from imuscope.server.app import create_app; "
+        "from imuscope.server.app import create_app; from imuscope.server.devices.protocol_set import problems; "
         "from imuscope.server.auth import Access; from imuscope.server.config import load; "
+        "from imuscope.server.extension import extension_problems; "
         "config = load(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
-        "create_app(config, Access(config)); print(*{name.split('.')[0] for name in sys.modules})"
+        "create_app(config, Access(config)); problems(), extension_problems(); print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    imported = set(done.stdout.split())
+    modules = set(done.stdout.split())
+    imported = modules | {name.partition(".")[0] for name in modules}
     assert "fastapi" in imported, done.stderr
     heavy = {"viser", "foxglove", "rerun", "rerun_bindings", "pyarrow", "trimesh", "scipy", "pandas", "PIL"}
     heavy |= {"rosbags", "zenoh", "xxhash"}  # ROS 2, and the bus of a fleet
+    heavy |= {"numpy.ma", "numpy.random", "imuscope.recordings.readers.formats.flight_log"}
+    heavy |= {"imuscope.server.extensions.analysis.methods.allan"}
     assert not imported & heavy
