@@ -16,7 +16,7 @@ from starlette.routing import compile_path, get_name
 
 
 class LazyRoute(APIRoute):
-    """A route that knows its path and methods, and is built when more is asked of it, on the event loop."""
+    """A route with its path and methods, built on the event loop when another attribute is needed."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **declared: Any) -> None:
         self.path, self.endpoint, self._declared = path, endpoint, declared
