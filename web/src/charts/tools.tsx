@@ -2,6 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { hasCursors, type ViewState } from "../data/view-state";
 import { COMMON } from "../texts/common";
+import { type ChoiceOption, OptionList } from "../ui/choices";
 import { Icon } from "../ui/icons";
 import "./tools.css";
 
@@ -51,7 +52,7 @@ export function RangeChoice({ viewState, range, onChange }: RangeProps) {
 interface SelectProps {
   readonly label: string;
   readonly value: string;
-  readonly options: readonly (readonly [value: string, text: string])[];
+  readonly options: readonly ChoiceOption[];
   readonly onChange: (value: string) => void;
 }
 
@@ -60,13 +61,7 @@ export function Select({ label, value, options, onChange }: SelectProps) {
     <label class="chart-choice">
       <span aria-hidden="true">{label}</span>
       <span class="select">
-        <select aria-label={label} value={value} onChange={(event) => onChange(event.currentTarget.value)}>
-          {options.map(([one, text]) => (
-            <option key={one} value={one}>
-              {text}
-            </option>
-          ))}
-        </select>
+        <OptionList label={label} value={value} options={options} onChoose={onChange} />
         <Icon name="down" />
       </span>
     </label>

@@ -4,6 +4,7 @@
  */
 import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
+import { OptionList } from "../ui/choices";
 import { api, type HowToRead, type Outcome, type HttpProblem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icons";
@@ -226,13 +227,7 @@ function Choice({ id, label, value, onChange, choices }: ChoiceProps) {
     <div>
       <label for={id}>{label}</label>
       <div class="select">
-        <select id={id} value={value} onChange={(event) => onChange(event.currentTarget.value)}>
-          {choices.map((one) => (
-            <option key={one.value} value={one.value}>
-              {one.words}
-            </option>
-          ))}
-        </select>
+        <OptionList id={id} value={value} options={choices.map((one) => [one.value, one.words])} onChoose={onChange} />
         <Icon name="down" />
       </div>
     </div>

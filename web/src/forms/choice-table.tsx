@@ -1,5 +1,6 @@
 /** A table of selectable outputs of a device: a row for each, with its load on the line and its previous state. */
 import type { ComponentChildren } from "preact";
+import { OptionList } from "../ui/choices";
 import { number } from "../ui/format";
 import { Icon } from "../ui/icons";
 import type { FormContext } from "./form-context";
@@ -111,19 +112,14 @@ interface PickProps {
 export function Pick({ label, value, options, disabled, edited = false, pick }: PickProps) {
   return (
     <span class={`select ${edited ? "edited" : ""}`}>
-      <select
-        aria-label={label}
-        value={String(value)}
+      <OptionList
+        label={label}
+        value={value}
+        none={TEXT.offInTable}
+        options={options}
         disabled={disabled}
-        onChange={(event) => pick(Number(event.currentTarget.value))}
-      >
-        {value === "" && <option value="">{TEXT.offInTable}</option>}
-        {options.map(([option, words]) => (
-          <option key={option} value={String(option)}>
-            {words}
-          </option>
-        ))}
-      </select>
+        onChoose={pick}
+      />
       <Icon name="down" />
     </span>
   );

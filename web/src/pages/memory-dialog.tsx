@@ -5,6 +5,7 @@ import { Slot } from "../extension";
 import { recordingsApi } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
 import type { HeldBytes, SavedMemory } from "../recordings/types";
+import { Segmented } from "../ui/choices";
 import { Dialog } from "../ui/dialog";
 import { clock } from "../ui/format";
 import type { HttpProblem } from "../ui/http";
@@ -87,13 +88,17 @@ export function MemoryDialog({ app, onClose }: Props) {
   return (
     <Dialog title={TEXT.saveFromMemory} onClose={onClose}>
       <div class="from-memory-dialog">
-        <div class="segmented full-width" role="group" aria-label={TEXT.partToSave}>
-          {(["view", "minute", "all"] as const).map((one) => (
-            <button type="button" key={one} aria-pressed={part.value === one} onClick={() => (part.value = one)}>
-              {{ view: TEXT.inView, minute: TEXT.lastMinute, all: TEXT.allInMemory }[one]}
-            </button>
-          ))}
-        </div>
+        <Segmented
+          label={TEXT.partToSave}
+          class="full-width"
+          value={part.value}
+          options={[
+            ["view", TEXT.inView],
+            ["minute", TEXT.lastMinute],
+            ["all", TEXT.allInMemory],
+          ]}
+          onChoose={(one) => (part.value = one)}
+        />
         {held.value && links.length === 0 && <p role="status">{TEXT.memoryEmpty}</p>}
         {gone && <p role="status">{TEXT.memoryGone}</p>}
         {late && <p role="status">{TEXT.memoryBeginsLater(clock(begins))}</p>}

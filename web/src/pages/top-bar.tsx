@@ -3,6 +3,7 @@ import { useRef } from "preact/hooks";
 import { Slot } from "../extension";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
+import { OptionList } from "../ui/choices";
 import { age, number, rate, span } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName, Logo } from "../ui/icons";
@@ -212,17 +213,12 @@ function Window({ app, class: name, words = false }: WindowProps) {
   return (
     <label class={`select ${name}`} title={TEXT.windowLengthHint}>
       {words && <span aria-hidden="true">{TEXT.window}</span>}
-      <select
-        aria-label={TEXT.windowLength}
-        value={String(current)}
-        onChange={(event) => actions.setSpan(Number(event.currentTarget.value))}
-      >
-        {all.map((seconds) => (
-          <option key={seconds} value={String(seconds)}>
-            {span(seconds).value} {span(seconds).unit}
-          </option>
-        ))}
-      </select>
+      <OptionList
+        label={TEXT.windowLength}
+        value={current}
+        options={all.map((seconds) => [seconds, `${span(seconds).value} ${span(seconds).unit}`])}
+        onChoose={(seconds) => actions.setSpan(seconds)}
+      />
       <Icon name="down" />
     </label>
   );

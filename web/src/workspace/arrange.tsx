@@ -7,6 +7,7 @@ import { Slot } from "../extension";
 import type { App } from "../pages/app-state";
 import type { Deps } from "../panels/panel-context";
 import type { PanelDefinition } from "../panels/registry";
+import { OptionList } from "../ui/choices";
 import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName } from "../ui/icons";
 import { COMMON } from "../texts/common";
@@ -183,18 +184,13 @@ function Row({ session, panel, area, all, isFirst, isLast }: RowProps) {
         </button>
       ) : (
         <label class="select">
-          <select
-            aria-label={TEXT.placeOf(panel.title)}
+          <OptionList
+            label={TEXT.placeOf(panel.title)}
             value={area}
+            options={places.map((place) => [place, TEXT.places[place]])}
             disabled={places.length === 1}
-            onChange={(event) => placed(session, panel, all, event.currentTarget.value as Place)}
-          >
-            {places.map((place) => (
-              <option key={place} value={place}>
-                {TEXT.places[place]}
-              </option>
-            ))}
-          </select>
+            onChoose={(place) => placed(session, panel, all, place)}
+          />
           <Icon name="down" />
         </label>
       )}

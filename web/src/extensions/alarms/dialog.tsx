@@ -2,6 +2,7 @@
 import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { type Deps, selected } from "../../panels/panel-context";
+import { OptionList, Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -18,6 +19,7 @@ import { alarmList, draftOf } from "./list";
 import { TEXT } from "./texts";
 
 const CHECK_AFTER_MS = 300;
+const KINDS = ["expression", "flag", "health"] as const;
 
 interface Props {
   readonly app: App;
@@ -94,21 +96,15 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   return (
     <Dialog title={draft.id === undefined ? TEXT.newAlarm : TEXT.editAlarm} onClose={onClose}>
       <form class="alarm-form" onSubmit={(event) => void save(event)}>
-        <div class="alarm-field" role="group" aria-label={TEXT.kind}>
-          <div class="segmented">
-            {(["expression", "flag", "health"] as const).map((kind) => (
-              <button
-                key={kind}
-                type="button"
-                aria-pressed={fields.value.kind === kind}
-                onClick={() =>
-                  set({ kind, clear: "", ...(kind === "flag" && fields.value.flag === "" ? firstFlag(channels) : {}) })
-                }
-              >
-                {TEXT.kinds[kind]}
-              </button>
-            ))}
-          </div>
+        <div class="alarm-field">
+          <Segmented
+            label={TEXT.kind}
+            value={fields.value.kind}
+            options={KINDS.map((kind) => [kind, TEXT.kinds[kind]])}
+            onChoose={(kind) =>
+              set({ kind, clear: "", ...(kind === "flag" && fields.value.flag === "" ? firstFlag(channels) : {}) })
+            }
+          />
         </div>
         <ConditionFields fields={fields} set={set} channels={channels} check={check} />
         <label>
@@ -130,34 +126,37 @@ export function AlarmDialog({ app, onClose, over }: Props) {
           />
           <label>
             {TEXT.level}
-            <select
+            <OptionList
               value={fields.value.level}
-              onChange={(event) => set({ level: event.currentTarget.value as AlarmFields["level"] })}
-            >
-              <option value="warning">{TEXT.levels.warning}</option>
-              <option value="error">{TEXT.levels.error}</option>
-            </select>
+              options={[
+                ["warning", TEXT.levels.warning],
+                ["error", TEXT.levels.error],
+              ]}
+              onChoose={(level) => set({ level })}
+            />
           </label>
           <label>
             {TEXT.clears}
-            <select
+            <OptionList
               value={fields.value.latched ? "latched" : ""}
-              onChange={(event) => set({ latched: event.currentTarget.value !== "" })}
-            >
-              <option value="">{TEXT.clearsByItself}</option>
-              <option value="latched">{TEXT.latched}</option>
-            </select>
+              options={[
+                ["", TEXT.clearsByItself],
+                ["latched", TEXT.latched],
+              ]}
+              onChoose={(latched) => set({ latched: latched !== "" })}
+            />
           </label>
           {draft.id !== undefined && (
             <label>
               {TEXT.evaluation}
-              <select
+              <OptionList
                 value={fields.value.enabled ? "on" : ""}
-                onChange={(event) => set({ enabled: event.currentTarget.value !== "" })}
-              >
-                <option value="on">{TEXT.enabled}</option>
-                <option value="">{TEXT.disabled}</option>
-              </select>
+                options={[
+                  ["on", TEXT.enabled],
+                  ["", TEXT.disabled],
+                ]}
+                onChoose={(enabled) => set({ enabled: enabled !== "" })}
+              />
             </label>
           )}
           <DeviceChoice fields={fields.value} set={set} device={device} stored={draft.definition?.devices} />
@@ -217,13 +216,11 @@ function ConditionFields({ fields, set, channels, check }: FieldProps) {
       <div class="alarm-pair">
         <label>
           {TEXT.figure}
-          <select value={figure} onChange={(event) => set({ figure: event.currentTarget.value as HealthFigure })}>
-            {(Object.keys(TEXT.figures) as HealthFigure[]).map((name) => (
-              <option key={name} value={name}>
-                {TEXT.figures[name]}
-              </option>
-            ))}
-          </select>
+          <OptionList
+            value={figure}
+            options={(Object.keys(TEXT.figures) as HealthFigure[]).map((name) => [name, TEXT.figures[name]])}
+            onChoose={(name) => set({ figure: name })}
+          />
         </label>
         {figure !== "link" && (
           <>
@@ -321,34 +318,26 @@ function FlagFields({ fields, set, channels }: FieldProps) {
     <div class="alarm-pair">
       <label>
         {TEXT.status}
-        <select
+        <OptionList
           value={signal}
-          onChange={({ currentTarget: { value } }) =>
-            set({ signal: value, flag: words.find(({ name }) => name === value)?.flags[0] ?? "" })
-          }
-        >
-          {names.map((name) => (
-            <option key={name}>{name}</option>
-          ))}
-        </select>
+          options={names.map((name) => [name, name])}
+          onChoose={(name) => set({ signal: name, flag: words.find((one) => one.name === name)?.flags[0] ?? "" })}
+        />
       </label>
       <label>
         {TEXT.flag}
-        <select value={flag} onChange={(event) => set({ flag: event.currentTarget.value })}>
-          {flags.map((name) => (
-            <option key={name}>{name}</option>
-          ))}
-        </select>
+        <OptionList value={flag} options={flags.map((name) => [name, name])} onChoose={(name) => set({ flag: name })} />
       </label>
       <label>
         {TEXT.flagState}
-        <select
+        <OptionList
           value={isSet ? "set" : "clear"}
-          onChange={(event) => set({ isSet: event.currentTarget.value === "set" })}
-        >
-          <option value="set">{TEXT.flagSet}</option>
-          <option value="clear">{TEXT.flagClear}</option>
-        </select>
+          options={[
+            ["set", TEXT.flagSet],
+            ["clear", TEXT.flagClear],
+          ]}
+          onChoose={(state) => set({ isSet: state === "set" })}
+        />
       </label>
     </div>
   );
@@ -375,16 +364,11 @@ function DeviceChoice({ fields, set, device, stored }: DeviceProps) {
   return (
     <label>
       {TEXT.devices}
-      <select
-        value={String(offered.findIndex(([, one]) => same(one, fields.devices)))}
-        onChange={(event) => set({ devices: offered[Number(event.currentTarget.value)]?.[1] ?? ANY })}
-      >
-        {offered.map(([title], k) => (
-          <option key={title} value={String(k)}>
-            {title}
-          </option>
-        ))}
-      </select>
+      <OptionList
+        value={offered.findIndex(([, one]) => same(one, fields.devices))}
+        options={offered.map(([title], k) => [k, title])}
+        onChoose={(k) => set({ devices: offered[k]?.[1] ?? ANY })}
+      />
     </label>
   );
 }

@@ -1,6 +1,7 @@
 /** The recording of an alarm, in its form: whether it starts one, from how long before to how long after, and its bounds. */
 import type { RecordingAction } from "../../wire/routes";
 import { TEXT } from "./texts";
+import { OptionList } from "../../ui/choices";
 
 /** The fields of a recording, as typed. */
 export interface RecordingFields {
@@ -65,11 +66,15 @@ export function RecordingChoice({ fields, onFields }: Props) {
     <>
       <label>
         {TEXT.recording}
-        <select value={scope} onChange={(event) => choose(event.currentTarget.value as Scope)}>
-          <option value="">{TEXT.noRecording}</option>
-          <option value="device">{TEXT.recordDevice}</option>
-          <option value="every">{TEXT.recordEveryDevice}</option>
-        </select>
+        <OptionList
+          value={scope}
+          options={[
+            ["", TEXT.noRecording],
+            ["device", TEXT.recordDevice],
+            ["every", TEXT.recordEveryDevice],
+          ]}
+          onChoose={choose}
+        />
       </label>
       {fields !== undefined && (
         <>

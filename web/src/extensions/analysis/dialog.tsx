@@ -3,6 +3,7 @@ import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/si
 import { useId, useMemo } from "preact/hooks";
 import type { AnalysisPanel } from "../../data/view-state";
 import type { Deps } from "../../panels/panel-context";
+import { OptionList, Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -178,13 +179,12 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
     <Select label={label} value={choice[key]} values={values} set={(value) => set({ [key]: value } as ChoiceChange)} />
   );
   const range = (
-    <div class="segmented" role="group" aria-label={TEXT.range}>
-      {RANGES.filter((one) => one !== "cursors" || cursors).map((one) => (
-        <button type="button" key={one} aria-pressed={choice.range === one} onClick={() => set({ range: one })}>
-          {TEXT.ranges[one]}
-        </button>
-      ))}
-    </div>
+    <Segmented
+      label={TEXT.range}
+      value={choice.range}
+      options={RANGES.filter((one) => one !== "cursors" || cursors).map((one) => [one, TEXT.ranges[one]])}
+      onChoose={(one) => set({ range: one })}
+    />
   );
   const signals = (
     <label class="analysis-signal">
@@ -218,12 +218,7 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
       ) : (
         <>
           {option("window", TEXT.windowFunction, WINDOWS)}
-          <Select
-            label={TEXT.segment}
-            value={choice.length}
-            values={LENGTHS}
-            set={(value) => set({ length: Number(value) })}
-          />
+          <Select label={TEXT.segment} value={choice.length} values={LENGTHS} set={(length) => set({ length })} />
           {option("scale", TEXT.scale, ["amplitude", "power"])}
           {name === "psd" && option("frequencyAxis", TEXT.frequencyAxis, ["linear", "log"])}
         </>
@@ -247,13 +242,12 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
   return (
     <>
       <div class="analysis-row">
-        <div class="segmented" role="group" aria-label={TEXT.kind}>
-          {NAMES.map((one) => (
-            <button type="button" key={one} aria-pressed={name === one} onClick={() => (shown.value = one)}>
-              {TEXT[one]}
-            </button>
-          ))}
-        </div>
+        <Segmented
+          label={TEXT.kind}
+          value={name}
+          options={NAMES.map((one) => [one, TEXT[one]])}
+          onChoose={(one) => (shown.value = one)}
+        />
         {range}
       </div>
       {signals}
@@ -266,7 +260,7 @@ interface SelectProps<T extends string | number> {
   readonly label: string;
   readonly value: T;
   readonly values: readonly T[];
-  readonly set: (value: string) => void;
+  readonly set: (value: T) => void;
 }
 
 function Select<T extends string | number>({ label, value, values, set }: SelectProps<T>) {
@@ -274,13 +268,11 @@ function Select<T extends string | number>({ label, value, values, set }: Select
     <label class="analysis-option">
       <span>{label}</span>
       <span class="select">
-        <select value={String(value)} onChange={(event) => set(event.currentTarget.value)}>
-          {values.map((one) => (
-            <option key={one} value={String(one)}>
-              {TEXT.choices[String(one)] ?? (one === 0 ? TEXT.automatic : one)}
-            </option>
-          ))}
-        </select>
+        <OptionList
+          value={value}
+          options={values.map((one) => [one, TEXT.choices[String(one)] ?? (one === 0 ? TEXT.automatic : String(one))])}
+          onChoose={set}
+        />
       </span>
     </label>
   );

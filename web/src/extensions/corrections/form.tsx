@@ -2,6 +2,7 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { BLANK, flowOf, type Ntrip, ntripProblem, ntripUrl } from "./ntrip";
+import { Segmented } from "../../ui/choices";
 import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
 import type { Model } from "../../pages/configure/model";
@@ -52,14 +53,15 @@ export function CorrectionsForm({ model }: { readonly model: Model }) {
         <p>{TEXT.correctionsIntro}</p>
       </div>
       <form class="form correction-form inset" autocomplete="off" onSubmit={(event) => void start(event)}>
-        <div class="segmented" role="group" aria-label={TEXT.sourceKind}>
-          <button type="button" aria-pressed={kind.value === "ntrip"} onClick={() => (kind.value = "ntrip")}>
-            {TEXT.ntripCaster}
-          </button>
-          <button type="button" aria-pressed={kind.value === "other"} onClick={() => (kind.value = "other")}>
-            {TEXT.tcpServerOrFile}
-          </button>
-        </div>
+        <Segmented
+          label={TEXT.sourceKind}
+          value={kind.value}
+          options={[
+            ["ntrip", TEXT.ntripCaster],
+            ["other", TEXT.tcpServerOrFile],
+          ]}
+          onChoose={(one) => (kind.value = one)}
+        />
         {kind.value === "ntrip" ? <CasterFields caster={caster} /> : <OtherField source={other} />}
         <div class="correction-row">
           <button

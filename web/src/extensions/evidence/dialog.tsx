@@ -4,6 +4,7 @@ import type { ComponentChildren } from "preact";
 import type { ViewState } from "../../data/view-state";
 import type { FigureSource } from "../../measure/figure-source";
 import { recordingsApi } from "../../recordings/api";
+import { Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import type { HttpProblem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
@@ -90,13 +91,13 @@ export function EvidenceDialog(props: Props) {
   return (
     <Dialog title={TEXT.title(title)} onClose={onClose}>
       <div class="export evidence">
-        <div class="segmented full-width" role="group" aria-label={TEXT.part}>
-          {parts.map((one) => (
-            <button type="button" key={one} aria-pressed={part.value === one} onClick={() => (part.value = one)}>
-              {names[one]}
-            </button>
-          ))}
-        </div>
+        <Segmented
+          label={TEXT.part}
+          class="full-width"
+          value={part.value}
+          options={parts.map((one) => [one, names[one]])}
+          onChoose={(one) => (part.value = one)}
+        />
         <p class="dim">{TEXT.what}</p>
         {children}
         <label class="leave-out">

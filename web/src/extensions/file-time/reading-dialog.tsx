@@ -2,6 +2,7 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../recordings/library-filter";
+import { OptionList, Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
 import { Icon } from "../../ui/icons";
@@ -124,19 +125,13 @@ function Choices({ table, reading }: ChoicesProps) {
       <div>
         <label for="table-times">{TEXT.timeColumn}</label>
         <div class="select">
-          <select
+          <OptionList
             id="table-times"
             value={column}
-            onChange={(event) => (reading.value = withTimes(reading.peek(), event.currentTarget.value))}
-          >
-            {column === "" && <option value="">{TEXT.chooseColumn}</option>}
-            {timeChoices(table, value.columns).map(([option, name]) => (
-              <option key={option} value={option}>
-                {name}
-              </option>
-            ))}
-            <option value={COUNT_ROWS}>{TEXT.countRows}</option>
-          </select>
+            none={TEXT.chooseColumn}
+            options={[...timeChoices(table, value.columns), [COUNT_ROWS, TEXT.countRows]]}
+            onChoose={(option) => (reading.value = withTimes(reading.peek(), option))}
+          />
           <Icon name="down" />
         </div>
       </div>
@@ -159,18 +154,12 @@ function Choices({ table, reading }: ChoicesProps) {
       {asksOrder && (
         <div>
           <span class="label">{TEXT.dateOrder}</span>
-          <div class="segmented" role="group" aria-label={TEXT.dateOrder}>
-            {(["dmy", "mdy"] as const).map((order) => (
-              <button
-                type="button"
-                key={order}
-                aria-pressed={value.date_order === order}
-                onClick={() => set({ date_order: order })}
-              >
-                {TEXT.orders[order]}
-              </button>
-            ))}
-          </div>
+          <Segmented
+            label={TEXT.dateOrder}
+            value={value.date_order || undefined}
+            options={(["dmy", "mdy"] as const).map((order) => [order, TEXT.orders[order]])}
+            onChoose={(order) => set({ date_order: order })}
+          />
         </div>
       )}
     </div>

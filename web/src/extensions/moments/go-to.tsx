@@ -4,6 +4,7 @@
  */
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { day, duration } from "../../plots/axis";
+import { OptionList } from "../../ui/choices";
 import { clock } from "../../ui/format";
 import { type HttpProblem, request } from "../../ui/http";
 import { IconButton } from "../../ui/icon-button";
@@ -135,17 +136,12 @@ export function GoTo({ deps }: { readonly deps: UnderPlots }) {
       </button>
       <IconButton icon="back" label={TEXT.previous} onClick={() => step(false)} />
       <span class="select">
-        <select
-          aria-label={TEXT.kind}
+        <OptionList
+          label={TEXT.kind}
           value={kind}
-          onChange={(event) => (goTo.value = { ...goTo.peek(), kind: event.currentTarget.value as Destination })}
-        >
-          {KINDS.map((one) => (
-            <option key={one} value={one}>
-              {TEXT.kinds[one]}
-            </option>
-          ))}
-        </select>
+          options={KINDS.map((one) => [one, TEXT.kinds[one]])}
+          onChoose={(one) => (goTo.value = { ...goTo.peek(), kind: one })}
+        />
         <Icon name="down" />
       </span>
       <IconButton icon="forward" label={TEXT.next} onClick={() => step(true)} />

@@ -2,6 +2,7 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { bytes } from "../../recordings/library-filter";
+import { Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type Outcome, type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -241,21 +242,16 @@ function AddShare({ state }: { readonly state: State }) {
   };
   return (
     <form class="form" autocomplete="off" onSubmit={(event) => void submit(event)}>
-      <div class="segmented full-width" role="group" aria-label={TEXT.shareAs}>
-        {KINDS.map((one) => (
-          <button
-            type="button"
-            key={one}
-            aria-pressed={kind.value === one}
-            onClick={() => {
-              kind.value = one;
-              typed.value = undefined;
-            }}
-          >
-            {TEXT.shareKinds[one]}
-          </button>
-        ))}
-      </div>
+      <Segmented
+        label={TEXT.shareAs}
+        class="full-width"
+        value={kind.value}
+        options={KINDS.map((one) => [one, TEXT.shareKinds[one]])}
+        onChoose={(one) => {
+          kind.value = one;
+          typed.value = undefined;
+        }}
+      />
       <label for="share-address">{TEXT.shareAddress}</label>
       <div class="field">
         <input

@@ -2,6 +2,7 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/frame-chips";
+import { Segmented } from "../../ui/choices";
 import { clock, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
@@ -73,18 +74,17 @@ function Filter({ wanted: { text, direction } }: { readonly wanted: Wanted }) {
           onInput={(event) => (text.value = event.currentTarget.value)}
         />
       </label>
-      <span class="segmented small" role="group" aria-label={TEXT.direction}>
-        {(["all", "tx", "rx"] as const).map((way) => (
-          <button
-            type="button"
-            key={way}
-            aria-pressed={direction.value === way}
-            onClick={() => (direction.value = way)}
-          >
-            {{ all: TEXT.both, tx: CONFIGURE.sent, rx: TEXT.received }[way]}
-          </button>
-        ))}
-      </span>
+      <Segmented
+        label={TEXT.direction}
+        class="small"
+        value={direction.value}
+        options={[
+          ["all", TEXT.both],
+          ["tx", CONFIGURE.sent],
+          ["rx", TEXT.received],
+        ]}
+        onChoose={(way) => (direction.value = way)}
+      />
     </div>
   );
 }

@@ -3,6 +3,7 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Slot, type Slots } from "../../extension";
 import { selected } from "../../panels/panel-context";
+import { OptionList } from "../../ui/choices";
 import type { HttpProblem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
@@ -52,18 +53,15 @@ export function StoredSection({ session, deps }: Props) {
     <div class="stored">
       <div class="stored-row">
         <label class="select">
-          <select
-            aria-label={TEXT.workspace}
+          <OptionList
+            label={TEXT.workspace}
             value={name ?? ""}
-            onChange={(event) => choose(event.currentTarget.value)}
-          >
-            <option value="">{list.value.workspaces.length > 0 ? TEXT.chooseWorkspace : TEXT.noneStored}</option>
-            {list.value.workspaces.map((one) => (
-              <option key={one.name} value={one.name}>
-                {one.name}
-              </option>
-            ))}
-          </select>
+            options={[
+              ["", list.value.workspaces.length > 0 ? TEXT.chooseWorkspace : TEXT.noneStored],
+              ...list.value.workspaces.map((one) => [one.name, one.name] as const),
+            ]}
+            onChoose={choose}
+          />
           <Icon name="down" />
         </label>
         {name !== undefined && (

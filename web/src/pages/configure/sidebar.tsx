@@ -3,6 +3,7 @@ import { fromExtensions } from "../../extension";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { search } from "../../forms/search";
 import type { SnapshotInfo } from "../../forms/types";
+import { OptionList } from "../../ui/choices";
 import { clock } from "../../ui/format";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
@@ -60,13 +61,11 @@ function DevicePicker({ app }: { readonly app: App }) {
       <label class="select device-select">
         <span class={`dot ${mark.dot}`} />
         <span class="visually-hidden">{TEXT.deviceState(mark.word)}</span>
-        <select value={app.viewState.device.value ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
-          {app.store.devices.value.map((device) => (
-            <option key={device.id} value={device.id}>
-              {listName(device)}
-            </option>
-          ))}
-        </select>
+        <OptionList
+          value={app.viewState.device.value ?? ""}
+          options={app.store.devices.value.map((device) => [device.id, listName(device)])}
+          onChoose={choose}
+        />
         <Icon name="down" />
       </label>
     </div>

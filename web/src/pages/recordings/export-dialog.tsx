@@ -5,6 +5,7 @@ import { bytes, length, recordingTitle } from "../../recordings/library-filter";
 import { devicesFor, formatsOf, sizeOf } from "../../recordings/export-formats";
 import { recordingsApi } from "../../recordings/api";
 import type { ExportSizes, RecordingDetail } from "../../recordings/types";
+import { OptionList } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { span } from "../../ui/format";
 import { Icon } from "../../ui/icons";
@@ -100,13 +101,11 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
         {chosen.single && devices.length > 1 && (
           <label class="select">
             <span>{COMMON.device}</span>
-            <select value={only?.id ?? ""} onChange={(event) => (device.value = event.currentTarget.value)}>
-              {devices.map((one) => (
-                <option key={one.id} value={one.id}>
-                  {one.product || one.name} {one.serial_number}
-                </option>
-              ))}
-            </select>
+            <OptionList
+              value={only?.id ?? ""}
+              options={devices.map((one) => [one.id, `${one.product || one.name} ${one.serial_number}`])}
+              onChoose={(id) => (device.value = id)}
+            />
             <Icon name="down" />
           </label>
         )}

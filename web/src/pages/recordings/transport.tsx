@@ -2,6 +2,7 @@
 import { length } from "../../recordings/library-filter";
 import { SPEEDS } from "../../recordings/playback";
 import type { ReplayController } from "../../recordings/replay-controller";
+import { OptionList } from "../../ui/choices";
 import { LiveText, type Panel } from "../../ui/dom";
 import { number } from "../../ui/format";
 import { Icon, type IconName } from "../../ui/icons";
@@ -88,17 +89,12 @@ export function Transport({ recording }: { readonly recording: OpenRecording }) 
       />
       <Button icon="fit" label={TEXT.fitAll} class="desk" act={() => actions.fit()} />
       <label class="select speed" title={TEXT.speedHint}>
-        <select
-          aria-label={TEXT.speed}
-          value={String(replay.speed.value)}
-          onChange={(event) => (replay.speed.value = Number(event.currentTarget.value))}
-        >
-          {SPEEDS.map((speed) => (
-            <option key={speed} value={String(speed)}>
-              {speed}×
-            </option>
-          ))}
-        </select>
+        <OptionList
+          label={TEXT.speed}
+          value={replay.speed.value}
+          options={SPEEDS.map((speed) => [speed, `${speed}×`])}
+          onChoose={(speed) => (replay.speed.value = speed)}
+        />
         <Icon name="down" />
       </label>
       <button

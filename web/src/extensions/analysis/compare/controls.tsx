@@ -1,5 +1,6 @@
 /** What is compared, and how both are aligned. */
 import { useSignal } from "@preact/signals";
+import { OptionList } from "../../../ui/choices";
 import { IconButton } from "../../../ui/icon-button";
 import { Icon } from "../../../ui/icons";
 import { usePhone } from "../../../ui/use-phone";
@@ -109,17 +110,12 @@ function SidePicker({ model, name, title, side, choose }: PickerProps) {
       </label>
       {devices.length > 1 && (
         <label class="select">
-          <select
-            aria-label={TEXT.device(name)}
+          <OptionList
+            label={TEXT.device(name)}
             value={side.device}
-            onChange={(event) => choose({ ...side, device: event.currentTarget.value })}
-          >
-            {devices.map((device) => (
-              <option key={device.id} value={device.id}>
-                {listName(device)}
-              </option>
-            ))}
-          </select>
+            options={devices.map((device) => [device.id, listName(device)])}
+            onChoose={(device) => choose({ ...side, device })}
+          />
           <Icon name="down" />
         </label>
       )}
@@ -129,26 +125,16 @@ function SidePicker({ model, name, title, side, choose }: PickerProps) {
 }
 
 function Length({ name, side, choose }: Omit<PickerProps, "model" | "title">) {
-  const value = side.last === undefined ? "" : String(side.last);
   const all = side.last === undefined || LENGTHS.includes(side.last) ? LENGTHS : [...LENGTHS, side.last];
   return (
     <label class="select">
-      <select
-        aria-label={TEXT.last(name)}
-        value={value}
-        onChange={(event) =>
-          choose({ source: side.source, device: side.device, last: Number(event.currentTarget.value) })
-        }
-      >
-        {side.last === undefined && <option value="">{TEXT.stretch}</option>}
-        {[...all]
-          .sort((x, y) => x - y)
-          .map((seconds) => (
-            <option key={seconds} value={String(seconds)}>
-              {TEXT.lastSeconds(seconds)}
-            </option>
-          ))}
-      </select>
+      <OptionList
+        label={TEXT.last(name)}
+        value={side.last ?? ""}
+        none={TEXT.stretch}
+        options={[...all].sort((x, y) => x - y).map((seconds) => [seconds, TEXT.lastSeconds(seconds)])}
+        onChoose={(last) => choose({ source: side.source, device: side.device, last })}
+      />
       <Icon name="down" />
     </label>
   );
@@ -305,23 +291,20 @@ function Events({ model, wanted, set }: Omit<Props, "correlate"> & { readonly se
         const [first] = boundsOf(model, sides[name]);
         return (
           <label class="select" key={name}>
-            <select
-              aria-label={TEXT.eventOf(name)}
+            <OptionList
+              label={TEXT.eventOf(name)}
               value={chosen[name].value}
-              onChange={(event) => {
-                chosen[name].value = event.currentTarget.value;
+              options={[
+                ["", `${name}: ${TEXT.choose}`],
+                ...momentsOf(model, sides[name]).map(
+                  ({ time, text }) => [String(time), `${figure(time - first)} s: ${text}`] as const,
+                ),
+              ]}
+              onChoose={(time) => {
+                chosen[name].value = time;
                 apply();
               }}
-            >
-              <option value="">
-                {name}: {TEXT.choose}
-              </option>
-              {momentsOf(model, sides[name]).map(({ time, text }, i) => (
-                <option key={i} value={String(time)}>
-                  {figure(time - first)} s: {text}
-                </option>
-              ))}
-            </select>
+            />
             <Icon name="down" />
           </label>
         );

@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { type Axis, axisOf, figure, share } from "../../../charts/axes";
 import { Chart, chartClass, pointIn, useChart } from "../../../charts/chart";
+import { OptionList } from "../../../ui/choices";
 import { Icon } from "../../../ui/icons";
 import type { QueryAnswer } from "../../../wire/routes";
 import { countedBins, chartGroups, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
@@ -43,8 +44,8 @@ export function AnswerPlot({ state, answer }: Props) {
     pointed.value = best;
   };
   const row = rows[pointed.value];
-  const set = (part: "x" | "y" | "group") => (event: { readonly currentTarget: HTMLSelectElement }) => {
-    state.choice.value = { ...choice, [part]: Number(event.currentTarget.value) };
+  const set = (part: "x" | "y" | "group") => (at: number) => {
+    state.choice.value = { ...choice, [part]: at };
     pointed.value = -1;
   };
   const groups = chartGroups(columns, rows);
@@ -140,7 +141,7 @@ export function AnswerHistogram({ state, answer }: Props) {
           value={column}
           all={numbersOf(columns)}
           nameOf={nameOf}
-          onChange={(event) => (state.column.value = Number(event.currentTarget.value))}
+          onChange={(at) => (state.column.value = at)}
         />
       </div>
       <div
@@ -189,7 +190,7 @@ interface SelectProps {
   readonly value: number;
   readonly all: readonly number[];
   readonly nameOf: (at: number) => string;
-  readonly onChange: (event: { readonly currentTarget: HTMLSelectElement }) => void;
+  readonly onChange: (at: number) => void;
 }
 
 function Select({ label, value, all, nameOf, onChange }: SelectProps) {
@@ -197,13 +198,7 @@ function Select({ label, value, all, nameOf, onChange }: SelectProps) {
     <label class="answer-choice">
       {label}
       <span class="select">
-        <select value={String(value)} onChange={onChange}>
-          {all.map((at) => (
-            <option key={at} value={String(at)}>
-              {nameOf(at)}
-            </option>
-          ))}
-        </select>
+        <OptionList value={value} options={all.map((at) => [at, nameOf(at)])} onChoose={onChange} />
         <Icon name="down" />
       </span>
     </label>

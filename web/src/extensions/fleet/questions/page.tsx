@@ -5,6 +5,7 @@ import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { go, route } from "../../../pages/route";
 import { TopBar } from "../../../pages/top-bar";
 import { placeHref } from "../../../recordings/permalink";
+import { type ChoiceOption, OptionList, Segmented } from "../../../ui/choices";
 import { copyText } from "../../../ui/copy";
 import { Help } from "../../../ui/help";
 import { Icon } from "../../../ui/icons";
@@ -58,52 +59,52 @@ export function QuestionsPage({ app }: { readonly app: App }) {
   );
 }
 
+interface MenuProps<T extends string> {
+  readonly title: string;
+  readonly options: readonly ChoiceOption<T>[];
+  readonly onChoose: (value: T) => void;
+}
+
+/** A list of which each entry does something once: it shows its title again. */
+function Menu<T extends string>({ title, options, onChoose }: MenuProps<T>) {
+  return (
+    <label
+      class="select"
+      onChange={({ target }) => {
+        if (target instanceof HTMLSelectElement) target.value = "";
+      }}
+    >
+      <span class="visually-hidden">{title}</span>
+      <OptionList value="" none={title} options={options} onChoose={onChoose} />
+      <Icon name="down" />
+    </label>
+  );
+}
+
 /** Texts to start from: prepared questions, and those asked before. */
 function Sources({ state }: { readonly state: Questions }) {
   const { prepared, history, sql } = state;
   return (
     <div class="question-sources">
-      <label class="select">
-        <span class="visually-hidden">{TEXT.prepared}</span>
-        <select
-          value=""
-          onChange={(event) => {
-            const one = prepared.peek().find(({ name }) => name === event.currentTarget.value);
-            if (one) sql.value = one.sql;
-            event.currentTarget.value = "";
-          }}
-        >
-          <option value="">{TEXT.prepared}</option>
-          {prepared.value.map(({ name, title }) => (
-            <option key={name} value={name}>
-              {title}
-            </option>
-          ))}
-        </select>
-        <Icon name="down" />
-      </label>
+      <Menu
+        title={TEXT.prepared}
+        options={prepared.value.map(({ name, title }) => [name, title])}
+        onChoose={(chosen) => {
+          sql.value = prepared.peek().find(({ name }) => name === chosen)?.sql ?? sql.peek();
+        }}
+      />
       {history.value.length > 0 && (
-        <label class="select">
-          <span class="visually-hidden">{TEXT.history}</span>
-          <select
-            value=""
-            onChange={(event) => {
-              const { value } = event.currentTarget;
-              if (value === "clear") state.forget();
-              else if (value !== "") sql.value = history.peek()[Number(value)] ?? sql.peek();
-              event.currentTarget.value = "";
-            }}
-          >
-            <option value="">{TEXT.history}</option>
-            {history.value.map((text, at) => (
-              <option key={text} value={String(at)}>
-                {text.replace(/\s+/g, " ").slice(0, 90)}
-              </option>
-            ))}
-            <option value="clear">{TEXT.clearHistory}</option>
-          </select>
-          <Icon name="down" />
-        </label>
+        <Menu
+          title={TEXT.history}
+          options={[
+            ...history.value.map((text, at) => [String(at), text.replace(/\s+/g, " ").slice(0, 90)] as const),
+            ["clear", TEXT.clearHistory],
+          ]}
+          onChoose={(chosen) => {
+            if (chosen === "clear") state.forget();
+            else sql.value = history.peek()[Number(chosen)] ?? sql.peek();
+          }}
+        />
       )}
       <span class="grow" />
       {state.store.value && <span class="dim ellipsis question-store">{TEXT.aboutStore(state.store.value)}</span>}
@@ -222,36 +223,21 @@ function Answer({ app, state, answer }: AnswerProps) {
   return (
     <section class="query-answer" aria-label={TEXT.answer}>
       <div class="answer-tools">
-        <div class="segmented" role="group" aria-label={TEXT.view}>
-          {VIEWS.map((one) => (
-            <button type="button" key={one} aria-pressed={view.value === one} onClick={() => (view.value = one)}>
-              {TEXT.views[one]}
-            </button>
-          ))}
-        </div>
+        <Segmented
+          label={TEXT.view}
+          value={view.value}
+          options={VIEWS.map((one) => [one, TEXT.views[one]])}
+          onChoose={(one) => (view.value = one)}
+        />
         <span class="grow" />
         <button type="button" class="btn edge" onClick={copy}>
           {TEXT.copy}
         </button>
-        <label class="select">
-          <span class="visually-hidden">{TEXT.download}</span>
-          <select
-            value=""
-            onChange={(event) => {
-              const format = FORMATS.find((one) => one === event.currentTarget.value);
-              event.currentTarget.value = "";
-              if (format) void download(state, format);
-            }}
-          >
-            <option value="">{TEXT.download}</option>
-            {FORMATS.map((one) => (
-              <option key={one} value={one}>
-                {TEXT.formats[one]}
-              </option>
-            ))}
-          </select>
-          <Icon name="down" />
-        </label>
+        <Menu
+          title={TEXT.download}
+          options={FORMATS.map((one) => [one, TEXT.formats[one]])}
+          onChoose={(format) => void download(state, format)}
+        />
       </div>
       {answer.rows.length === 0 ? (
         <p class="answer-none dim">{TEXT.noRows}</p>

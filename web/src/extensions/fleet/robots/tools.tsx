@@ -1,5 +1,6 @@
 /** Above the robots: how many there are in each condition, and search, grouping and order. */
 import { useEffect, useRef } from "preact/hooks";
+import { OptionList, Segmented } from "../../../ui/choices";
 import { number } from "../../../ui/format";
 import { IconButton } from "../../../ui/icon-button";
 import { Icon } from "../../../ui/icons";
@@ -78,38 +79,25 @@ export function Tools({ fleet }: Props) {
       </label>
       <label class="select">
         <span aria-hidden="true">{TEXT.grouping}</span>
-        <select
-          aria-label={TEXT.grouping}
+        <OptionList
+          label={TEXT.grouping}
           value={place.grouping}
-          onChange={(event) => {
-            const wanted = event.currentTarget.value;
-            fleet.choose({ grouping: GROUPINGS.find((name) => name === wanted) ?? "none" });
-          }}
-        >
-          {GROUPINGS.map((name) => (
-            <option key={name} value={name}>
-              {TEXT.groupings[name]}
-            </option>
-          ))}
-        </select>
+          options={GROUPINGS.map((name) => [name, TEXT.groupings[name]])}
+          onChoose={(grouping) => fleet.choose({ grouping })}
+        />
         <Icon name="down" />
       </label>
       <label class="select fleet-sort">
         <span aria-hidden="true">{TEXT.sort}</span>
-        <select
-          aria-label={TEXT.sort}
+        <OptionList
+          label={TEXT.sort}
           value={place.sort}
-          onChange={(event) => {
-            const column = columnNamed(event.currentTarget.value);
+          options={COLUMNS.map(({ name, title }) => [name, title])}
+          onChoose={(name) => {
+            const column = columnNamed(name);
             if (column) fleet.choose({ sort: column.name, descending: column.largestFirst });
           }}
-        >
-          {COLUMNS.map(({ name, title }) => (
-            <option key={name} value={name}>
-              {title}
-            </option>
-          ))}
-        </select>
+        />
         <Icon name="down" />
       </label>
       <IconButton
@@ -118,13 +106,13 @@ export function Tools({ fleet }: Props) {
         class="edge fleet-sort"
         onClick={() => fleet.choose({ descending: !place.descending })}
       />
-      <div class="segmented desk" role="group" aria-label={TEXT.view}>
-        {VIEWS.map((view) => (
-          <button type="button" key={view} aria-pressed={place.view === view} onClick={() => fleet.choose({ view })}>
-            {TEXT.views[view]}
-          </button>
-        ))}
-      </div>
+      <Segmented
+        label={TEXT.view}
+        class="desk"
+        value={place.view}
+        options={VIEWS.map((view) => [view, TEXT.views[view]])}
+        onChoose={(view) => fleet.choose({ view })}
+      />
       <span class="grow" />
       <span class="dim total desk">{TEXT.robotCount(listed)}</span>
       <button
