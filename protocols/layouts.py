@@ -42,7 +42,7 @@ Array = NDArray[Any]
 
 _FP1632 = np.dtype([("low", ">u4"), ("high", ">i2")])
 _SPECIAL = {"fp1220": np.dtype(">i4"), "fp1632": _FP1632, "bytes": np.dtype("u1"), "ascii": np.dtype("S1")}
-_MANY, _SHORT = 64, 16  # rows from which, and length of a vector up to which, `_copied` goes by components
+_MANY = 64  # rows, from which `_FieldReader` copies in pieces
 _FIXED_POINT = {"fp1220": (20, 4), "fp1632": (32, 6)}  # fraction bits, bytes
 
 
@@ -298,28 +298,27 @@ class Layout:
 class _FieldReader:
     """One field's bytes in gathered rows → its column. Row-independent values are computed once."""
 
-    __slots__ = ("_at", "_empty", "_field", "_native", "_opaque", "_pieces", "_plain", "_shape", "_strides", "_wire")
+    __slots__ = ("_at", "_block", "_conversion", "_empty", "_opaque", "_pieces", "_shape", "_strides", "_wire")
 
     def __init__(self, field: Field, pieces: tuple[tuple[int, int], ...], stride: int) -> None:
-        self._field = field
+        self._conversion = _Conversion(field)
         self._pieces = pieces
         self._at = pieces[0][0]
         self._opaque = field.dtype == "bytes"
         self._wire = element(field)
-        self._native = to_native_order(field)
-        inner = (self._wire.itemsize * math.prod(field.shape[i + 1 :]) for i in range(len(field.shape)))
-        self._strides = (stride, *inner)
         self._shape = field.shape
         self._empty = not stride or 0 in field.shape
-        encoded = field.dtype in _FIXED_POINT or field.fields or field.column_major
-        self._plain = not encoded and field.scale == 1 and field.bias == 0
+        inner = (self._wire.itemsize * math.prod(field.shape[i + 1 :]) for i in range(len(field.shape)))
+        self._strides = (stride, *inner)
+        self._block = np.dtype((np.void, self._wire.itemsize * math.prod(field.shape)))
 
     @property
     def numbers(self) -> tuple[int, np.dtype[Any], int] | None:
         """The place of its numbers in a row, their dtype on the wire, and how many there are; None if a column has
         something else than these numbers.
         """
-        if not self._plain or self._opaque or self._empty or len(self._pieces) > 1 or self._wire.kind not in "fiu":
+        is_whole = not (self._opaque or self._empty or len(self._pieces) > 1)
+        if not self._conversion.is_plain or not is_whole or self._wire.kind not in "fiu":
             return None
         return self._at, self._wire, math.prod(self._shape)
 
@@ -330,12 +329,18 @@ class _FieldReader:
             return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         shape = (len(rows), *self._shape)
         if self._empty or not shape[0]:
-            return np.empty(shape, self._native)
-        wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, self._strides)
-        if self._plain:
-            return _copied(wire, self._native)
+            return np.empty(shape, self._conversion.native)
+        direct = not self._wire.fields and (not self._shape or len(rows) < _MANY)
+        if direct:
+            wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, self._strides)
+        else:  # what lies together in a row is copied in one piece: numpy would copy many rows number by number
+            wire = np.empty(shape, self._wire)
+            pieces: Array = np.ndarray(shape[:1], self._block, rows.data, self._at, self._strides[:1])
+            np.ndarray(shape[:1], self._block, wire.data)[:] = pieces
+        if self._conversion.is_plain:
+            return wire.astype(self._conversion.native, copy=direct)
         with np.errstate(invalid="ignore", over="ignore"):  # a device may send any float, even a signalling NaN
-            return to_display_units(self._field, wire)
+            return self._conversion.apply(wire)
 
 
 class LazyColumns(Mapping[str, Array]):
@@ -366,18 +371,6 @@ class LazyColumns(Mapping[str, Array]):
         return len(self.layout.readers)
 
 
-def _copied(wire: Array, dtype: np.dtype[Any]) -> Array:
-    """`wire.astype(dtype)`. Many short vectors are copied component by component (all x, then all y …): numpy would
-    copy vector by vector, which takes twice as long.
-    """
-    if len(wire) < _MANY or wire.ndim != 2 or not 1 < wire.shape[1] <= _SHORT:
-        return wire.astype(dtype)
-    out = np.empty(wire.shape, dtype)
-    for k in range(wire.shape[1]):
-        out[:, k] = wire[:, k]
-    return out
-
-
 def to_native_order(field: Field) -> np.dtype[Any]:
     """The dtype of one element of a column: native byte order; float64 if the displayed value is not the wire's."""
     if field.fields:
@@ -389,28 +382,46 @@ def to_native_order(field: Field) -> np.dtype[Any]:
     return element(field).newbyteorder("=")
 
 
-def to_display_units(field: Field, wire: Array) -> Array:
-    """Wire values, any shape of elements, in native order and displayed units."""
-    if field.fields:
-        out = np.empty(wire.shape, to_native_order(field))
-        for part in field.fields:
-            out[part.name] = to_display_units(part, wire[part.name])
-        return out
-    if field.dtype == "fp1632":
-        value = _copied(wire["high"], np.dtype(np.float64))
-        value += _copied(wire["low"], np.dtype(np.float64)) * 2.0**-32
-    elif field.dtype == "fp1220":
-        value = _copied(wire, np.dtype(np.float64)) * 2.0**-20
-    else:
-        value = _copied(wire, to_native_order(field))
-    if field.scale != 1:
-        parts = round(1 / field.scale) if 0 < field.scale < 1 else 0
-        if parts and abs(parts * field.scale - 1) < 1e-12:
-            value /= parts  # 9999 hundredths are 99.99; times 0.01 gives 99.99000000000001
+class _Conversion:
+    """Conversion of the numbers of a field on the wire to those of its column.
+
+    Attributes:
+        native: dtype of one element of the column.
+        is_plain: whether they are the same numbers, but for the order of their bytes.
+    """
+
+    __slots__ = ("_field", "_parts", "is_plain", "native")
+
+    def __init__(self, field: Field) -> None:
+        self._field = field
+        self._parts = [(part.name, _Conversion(part)) for part in field.fields]
+        self.native = to_native_order(field)
+        is_number = field.dtype not in _FIXED_POINT and field.scale == 1 and field.bias == 0
+        self.is_plain: bool = is_number and not field.column_major and all(part.is_plain for _, part in self._parts)
+
+    def apply(self, wire: Array) -> Array:
+        """Wire values, any shape of elements, in native order and displayed units."""
+        field = self._field
+        if self._parts:
+            out = np.empty(wire.shape, self.native)
+            for name, part in self._parts:
+                out[name] = wire[name] if part.is_plain else part.apply(wire[name])
+            return out
+        if field.dtype == "fp1632":
+            value = wire["high"].astype(np.float64)
+            value += wire["low"].astype(np.float64) * 2.0**-32
+        elif field.dtype == "fp1220":
+            value = wire.astype(np.float64) * 2.0**-20
         else:
-            value *= field.scale
-    if field.bias != 0:
-        value += field.bias
-    if field.column_major:
-        value = np.ascontiguousarray(value.swapaxes(-1, -2))
-    return value
+            value = wire.astype(self.native)
+        if field.scale != 1:
+            parts = round(1 / field.scale) if 0 < field.scale < 1 else 0
+            if parts and abs(parts * field.scale - 1) < 1e-12:
+                value /= parts  # 9999 hundredths are 99.99; times 0.01 gives 99.99000000000001
+            else:
+                value *= field.scale
+        if field.bias != 0:
+            value += field.bias
+        if field.column_major:
+            value = np.ascontiguousarray(value.swapaxes(-1, -2))
+        return value

@@ -37,6 +37,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from mmap import mmap
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,7 @@ SETTLED = 8  # frames accepted from a jump on that settle it
 # device's last frame, in LAST.
 KNOWN, LAST, ACCEPTED_NS, CANDIDATE, BEFORE, VOTES, WITNESS, RUN = range(8)
 STATES = 8
+DEVICES = 1 << 18  # with their modes; memory is committed to those that send
 LAST_MODE = 3  # row of a device
 #   CANDIDATE  1 + the number of a dropped frame that the next may confirm; 0 for none
 #   BEFORE     the last number before a jump that is not settled
@@ -339,7 +341,7 @@ class ReplayGuard:
         self._check = check
         self._arrivals = arrivals
         self._keyed = keyed
-        self._states = np.zeros((1 << 18, STATES), np.int64)
+        self._states = np.frombuffer(mmap(-1, DEVICES * STATES * 8), np.int64).reshape(DEVICES, STATES)  # zeros
         self._room = ScanCapacity()
 
     def classify(self, data: Bytes, table: Ints, arrival_ns: Ints) -> ReplayVerdict:

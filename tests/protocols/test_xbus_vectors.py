@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.events import Batch, Reply
-from imuscope.protocols.layouts import to_display_units
+from imuscope.protocols.layouts import Layout
 from imuscope.protocols.schema import Message
 from imuscope.protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
 from imuscope.protocols.xbus.decoder import XbusDecoder
@@ -261,4 +261,6 @@ def test_item_formats() -> None:
     assert item(0x201C, 16).name == "0x201C"
     assert item(0x3011, 4).name == "BaroPressure"
     assert item(0x2010, 12).name == "0x2010"
-    assert to_display_units(item(0x0811, 4), np.frombuffer(bytes.fromhex("00180000"), ">i4"))[0] == 1.5
+    fixed_point = item(0x0811, 4)
+    rows = np.frombuffer(bytes.fromhex("00180000"), np.uint8).reshape(1, 4)
+    assert Layout.of([fixed_point]).columns(rows)[fixed_point.name] == 1.5
