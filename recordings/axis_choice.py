@@ -10,9 +10,30 @@ import numpy as np
 from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.clock_search import ClockSearch
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
-from imuscope.recordings.table_names import FEWEST
+from imuscope.recordings.table_names import FEWEST, WEEK
 from imuscope.recordings.table_options import NO_COLUMN
 from imuscope.recordings.time_units import CLOSE, UNITS, is_dated, rate_text, usual_step
+
+MOST_NAMED = 4
+
+
+def _hint_without_heading(search: ClockSearch) -> str:
+    """The remedy for a table without names, by what its columns look like."""
+    width = len(search.headings)
+    rising = [column for column in range(width) if search.rises(column)]
+    for week in (column - 1 for column in rising):
+        numbers, seconds = search.numbers(week) if week >= 0 else np.zeros(0), search.numbers(week + 1)
+        if len(numbers) and search.is_gps_week(numbers) and seconds.min() >= 0 and seconds.max() < WEEK:
+            names = f'"{week + 1} = week" and "{week + 2} = tow (s)"'
+            likeness = f"columns {week + 1} and {week + 2} look like a GPS week and the seconds of it"
+            return (
+                f"{likeness}. If they are, give --columns FILE, with the lines {names}; else --time-column or --rate."
+            )
+    if rising:
+        columns = ", ".join(str(column + 1) for column in rising[:MOST_NAMED])
+        what = f"rising from row to row: column {columns}"
+        return f"{what}. If that is the time, give --time-column {rising[0] + 1}; else --rate."
+    return "name its sampling rate with --rate, and the columns with --columns."
 
 
 def axis_of_table(search: ClockSearch) -> tuple[TableClock, list[TableClock]]:
@@ -27,7 +48,7 @@ def axis_of_table(search: ClockSearch) -> tuple[TableClock, list[TableClock]]:
         if search.form.headings:
             hint = f"Name one time, with its unit: time (s), or give --time-column or --rate. There are: {there}."
         else:
-            hint = "It has no heading either: name its sampling rate with --rate, and the columns with --columns."
+            hint = f"It has no heading either: {_hint_without_heading(search)}"
         raise AmbiguousTableError(f"{search.file} has no column of times.", hint, "time")
     axis, *others = clocks
     if axis.is_open:

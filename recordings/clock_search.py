@@ -87,6 +87,17 @@ class ClockSearch:
             return is_named and are_packed(cells, named=named)
         return bool(cells) and sum(map(is_moment, cells)) > len(cells) / 2
 
+    def rises(self, column: int) -> bool:
+        """Whether the numbers of a column rise in every row."""
+        values = self.numbers(column)
+        return len(values) >= max(names.FEWEST, len(self.form.sample)) and bool((np.diff(values) > 0).all())
+
+    def is_gps_week(self, values: Floats) -> bool:
+        """Whether numbers can be that of the GPS week: one, or it and the next."""
+        weeks = {*values.tolist()}
+        newest = (self.newest - names.GPS_EPOCH) / names.WEEK
+        return len(weeks) <= 2 and all(one == round(one) and names.FIRST_WEEK <= one <= newest for one in weeks)
+
     # -- all clocks ----------------------------------------------------------------------------------------------------
 
     def clocks(self) -> list[TableClock]:

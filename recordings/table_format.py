@@ -21,6 +21,7 @@ import numpy as np
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_dates import is_moment, order_of, unix_seconds, utc_text
+from imuscope.recordings.table_lines import NO_MARKS, LineMarks, marks_of
 from imuscope.recordings.time_units import FASTEST_FRACTION, is_dated
 
 LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
@@ -61,6 +62,7 @@ class TableFormat:
         sample: the first rows, as text.
         metadata: what stands above the heading, by name in lower case.
         columns: their number.
+        marks: around the cells of a row.
     """
 
     skip: int
@@ -70,6 +72,7 @@ class TableFormat:
     sample: Sequence[Sequence[str]]
     columns: int
     metadata: Mapping[str, str] = field(default_factory=dict)
+    marks: LineMarks = NO_MARKS
 
     @property
     def started(self) -> float | None:
@@ -128,6 +131,8 @@ def has_rows(path: Path) -> bool:
 
 def _format(name: str, lines: list[str]) -> TableFormat:
     forced = next((match[1] for line in lines[:MAX_HEAD_LINES] if (match := _SEP.match(line)) is not None), "")
+    marks = marks_of(lines, lambda rows: forced or _separator(rows))
+    lines = [marks.removed(line) for line in lines] if marks else lines
     separator, count = _shape([line for line in lines if line.strip() and not _is_comment(line)], forced)
     if count > MAX_COLUMNS:
         raise RecordingError(f"{name} has {count} columns; {MAX_COLUMNS} are read.", "Leave some out.")
@@ -140,6 +145,8 @@ def _format(name: str, lines: list[str]) -> TableFormat:
         if not is_comment and len(cells) == count and _is_data(cells):
             first = at
             break
+        if marks.separator and is_moment(cells[0]):
+            cells[0] = "time"
         _note(metadata, line.strip(_MARKS))
         if len(cells) == count and not _is_data(cells) and any(cells):
             heading_at = at if not above[False] and not is_comment else heading_at
@@ -154,7 +161,7 @@ def _format(name: str, lines: list[str]) -> TableFormat:
         first, rows = first + 2, rows[2:]
     sample = [row for row in rows if len(row) == count]
     headings = _headings(above[False] or above[True])
-    return TableFormat(first, separator, _decimal(sample, separator), headings, sample, count, metadata)
+    return TableFormat(first, separator, _decimal(sample, separator), headings, sample, count, metadata, marks)
 
 
 def _empatica_start(rows: Sequence[Sequence[str]]) -> float:
@@ -183,6 +190,12 @@ def _shape(body: Sequence[str], forced: str) -> tuple[str, int]:
         if key > best[0]:
             best = key, separator, count
     return best[1:]
+
+
+def _separator(rows: list[str]) -> str:
+    """Separator of some rows; "" if they have one cell each."""
+    separator, count = _shape(rows, "")
+    return separator if count > 1 else ""
 
 
 def _head_cells(line: str, separator: str, count: int) -> list[str]:

@@ -38,6 +38,7 @@ from imuscope.recordings.table_cells import numbers, times_of
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_format import TableFormat, format_of
 from imuscope.recordings.table_headings import ColumnHeading, unique
+from imuscope.recordings.table_lines import NO_MARKS, LineMarks
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.time_units import SPELLINGS, UNITS
 
@@ -287,7 +288,7 @@ class CsvSource(TableSource):
             with (
                 open_regular(self.path) as file,
                 pa.csv.open_csv(
-                    Utf8(file, noted, squeeze=self.form.separator == " "), reading, parsing, types
+                    Utf8(file, noted, self.form.marks, squeeze=self.form.separator == " "), reading, parsing, types
                 ) as reader,
             ):
                 yield from reader
@@ -397,11 +398,15 @@ class Utf8(io.RawIOBase):
     """A file as UTF-8, whatever its bytes: invalid ones are replaced, and reported once.
 
     Args:
+        marks: to be left out of the lines.
         squeeze: make one blank of several, and none at the beginning of a line.
     """
 
-    def __init__(self, file: BinaryIO, damage: list[FileDamage], *, squeeze: bool = False) -> None:
+    def __init__(
+        self, file: BinaryIO, damage: list[FileDamage], marks: LineMarks = NO_MARKS, *, squeeze: bool = False
+    ) -> None:
         self._file = file
+        self._marks = marks
         self._damage = damage
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
         self._squeeze = squeeze
@@ -417,12 +422,15 @@ class Utf8(io.RawIOBase):
         return self._report(self._squeezed(self._decoder.decode(b"", True), end=True))
 
     def _squeezed(self, text: str, *, end: bool = False) -> str:
-        if not self._squeeze:
+        if not self._squeeze and not self._marks:
             return text
         text = self._held + text
         cut = len(text) if end else text.rfind("\n") + 1
         self._held = text[cut:]
-        return re.sub(r"[ \t]+$|^[ \t]+", "", re.sub(r"[ \t]+", " ", text[:cut]), flags=re.MULTILINE)
+        lines = self._marks.removed(text[:cut])
+        if not self._squeeze:
+            return lines
+        return re.sub(r"[ \t]+$|^[ \t]+", "", re.sub(r"[ \t]+", " ", lines), flags=re.MULTILINE)
 
     def _report(self, text: str) -> bytes:
         if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):

@@ -147,7 +147,7 @@ def _written_by_column(path: Path, unpacked: UnpackedFolder, form: TableFormat, 
     tables = _Tables(path, unpacked)
     with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in islice(iter(lambda: file.readline(LONGEST_LINE), ""), form.skip, None):
-            cells = split(line.rstrip("\r\n"), form.separator)
+            cells = split(form.marks.removed(line.rstrip("\r\n")), form.separator)
             if len(cells) == form.columns and cells[column].strip():
                 tables.add(cells[column].strip(), _line(cells, column, form.separator), heading)
     return tables.files()
