@@ -17,6 +17,7 @@ import { number } from "../ui/format";
 import { protocolOf } from "../wire/capabilities";
 import { drawBody } from "./body";
 import { drawHorizon } from "./horizon";
+import { attitudeHint } from "./missing";
 import { FRAMES, headingOf, horizonOf, pitchSign } from "./projection";
 import { type Source, attitudeSource } from "./source";
 import { COMMON } from "../texts/common";
@@ -39,7 +40,7 @@ export function mountAttitude(host: HTMLElement, deps: Deps): Panel {
         const source = attitudeSource(channels);
         const cells = fromExtensions("attitudeCells").filter(({ applies }) => applies(channels));
         host.classList.toggle("with-cell", cells.length > 0);
-        parts = [source ? mountInstruments(host, deps, source) : mountNone(host, deps)];
+        parts = [source ? mountInstruments(host, deps, source) : mountNone(host, deps, channels)];
         parts = [...parts, ...cells.map((cell) => mountCell(host, deps, cell))];
       }
       for (const part of parts) part.update(now);
@@ -61,10 +62,11 @@ function mountCell(host: HTMLElement, deps: Deps, { mount }: AttitudeCell): Pane
   };
 }
 
-function mountNone(host: HTMLElement, deps: Deps): Panel {
+function mountNone(host: HTMLElement, deps: Deps, channels: readonly Channel[]): Panel {
   const device = selected(deps);
   const raw = deps.store.unknownPayloads.peek().some((payload) => payload.device === device?.id);
-  const hint = raw ? TEXT.payloadsUndefined : (protocolOf(device?.protocol)?.attitude_hint ?? "");
+  const ofFamily = protocolOf(device?.protocol)?.attitude_hint ?? "";
+  const hint = raw ? TEXT.payloadsUndefined : attitudeHint(channels, ofFamily);
   const words = el("p", {}, hint);
   const box = el("div", { class: "no-orientation" }, el("h2", {}, TEXT.noOrientation), words);
   host.append(box);

@@ -5,6 +5,9 @@ export const TEXT = {
   // panel
   payloadsUndefined: "Its payloads are not defined. See Raw payloads beside the plots.",
   noOrientation: "No orientation data",
+  ubxAttitude:
+    "A u-blox receiver with inertial sensors sends roll, pitch and heading in NAV-ATT or HNR-ATT; see their plots. Others have no orientation.",
+  nmeaAttitude: "Its sentences have no whole orientation. Some have: $PSONCMS, $PINS1 and $VNYMR, for instance.",
   verified: "● verified",
   forwardLeftUp: "forward, left, up",
   forwardRightDown: "forward, right, down",
