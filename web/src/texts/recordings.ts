@@ -10,7 +10,7 @@ export const TEXT = {
   recordingInProgress: "Recording in progress. It can be opened when the recording ends.",
   downloadHint: "A single file that another imuscope can open",
   export: "Export…",
-  playLoopHint: "Play in a loop as a device that all users see",
+  playLoopHint: "Play in a loop as a device that all users see, at the pace at which the bytes arrived",
   playAsDevice: "Play as a device",
   canBeRestoredFor7Days: "Can be restored for 7 days",
   deletedKeptFor: (days: number) => `Deleted. It can be restored for ${count(days, "more day", "more days")}.`,
@@ -144,7 +144,7 @@ export const TEXT = {
   loopRange: "Loop range",
   share: "Share",
   copyLinkToView: "Copy a link to this view: recording, range, cursor, plots (C)",
-  playLiveHint: "Play as a live device that all users see",
+  playLiveHint: "Play as a live device that all users see, at the pace at which the bytes arrived",
   asDevice: "As device",
 
   // thumbnail

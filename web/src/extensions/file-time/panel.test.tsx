@@ -39,7 +39,7 @@ const OTHER = {
   use: "seconds",
 };
 
-function open(sentences: readonly string[], more: Answers = {}) {
+function open(sentences: readonly string[], more: Answers = {}, isTable = true) {
   const asked = answering({
     ...more,
     "GET /api/recordings/yard/clocks": {
@@ -49,7 +49,7 @@ function open(sentences: readonly string[], more: Answers = {}) {
       sure: "stated",
       reading: { rate: 50 },
       is_chosen: true,
-      is_table: true,
+      is_table: isTable,
       messages: [{ device: "1", message: "walk", clocks: [AXIS, OTHER] }],
     },
   });
@@ -89,6 +89,14 @@ test("another clock is used, or the usual one again", async () => {
   expect(asked.find(({ method }) => method === "PUT")?.body).toMatchObject({ time_column: "seconds", rate: 0 });
   fireEvent.click(screen.getByText("Automatic"));
   await waitFor(() => expect(reopened.peek()).toBe(before + 2));
+});
+
+test("a clock that is chosen for a device is not that of its replay, and the panel says so", async () => {
+  open([], {}, false);
+  expect(await screen.findByText(/Play as a device does not follow it/)).toBeTruthy();
+  open([]);
+  await screen.findByText("Chosen for this recording.");
+  expect(screen.queryByText(/does not follow it/)).toBeNull();
 });
 
 test("a table can be read otherwise", async () => {

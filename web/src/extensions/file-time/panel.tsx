@@ -58,7 +58,9 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
       ))}
       {(time.is_table || time.is_chosen) && (
         <div class="file-time-choice">
-          {time.is_chosen && <span class="dim">{TEXT.isChosen}</span>}
+          {time.is_chosen && (
+            <span class="dim">{time.is_table ? TEXT.isChosen : `${TEXT.isChosen} ${TEXT.notPlayed}`}</span>
+          )}
           {time.is_table && (
             <button
               type="button"

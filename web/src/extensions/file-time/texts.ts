@@ -47,6 +47,7 @@ export const TEXT = {
   use: "Use this clock",
   useHint: "Make it the time axis of this recording, for plots, exports and analyses",
   isChosen: "Chosen for this recording.",
+  notPlayed: "Play as a device does not follow it: the bytes come at the pace at which they arrived.",
   automatic: "Automatic",
   automaticHint: "Read it as the file itself says, and forget the choices for this heading",
   automaticClock: "Use the usual clock again",
