@@ -30,7 +30,7 @@ import numpy as np
 from imuscope.protocols.events import Batch, Text
 from imuscope.protocols.nmea import SENTENCES, number_of
 from imuscope.protocols.schema import Field, Message
-from imuscope.protocols.ubx_content import fields_of
+from imuscope.protocols.ubx_content import FIRST_TAG, TAG, fields_of, samples_of
 
 _XYZ = ("x", "y", "z")
 _NED = ("north", "east", "down")
@@ -41,6 +41,7 @@ _ABOUT_FRAME = {"class", "id", "number", "length"}  # of a UBX or RTCM message w
 UNNAMED = "field_01"  # of a sentence that no table knows
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9]{1,9}")
 _UNKNOWN = "imuscope does not know this sentence: its numbers are shown by their places."
+_TICKS = "All samples of a message have its time; sTtag counts ticks of the sensor, whose length is not documented."
 _MAX_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
 TOGETHER: Mapping[tuple[str, ...], Field] = {
@@ -165,12 +166,14 @@ class NmeaQuantities:
             if not text.name:
                 continue
             name, fields = text.name, text.fields
+            samples = [_numbers(fields)]
             if text.protocol == "nmea" and UNNAMED in fields:
-                name, numbers = self._unnamed(name, fields)
-            else:
-                numbers = _numbers(fields)
-            if numbers.keys() - _ABOUT_FRAME:
-                kinds.setdefault((text.protocol, name, *numbers), []).append((text, list(numbers.values())))
+                name, samples[0] = self._unnamed(name, fields)
+            elif text.protocol == "ubx" and FIRST_TAG in fields:
+                samples = samples_of(fields)
+            for numbers in samples:
+                if numbers.keys() - _ABOUT_FRAME:
+                    kinds.setdefault((text.protocol, name, *numbers), []).append((text, list(numbers.values())))
         return [self._batch(kind, rows) for kind, rows in kinds.items()]
 
     def _unnamed(self, name: str, fields: Mapping[str, Any]) -> tuple[str, dict[str, float]]:
@@ -215,7 +218,7 @@ def _message(kind: tuple[str, ...]) -> Message:
     fields += [_named(one, own.get(one)) for one in names if one not in in_groups]
     title = name if protocol == name.lower() else f"{protocol.upper()} {name}"
     apart = tuple(field.name for _, field in whole)
-    about = _UNKNOWN if protocol == "nmea" and names[0].startswith("field_") else ""
+    about = _UNKNOWN if protocol == "nmea" and names[0].startswith("field_") else _TICKS if TAG in names else ""
     return Message(0, name, tuple(fields), separate_channels=apart, title=title, doc=about)
 
 

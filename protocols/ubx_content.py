@@ -2,13 +2,19 @@
 
 A message of another length than the table's is not read beyond what both have: later generations append fields.
 
-ESF-MEAS carries some numbers of 24 bits with their types. ESF-RAW has many samples of them in a message that has one
-time only; it is counted and not read.
+ESF-MEAS carries some numbers of 24 bits with their types. ESF-RAW has several samples of them, each number with a tag:
+
+    4 bytes │ type, number of 24 bits │ sTtag │ type, number │ sTtag │ …       sTtag 1000 1000 … 1256 1256 …
+                                                                            sample  └── 01 ──┘ └── 02 ──┘
+
+Its fields are numbered by the samples: gyroX_01, gyroX_02. The tag counts ticks of the sensor, whose length is not
+documented: it is a column, and all samples of a message have the time of the message.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +23,11 @@ from importlib import resources
 from imuscope.protocols.schema import Field
 
 _CODES = {"U1": "B", "U2": "H", "U4": "I", "I1": "b", "I2": "h", "I4": "i", "R4": "f", "R8": "d"}
+TAG, _RAW_AT, _RAW_SIZE, _MOST = "sTtag", 4, 8, 99  # of ESF-RAW; samples of a message
 _MEASURED, _FLAGS_AT, _DATA_AT, _TYPE_AT = "MEASUREMENT", 4, 8, 24  # of ESF-MEAS: bytes, and bit of a number's type
+
+
+FIRST_TAG = f"{TAG}_01"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +83,8 @@ def fields_of(name: str) -> Mapping[str, Field]:
     """Fields of a message, by name."""
     if name == "ESF-MEAS":
         return {field.name: field for field, _ in _measurements().values()}
+    if name == "ESF-RAW":
+        return {TAG: Field(TAG, "f8", doc="Ticks of the sensor."), **fields_of("ESF-MEAS")}
     return {one.field.name: one.field for one in _numbers_of(name) if not one.adds}
 
 
@@ -80,6 +92,9 @@ def values_of(name: str, payload: bytes) -> dict[str, float | int]:
     """Numbers of a payload in their units; empty if the table lacks the message."""
     if name == "ESF-MEAS":
         return _measured(payload)
+    if name == "ESF-RAW":
+        samples = enumerate(_samples(payload), 1)
+        return {f"{field}_{number:02d}": value for number, sample in samples for field, value in sample.items()}
     values: dict[str, float | int] = {}
     for one in _numbers_of(name):
         if one.at + one.layout.size > len(payload):
@@ -97,9 +112,42 @@ def _measured(payload: bytes) -> dict[str, float | int]:
     count = payload[_FLAGS_AT + 1] >> 3
     for at in range(_DATA_AT, min(_DATA_AT + 4 * count, len(payload) - 3), 4):
         word = int.from_bytes(payload[at : at + 4], "little")
-        known = _measurements().get(word >> _TYPE_AT & 63)
-        if known is not None:
-            field, divisor = known
-            number = word & 0xFFFFFF
-            values[field.name] = (number - (number >> 23 << 24)) / divisor
+        if (known := _measurement(word)) is not None:
+            values[known[0]] = known[1]
     return values
+
+
+def _measurement(word: int) -> tuple[str, float] | None:
+    """Name and value of a number with its type; None for an unknown type."""
+    known = _measurements().get(word >> _TYPE_AT & 63)
+    if known is None:
+        return None
+    field, divisor = known
+    number = word & 0xFFFFFF
+    return field.name, (number - (number >> 23 << 24)) / divisor
+
+
+def _samples(payload: bytes) -> list[dict[str, float | int]]:
+    """Samples of ESF-RAW: a number of a type that the sample has, or with another tag, begins the next."""
+    samples: list[dict[str, float | int]] = []
+    for at in range(_RAW_AT, len(payload) - _RAW_SIZE + 1, _RAW_SIZE):
+        word, tag = struct.unpack_from("<II", payload, at)
+        if (known := _measurement(word)) is None:
+            continue
+        name, value = known
+        if not samples or samples[-1][TAG] != tag or name in samples[-1]:
+            if len(samples) == _MOST:
+                break
+            samples.append({TAG: tag})
+        samples[-1][name] = value
+    return samples
+
+
+def samples_of(fields: Mapping[str, float | int]) -> list[dict[str, float]]:
+    """Samples of ESF-RAW by its fields; NaN for a number that only others have."""
+    samples: dict[str, dict[str, float]] = {}
+    for name, value in fields.items():
+        field, _, number = name.rpartition("_")
+        samples.setdefault(number, {})[field] = float(value)
+    names = dict.fromkeys(name for sample in samples.values() for name in sample)
+    return [{name: sample.get(name, math.nan) for name in names} for sample in samples.values()]

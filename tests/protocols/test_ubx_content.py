@@ -14,10 +14,15 @@ from hypothesis import strategies as st
 from imuscope.protocols.events import Text
 from imuscope.protocols.nmea_quantities import NmeaQuantities
 from imuscope.protocols.ubx import SYNC, message_at
-from imuscope.protocols.ubx_content import fields_of, table, values_of
+from imuscope.protocols.ubx_content import fields_of, samples_of, table, values_of
 from tests.each_row import each_row
 
 GOLDEN: list[dict[str, Any]] = json.loads((Path(__file__).parents[1] / "golden" / "ubx" / "values.json").read_text())
+SAMPLES: list[dict[str, Any]] = json.loads((Path(__file__).parents[1] / "golden" / "ubx" / "samples.json").read_text())
+TYPES = {  # u-blox M8 and F9 ADR interface descriptions, "ESF measurement data types"
+    **{5: ("gyroZ", 2**-12), 12: ("gyroTemperature", 1e-2), 13: ("gyroY", 2**-12), 14: ("gyroX", 2**-12)},
+    **{16: ("accelX", 2**-10), 17: ("accelY", 2**-10), 18: ("accelZ", 2**-10)},
+}
 FACTORS = {"m": (1e-3, 1e-2, 1e-4, 1.0), "m/s": (1e-3, 1e-2)}  # of millimetres, centimetres; a sum of both is metres
 IN_METRES_TOO = {"NAV-HPPOSLLH", "NAV-HPPOSECEF", "NAV-RELPOSNED", "NAV-SVIN"}
 
@@ -83,6 +88,46 @@ def test_measurements_have_their_types() -> None:
     assert batch.columns["RateOfTurn"].tolist() == [[1.0, -2.0, 0.5]]
     units = {field.name: field.unit for field in batch.message.fields}
     assert units == {"RateOfTurn": "°/s", "Acceleration": "m/s²", "gyroTemperature": "°C"}
+
+
+def test_samples_of_a_raw_message_are_those_that_another_reader_finds() -> None:
+    rows = 0
+    for case in SAMPLES:
+        words, fields = case["words"], content(bytes.fromhex(case["frame"]))
+        theirs: dict[int, dict[str, float]] = {}
+        for number in range(1, len(words) // 2 + 1):
+            word, tag = words[f"data_{number:02d}"], words[f"sTag_{number:02d}"]
+            if (known := TYPES.get(word >> 24)) is not None:
+                raw = word & 0xFFFFFF
+                theirs.setdefault(tag, {"sTtag": tag})[known[0]] = (raw - (raw >> 23 << 24)) * known[1]
+        mine = samples_of(fields)
+        assert [sorted(one) for one in mine] == [sorted(one) for one in theirs.values()]
+        for one, other in zip(mine, theirs.values(), strict=True):
+            assert one == pytest.approx(other, rel=1e-12)
+        rows += len(mine)
+        (batch,) = NmeaQuantities().batches([Text("ubx", "ESF-RAW", "", 7, 0, 5, fields)])
+        assert (len(batch), set(batch.offset), set(batch.arrival_ns)) == (len(theirs), {7}, {5})
+        assert batch.columns["sTtag"].tolist() == [*theirs]
+        assert "not documented" in batch.message.doc
+    assert rows == 18
+
+
+def test_a_sample_that_lacks_a_number_has_none_there() -> None:
+    samples = samples_of({"sTtag_01": 1, "gyroX_01": 2.0, "gyroZ_01": 3.0, "sTtag_02": 2, "gyroX_02": 4.0})
+    assert samples[1] == pytest.approx({"sTtag": 2, "gyroX": 4.0, "gyroZ": math.nan}, nan_ok=True)
+    assert content_of_raw([]) == {}
+    assert len(samples_of(content_of_raw([(14, n % 2, n) for n in range(500)]))) == 99
+
+
+def content_of_raw(items: list[tuple[int, int, int]]) -> dict[str, float]:
+    words = ((kind << 24 | number).to_bytes(4, "little") + tag.to_bytes(4, "little") for kind, number, tag in items)
+    return values_of("ESF-RAW", bytes(4) + b"".join(words))
+
+
+@given(st.binary(max_size=300))
+def test_no_raw_message_raises(payload: bytes) -> None:
+    names = {name.rpartition("_")[0] for name in values_of("ESF-RAW", payload)}
+    assert names <= {*fields_of("ESF-RAW")}
 
 
 @given(

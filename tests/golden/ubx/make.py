@@ -1,6 +1,7 @@
 """UBX messages with their values, by pyubx2 (BSD licence), which is not a dependency: `pip install pyubx2==1.4.0`.
 
     python tests/golden/ubx/make.py > tests/golden/ubx/values.json
+    python tests/golden/ubx/make.py samples > tests/golden/ubx/samples.json
 
 Values are pyubx2's own: in degrees where it scales, else the wire's integers.
 """
@@ -30,6 +31,30 @@ def size_of(fields):
     return size
 
 
+def samples():
+    """ESF-RAW with samples of some types, and what pyubx2 finds: numbers with their types in groups."""
+    rng = random.Random(7)
+    made = []
+    for count, types in ((10, (14, 13, 5, 16, 17, 18, 12)), (4, (14, 13, 5)), (1, (18,)), (3, (16, 17, 63))):
+        payload = bytearray(4)
+        for number in range(count):
+            for kind in types:
+                payload += struct.pack("<II", kind << 24 | rng.getrandbits(24), 4_000_000_000 + 256 * number)
+        frame = UBXMessage("ESF", "ESF-RAW", GET, payload=bytes(payload)).serialize()
+        parsed = vars(UBXReader.parse(frame, msgmode=GET, parsebitfield=False))
+        words = {name: value for name, value in parsed.items() if name.startswith(("data", "sT"))}
+        made.append(
+            {
+                "frame": frame.hex(),
+                "words": {
+                    name: int.from_bytes(value, "little") if isinstance(value, bytes) else value
+                    for name, value in words.items()
+                },
+            }
+        )
+    json.dump(made, sys.stdout, indent=0)
+
+
 def main():
     rng = random.Random(7)
     made = []
@@ -51,4 +76,4 @@ def main():
     json.dump(made, sys.stdout, indent=0)
 
 
-main()
+samples() if sys.argv[1:] == ["samples"] else main()
