@@ -17,7 +17,8 @@ from pathlib import Path
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.floods import RECORDING, Place
-from tests.fault_injection.recorded_files import received, recording
+from tests.fault_injection.recorded_files import recording
+from tests.server.recorder_harness import chunks
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -97,8 +98,8 @@ class Watched:
     def is_whole(self) -> bool:
         """Whether what is recorded is what was sent, when all is there that had been sent by now."""
         size = self.line.size - self.begins
-        block_until(lambda: len(received(self.path)) >= size, "what was sent is recorded")
-        recorded = received(self.path)
+        block_until(lambda: len(chunks(self.path)) >= size, "what was sent is recorded")
+        recorded = chunks(self.path)
         return self.line.sent.startswith(recorded, self.begins)
 
 
@@ -113,7 +114,7 @@ def watched(folder: Path) -> Iterator[Watched]:
             asking.post("/api/recordings/start", json={"devices": ["1"]}).raise_for_status()
             name = block_until(lambda: asking.get("/api/recorder").json()["id"], "it is recorded")
         path = folder / "recordings" / f"{name}.mcap"
-        first = block_until(lambda: received(path)[:1000], "there is something in it")
+        first = block_until(lambda: chunks(path)[:1000], "there is something in it")
         yield Watched(
             Place(server.url, folder, lambda: lambda: True), line, path, line.sent.index(first), server.process.pid
         )

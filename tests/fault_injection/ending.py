@@ -21,7 +21,8 @@ from imuscope.server.library.cleanup import DataFolderLock
 from imuscope.server.library.compaction_worker import uncompacted
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
-from tests.fault_injection.recorded_files import hidden, received, recording
+from tests.fault_injection.recorded_files import hidden, recording
+from tests.server.recorder_harness import chunks
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, http_client
 from tests.viser_client import CAMERA, subprotocol
@@ -100,8 +101,8 @@ def end(data: Path) -> float:
     with McapReader(made) as found:
         list(found.blocks())
         assert found.whole, "it was closed"
-    assert sent.startswith(received(made))
-    assert len(received(made)) > 10_000, f"of {len(sent)} bytes that were sent"
+    assert sent.startswith(chunks(made))
+    assert len(chunks(made)) > 10_000, f"of {len(sent)} bytes that were sent"
     tenancy = DataFolderLock(data)
     tenancy.begin()
     uncompacted(folder)

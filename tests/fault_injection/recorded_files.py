@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_writer import McapWriter
 
 
@@ -16,17 +15,6 @@ def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
     for k in range(0, len(frames_), size):
         writer.chunk("1", "rx", frames_[k : k + size], 1_700_000_000_000_000_000 + 40_000 * k)
     writer.close()
-
-
-def received(path: Path, topic: str = "rx/1") -> bytes:
-    """Bytes from a device in a finished recording; with `tx/1`, those to it."""
-    with McapReader(path) as found:
-        pieces = []
-        for block in found.blocks():
-            channel = found.topic(topic)
-            if channel is not None:
-                pieces.append(block.joined(block.of(channel.id))[0])
-        return b"".join(pieces)
 
 
 def hidden(folder: Path) -> list[str]:

@@ -8,8 +8,8 @@
     a recording damaged at random bytes         it opens up to the damage or around it, and says so
     … asked for over HTTP                       a detail with `damaged`, or one sentence and a hint; never 500
 
-(A folder that is removed while it is recorded: tests/recordings/test_recording_writer.py,
-tests/server/test_recorder.py. Trials and snapshots on a full disk: tests/server/test_rollback.py, test_snapshots.py.)
+(A folder that is removed while it is recorded: tests/recordings/test_recording_writer.py.
+Trials and snapshots on a full disk: tests/server/test_rollback.py, test_snapshots.py.)
 """
 
 from __future__ import annotations
@@ -40,11 +40,10 @@ from imuscope.server.library import standing_recording
 from imuscope.server.library.decode import decode
 from imuscope.server.library.standing_recording import StandingRecording
 from tests.each_row import each_row
-from tests.fault_injection.recorded_files import received
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import send, settled
+from tests.server.recorder_harness import chunks, send, settled
 from tests.server_process import ROOT, tied
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
@@ -141,7 +140,7 @@ def test_a_file_size_limit(running: InProcessServer, links: FakeLinks, tmp_path:
         state = ended(running)
     assert "largest size" in state["message"]
     assert state["hint"]
-    kept = received(tmp_path / "recordings" / f"{state['id']}.mcap")
+    kept = chunks(tmp_path / "recordings" / f"{state['id']}.mcap")
     assert wanted.startswith(kept)
     assert len(kept) > 500
     assert running.client.post("/api/recordings/start", json={}).json()["running"] is True
@@ -193,7 +192,7 @@ def test_a_slow_disk(
     settled(running)
     state = running.client.post("/api/recordings/stop", json={}).json()
     assert state["message"] == ""
-    assert received(tmp_path / "recordings" / f"{state['id']}.mcap") == wanted
+    assert chunks(tmp_path / "recordings" / f"{state['id']}.mcap") == wanted
 
 
 class Usage(NamedTuple):
@@ -271,7 +270,7 @@ def test_a_standing_recording_is_resumed_when_a_full_disk_has_room(
         assert "The disk has room again: recording has been resumed." in texts_of(running)
         send(running, links, "/dev/one", sample(2))
         settled(running)
-    assert received(tmp_path / "recordings" / f"{second['id']}.mcap") == sample(2)
+    assert chunks(tmp_path / "recordings" / f"{second['id']}.mcap") == sample(2)
 
 
 def test_a_standing_recording_begins_when_a_disk_that_was_full_at_the_start_has_room(

@@ -29,8 +29,9 @@ from imuscope.server.library.compaction_worker import uncompacted
 from imuscope.server.links.simulator import SimulatorThread
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
-from tests.fault_injection.recorded_files import hidden, received, recording
+from tests.fault_injection.recorded_files import hidden, recording
 from tests.server.control_harness import bench, outputs
+from tests.server.recorder_harness import chunks
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -73,10 +74,11 @@ def killed(there: SimulatorThread, data: Path) -> None:
             first.process.wait()
         sent = line.sent
     (made,) = (path for path in folder.glob("*.mcap") if path.stem != "long")
-    assert len(received(made)) > 10_000  # of the bytes counted above, those of this device
-    assert sent.startswith(received(made))
-    before = received(made)
+    assert len(chunks(made)) > 10_000  # of the bytes counted above, those of this device
+    assert sent.startswith(chunks(made))
+    before = chunks(made)
     (folder / ".note.json.0a1b2c3d").write_text("{", "utf-8")
+    (folder / f".{made.name}.packing").write_bytes(b"left by a packing that was killed")
     (data / "cache" / "columns" / ".abc.4711.making").mkdir(parents=True, exist_ok=True)
 
     with ServerProcess(device, data=data) as second, http_client(base_url=second.url) as http:
@@ -93,8 +95,8 @@ def killed(there: SimulatorThread, data: Path) -> None:
         assert not list((data / "rollbacks").glob("*.json"))
         assert http.get("/api/recordings/exports").json() == []
         block_until(lambda: not is_uncompacted(made) and not is_uncompacted(folder / "long.mcap"), "both are packed")
-        assert received(made) == before
-        assert received(folder / "long.mcap") == frames(0, 2000) * 40
+        assert chunks(made) == before
+        assert chunks(folder / "long.mcap") == frames(0, 2000) * 40
         block_until(lambda: not hidden(data), "nothing unfinished is left")
         assert not (folder / ".note.json.0a1b2c3d").exists()
     assert isinstance(there.device, XbusSimulator)
@@ -139,6 +141,6 @@ def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> No
 
         with pytest.raises(RecordingError, match="replaced while it was packed"):
             compaction.compact(path, progress=let_it_end)
-    assert received(path) == wanted
+    assert chunks(path) == wanted
     assert not is_uncompacted(path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]

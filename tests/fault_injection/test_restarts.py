@@ -24,10 +24,10 @@ from imuscope.recordings.mcap_reader import TIME, McapReader
 from imuscope.server.config import Config
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
-from tests.fault_injection.recorded_files import received, recording
+from tests.fault_injection.recorded_files import recording
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import send, settled
+from tests.server.recorder_harness import chunks, send, settled
 from tests.server_process import ServerProcess, begun
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -89,7 +89,7 @@ def test_recordings_survive_restarts_kills_and_other_servers_in_a_full_library(t
     folder = tmp_path / "recordings"
     damaged, unpacked = library(folder)
     left = [folder / f"kept-{number}.mcap" for number in range(0, 55, 10)]
-    whole = received(folder / "kept-1.mcap")
+    whole = chunks(folder / "kept-1.mcap")
     sent: dict[str, bytes] = {}
     for end in ("terminate", "kill", "company"):
         before = own(folder)
@@ -114,12 +114,12 @@ def test_recordings_survive_restarts_kills_and_other_servers_in_a_full_library(t
             if end == "company":
                 sent["drive.mcap"] = beside.sent
     for name, data in sent.items():
-        found = received(folder / name)
+        found = chunks(folder / name)
         assert data.startswith(found), name
         assert len(found) > ENOUGH // 2, name
     for name, held in damaged.items():
         assert (folder / name).read_bytes() == held, name
-    assert all(received(path) == whole for path in folder.glob("kept-*"))
+    assert all(chunks(path) == whole for path in folder.glob("kept-*"))
     assert len(list(folder.glob("*.mcap"))) == 60 + 4
 
 

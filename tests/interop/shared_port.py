@@ -20,9 +20,9 @@ from typing import Any
 
 from imuscope.protocols.isb.client_frames import frame_size
 from imuscope.recordings.importers import open_file
-from tests.fault_injection.recorded_files import received
 from tests.interop.hosts import MTDEVICE, remote_folder
 from tests.interop.running import HERE, DiffersError, expect, owned, run, simulated
+from tests.server.recorder_harness import chunks
 from tests.server_process import ServerProcess
 
 LASTS_S = 60.0
@@ -74,7 +74,7 @@ class SharedPort:
         """Stop recording; the bytes from the device and to it in the file."""
         self.ask("POST", "/recordings/stop", {})
         (path,) = (self.server.data / "recordings").glob("*.mcap")
-        return received(path), received(path, "tx/1")
+        return chunks(path), chunks(path, "tx/1")
 
 
 def wait_for(is_true: Callable[[], bool], what: str) -> None:

@@ -20,8 +20,8 @@ from tests.timeouts import http_client
 from tests.waiting import block_until
 
 
-def chunks(path: Path, topic: str) -> bytes:
-    """All bytes of a channel, one after the other."""
+def chunks(path: Path, topic: str = "rx/1") -> bytes:
+    """All bytes of a channel, one after the other: from a device, or with `tx/1` to it."""
     with McapReader(path) as recording:
         found = []
         for block in recording.blocks():

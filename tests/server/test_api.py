@@ -188,23 +188,6 @@ def test_every_route_answers_errors_in_the_one_shape(app: Guard, routes: list[tu
         assert_problem(request("GET", path), 404, "not-found")
 
 
-def test_every_route_needs_a_token_beyond_loopback(guarded: Config, routes: list[tuple[str, str]]) -> None:
-    access = Access(guarded)
-    app = create_app(guarded, access, open_link=open_link, protocol_set=SPEECH)
-    assert len(routes) >= 7
-    for path, method in routes:
-        expected = ask(app, method, path)
-        if path == "/healthz":
-            assert expected.status_code == 200
-            continue
-        assert_problem(expected, 401, "no-token")
-        wrong = ask(app, method, path, {"authorization": "Bearer nonsense"})
-        assert (wrong.status_code, wrong.json()["kind"]) in ((401, "bad-token"), (429, "too-many-tokens"))
-        if access.routes.is_command(method, path):
-            looks = ask(app, method, path, {"authorization": f"Bearer {'v' * 24}"})
-            assert_problem(looks, 403, "view-only")
-
-
 def test_the_token_of_the_printed_address_becomes_a_cookie(guarded: Config) -> None:
     with InProcessServer(guarded, open_link) as running:
         client = running.client

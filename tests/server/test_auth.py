@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import itertools
-import re
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.app import create_app
 from imuscope.server.auth import Access, RefusedError
 from imuscope.server.config import Config
 from imuscope.server.errors import status_of
@@ -190,31 +187,6 @@ def test_routes_without_a_token() -> None:
         assert not is_protected(path)
     for path in ("/api", "/api/devices", "/ws", "/openapi.json"):
         assert is_protected(path)
-
-
-LOOKING = {
-    *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
-    *("/api/analysis/{name}", "/api/calibration/{kind}", "/api/comparison", "/api/comparison/settings"),
-    *("/api/analysis/pairs", "/api/alarms/check", "/api/alarms/preview", "/api/query"),
-}
-
-
-def test_every_route_asks_for_the_right_role() -> None:
-    """A route that is added changes something until it stands here: a view token must not reach it."""
-    rules = access()
-    app: Any = create_app(Config(), rules)
-    routes = [(path, method.upper()) for path, ways in app.app.openapi()["paths"].items() for method in ways]
-    assert len(routes) > 40
-    for (path, method), role in itertools.product(routes, ("view", "control")):
-        headers = {"host": "127.0.0.1", "authorization": f"Bearer {TOKENS[role]}"}
-        if not rules.routes.is_protected(path):
-            continue
-        try:
-            got: str | int = rules.check(re.sub(r"\{.*?\}", "1", path), method, headers, client="127.0.0.1")
-        except RefusedError as refused:
-            got = status_of(refused.kind)
-        is_open = method == "GET" or (method == "POST" and path in LOOKING)
-        assert got == (role if is_open or role == "control" else 403), (method, path, role)
 
 
 @each_row("path", ["1/preview/x", "1/apply", "preview", "1/preview\n", "a/b/fit-rates", "1/comparex"])

@@ -371,11 +371,6 @@ def test_viewers_cannot_send_commands(server: ServerProcess) -> None:
         assert viewer.get("/api/build").json()["role"] == "view"
 
 
-def test_nothing_but_json_is_a_body(http: Client) -> None:
-    answer = http.post("/api/devices/1/run", content="command=Reset", headers={"content-type": "text/plain"})
-    assert (answer.status_code, answer.json()["kind"]) == (415, "not-json")
-
-
 @each_row("path", ["forms", "jobs", "traffic", "snapshots", "values"])
 def test_a_missing_device_is_reported(http: Client, path: str) -> None:
     answer = http.get(f"/api/devices/99/{path}")

@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 import itertools
 import os
-import shutil
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,16 +17,15 @@ from mcap.reader import make_reader
 from imuscope.recordings import quota
 from imuscope.recordings.compaction import compact, is_uncompacted
 from imuscope.recordings.file_names import free_path, slug
-from imuscope.recordings.library import INDEX
 from imuscope.recordings.mcap_reader import McapReader, json_messages
-from imuscope.recordings.mcap_writer import AtomicRecordFile, McapWriter, RecordingError
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.recording_writer import Limits
 from imuscope.recordings.sources import McapSource
 from imuscope.server.config import Config, load
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest
-from imuscope.server.library.compaction_worker import CompactionWorker, uncompacted
+from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.recorder import RecordingOptions, plan_of
 from tests.bench.tcp_device import TcpDevice
 from tests.server.fakes import FakeLinks, sample
@@ -185,50 +183,6 @@ def test_with_record_a_disk_that_fails_does_not_keep_the_server_from_starting(tm
         state = running.client.get("/api/recorder").json()
         assert not state["running"]
         assert state["message"]
-
-
-def ended(running: InProcessServer) -> dict[str, Any]:
-    """The recorder's state when it has ended by itself."""
-
-    def found() -> dict[str, Any] | None:
-        state: dict[str, Any] = running.client.get("/api/recorder").json()
-        return None if state["running"] else state
-
-    return dict(block_until(found, "the recording has ended"))
-
-
-def test_a_full_disk_ends_the_recording_with_a_message(
-    running: InProcessServer, links: FakeLinks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    running.client.post("/api/recordings/start", json={})
-    send(running, links, "/dev/one", sample(1))
-    settled(running)
-
-    def full(file: AtomicRecordFile, records: Sequence[bytes], done: int = 0) -> None:
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(AtomicRecordFile, "write", full)
-        send(running, links, "/dev/one", sample(2))
-        state = ended(running)
-    assert "disk is full" in state["message"]
-    assert "kept" in state["hint"]
-    assert chunks(tmp_path / "recordings" / f"{state['id']}.mcap", "rx/1") == sample(1)
-    again = running.client.post("/api/recordings/start", json={}).json()
-    assert again["running"] is True
-    assert again["message"] == ""
-
-
-def test_a_folder_that_is_removed_ends_the_recording_with_a_message(
-    running: InProcessServer, links: FakeLinks, tmp_path: Path
-) -> None:
-    running.client.post("/api/recordings/start", json={})
-    send(running, links, "/dev/one", sample(1))
-    settled(running)
-    shutil.rmtree(tmp_path / "recordings")
-    state = ended(running)
-    assert "removed" in state["message"]
-    assert chunks(tmp_path / "recordings" / f"{state['id']}.mcap", "rx/1") == sample(1)
 
 
 # ── quota, parts, names ──────────────────────────────────────────────────────────────────────────────────────────────
@@ -396,40 +350,3 @@ def test_a_killed_server_keeps_what_it_has_received(tmp_path: Path) -> None:
         os.kill(server.process.pid, signal.SIGKILL)
         server.process.wait()
         assert chunks(recorded(tmp_path), "rx/1") == line.sent
-
-
-def test_a_file_that_is_cut_off_while_data_come_is_the_beginning_of_what_was_sent(tmp_path: Path) -> None:
-    with TcpDevice(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
-        flowing(server, line)
-        os.kill(server.process.pid, signal.SIGKILL)
-        server.process.wait()
-        found = chunks(recorded(tmp_path), "rx/1")
-        assert len(found) > 10_000
-        assert line.sent.startswith(found), "in order, from the beginning"
-
-
-def test_a_recording_left_by_a_killed_server_is_packed_by_the_next(tmp_path: Path) -> None:
-    with TcpDevice(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
-        flowing(server, line)
-        os.kill(server.process.pid, signal.SIGKILL)
-        server.process.wait()
-    path = recorded(tmp_path)
-    before = chunks(path, "rx/1")
-    assert uncompacted(tmp_path / "recordings") == [path]
-    (tmp_path / "recordings" / f".{path.name}.packing").write_bytes(b"left by a packing that was killed")
-    with ServerProcess("udp://127.0.0.1:0", data=tmp_path):
-        block_until(lambda: not is_uncompacted(path), "it is packed")
-    assert chunks(path, "rx/1") == before
-    assert {entry.name for entry in path.parent.iterdir()} - {INDEX} == {path.name}  # it may have made its index, too
-
-
-def test_a_server_that_is_asked_to_end_finishes_the_file(tmp_path: Path) -> None:
-    with TcpDevice(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
-        flowing(server, line)
-        server.process.terminate()
-        assert server.process.wait(PATIENCE_S) in (0, -signal.SIGTERM)
-        found = chunks(recorded(tmp_path), "rx/1")
-        assert line.sent.startswith(found)
-        assert len(found) > 30_000
-    with McapReader(recorded(tmp_path)) as recording:
-        assert recording.whole

@@ -176,14 +176,6 @@ async def test_a_pipe_without_a_writer_blocks_no_one_else(tmp_path: Path) -> Non
         await link.close()
 
 
-def test_a_pipe_is_a_source_only_where_files_are(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path / "data"), FakeLink) as running:
-        answer = running.client.post("/api/devices", json={"source": str(pipe)})
-    assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
-
-
 def test_files_are_sources_only_on_the_command_line(tmp_path: Path) -> None:
     """Regression: with a control token, any file readable by the server's user could be read by recording it."""
     secret, named = tmp_path / "secret.key", tmp_path / "captures" / "one.bin"
@@ -191,9 +183,18 @@ def test_files_are_sources_only_on_the_command_line(tmp_path: Path) -> None:
     for file in (secret, named):
         file.write_bytes(b"FFFF")
     (named.parent / "link.bin").symlink_to(secret)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
     config = Config(sources=("/dev/one",), data=tmp_path / "data", source_folders=(str(named.parent),))
     with InProcessServer(config, FakeLink) as running:
-        for refused in (secret, "/etc/passwd", "/proc/self/environ", named.parent / "link.bin", f"{secret}?speed=2"):
+        for refused in (
+            secret,
+            pipe,
+            "/etc/passwd",
+            "/proc/self/environ",
+            named.parent / "link.bin",
+            f"{secret}?speed=2",
+        ):
             answer = running.client.post("/api/devices", json={"source": str(refused)})
             assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
         assert running.client.post("/api/devices", json={"source": str(named)}).status_code == 201

@@ -213,6 +213,9 @@ async def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(mo
             replace(SPEECH, guess=lambda data: guessed.append(len(data)) or guess(data)),
         )
         await stage.settle(1.0)
+        device = stage.telemetry.bus.devices.latest["1"]
+        assert (device.status, device.protocol) == ("connecting", "")
+        assert device.message.endswith("is open, 0 B so far.")
         monkeypatch.setattr(stage.telemetry.bus, "set_device", told.append)
         monkeypatch.setattr(stage.session._scheduler, "request", lambda: told.append("decode"))
         await stage.settle(60.0)

@@ -27,6 +27,7 @@ from tests.server.asgi_client import ACCEPTED, Answer, Reached, ask
 
 VIEW, CONTROL = "view-token-of-this-test", "control-token-of-this-test"
 TOKENS = {"none": "", "view": VIEW, "control": CONTROL, "wrong": "w" * 30}
+REFUSALS = {"none": "no-token", "wrong": "bad-token"}
 SAFE = {"GET", "HEAD", "OPTIONS"}
 METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", "PROPFIND", "get", "post", "X")
 
@@ -127,8 +128,8 @@ def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
                 assert reached == "open", what
                 continue
             looks = method in SAFE or (method == "POST" and route.path in ASKING)
-            if role in ("none", "wrong"):
-                assert (answer.status, reached) == (401, ""), what
+            if role in REFUSALS:
+                assert (answer.status, reached, answer.json()["kind"]) == (401, "", REFUSALS[role]), what
             elif role == "control" or looks:
                 assert (answer.status, reached) == (200, role), what
             else:
