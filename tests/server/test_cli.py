@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.frames import get_data, stop
 from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, begun, imuscope
@@ -99,19 +98,9 @@ def test_a_key_on_the_command_line_verifies_and_is_printed_nowhere(tmp_path: Pat
         assert key not in client.get("/api/devices").text + server.log
 
 
-def test_inspect_reaches_every_family(tmp_path: Path) -> None:
-    key = bytes(range(16))
-    path = tmp_path / "secure.bin"
-    path.write_bytes(IdtpSimulator(mode=2, key=key).advance(100_000_000))
-    data = ("--data", str(tmp_path))
-    done = imuscope("inspect", str(path), "--rejects", *data)
-    assert "no_key: a Secure frame, but no key to check it with" in done.stdout
-    done = imuscope("inspect", str(path), "--key", key.hex(), "--format", "jsonl", "--rejects", *data)
-    lines = [json.loads(line) for line in done.stdout.splitlines()]
-    assert len(lines) == 22
-    assert {line.get("reject") for line in lines} == {None}
+def test_inspect_lists_what_a_host_sent(tmp_path: Path) -> None:
     (tmp_path / "host.bin").write_bytes(get_data(1, period=0) + stop())
-    done = imuscope("inspect", str(tmp_path / "host.bin"), "--direction", "tx", "--format", "jsonl", *data)
+    done = imuscope("inspect", str(tmp_path / "host.bin"), "--direction", "tx", "--format", "jsonl")
     assert json.loads(done.stdout.splitlines()[0])["message"] == "GET_DATA"
 
 

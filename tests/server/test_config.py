@@ -56,6 +56,12 @@ def test_defaults_are_loopback() -> None:
         ('view_token = "with a space"', "at least 8"),
         ('view_token = "the-same-1"\ncontrol_token = "the-same-1"', "must differ"),
         ("= 1", "not valid TOML"),
+        ('map = "http://a"', "must be a table"),
+        ('[map]\ntile = "x"', "map.tile is not a valid setting"),
+        ("[map]\ntiles = 3", "map.tiles must be text"),
+        ('[map]\ntiles = "http://a/{z}/{x}.png"', "must be an http address"),
+        ('[map]\ntiles = "file:///{z}/{x}/{y}"', "must be an http address"),
+        ('[map]\ntiles = "http://{x}.a/{z}/{x}/{y}"', "must be an http address"),
     ],
 )
 def test_errors_are_reported(tmp_path: Path, text: str, words: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from imuscope.server.config import Config, ConfigError, MapTiles, load
+from imuscope.server.config import Config, MapTiles, load
 from imuscope.server.integrations.map_tiles import MAX_BYTES
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
@@ -109,24 +109,6 @@ def test_a_missing_tile_server_is_reported() -> None:
         answer = running.client.get("/api/tiles/0/0/0")
         assert answer.status_code == 502
         assert answer.json()["kind"] == "tile-server"
-
-
-@each_row(
-    ("text", "words"),
-    [
-        ('map = "http://a"', "must be a table"),
-        ('[map]\ntile = "x"', "map.tile is not a valid setting"),
-        ("[map]\ntiles = 3", "map.tiles must be text"),
-        ('[map]\ntiles = "http://a/{z}/{x}.png"', "must be an http address"),
-        ('[map]\ntiles = "file:///{z}/{x}/{y}"', "must be an http address"),
-        ('[map]\ntiles = "http://{x}.a/{z}/{x}/{y}"', "must be an http address"),
-    ],
-)
-def test_settings_that_cannot_be_used(tmp_path: Any, text: str, words: str) -> None:
-    file = tmp_path / "imuscope.toml"
-    file.write_text(text)
-    with pytest.raises(ConfigError, match=words):
-        load(file)
 
 
 def test_settings_that_can(tmp_path: Any) -> None:
