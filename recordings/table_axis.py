@@ -63,11 +63,6 @@ class TimeAxis:
     watch: ClockWatch | None = None
 
     @property
-    def has_own_date(self) -> bool:
-        """Whether the clock itself says when it was."""
-        return self.clock.epoch in ("1970", "GPS")
-
-    @property
     def keeps_clock(self) -> bool:
         """Whether the axis differs from the clock, so that the clock is a column of its own."""
         return self.watch is not None and len(self.watch.shifts) > 1

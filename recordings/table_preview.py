@@ -15,7 +15,6 @@ import numpy as np
 
 from imuscope.recordings.clock_search import ClockSearch
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.registry import READERS
 from imuscope.recordings.sources import Source
 from imuscope.recordings.table_cells import numbers, times_of
@@ -246,12 +245,3 @@ def _rows(table: CsvSource, clock: TableClock | None, others: list[TableClock]) 
         values = numbers(pa.array(cells, pa.string()), table.form.decimal).values
         read.append([float(one) if math.isfinite(one) else None for one in values])
     return [list(row) for row in zip(*read, strict=True)]
-
-
-def checked_table(path: Path, options: TableOptions) -> None:
-    """Raise RecordingError unless the table at `path` can be read with these options alone."""
-    preview = preview_of(path, options)
-    if preview is None:
-        raise RecordingError(f"{path.name} is not a table.", "Only tables have options.")
-    if preview.about:
-        raise RecordingError(preview.problem, preview.hint)

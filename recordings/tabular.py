@@ -52,7 +52,6 @@ SEGMENT = "segment"
 BLOCK_BYTES = 4 << 20
 NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
 MOST_CELLS_NAMED = 4
-_TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
 _RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)

@@ -130,19 +130,19 @@ def _place_of_main_thread() -> str:
     return f"{Path(frame.f_code.co_filename).name}, line {frame.f_lineno}, in {frame.f_code.co_name}"
 
 
-def exit_process(work: ThreadPoolExecutor, status: int = 0) -> None:
+def exit_process(work: ThreadPoolExecutor) -> None:
     """Return when no thread is busy any more; exit the process if some are still busy after LINGER_S, or if a part was
     abandoned whose task does not end.
     """
     work.shutdown(wait=False, cancel_futures=True)
     if _abandoned:
         log.warning("Exited while %s did not end.", ", ".join(_abandoned))
-        _exit_now(status)
+        _exit_now(0)
     end = time.monotonic() + LINGER_S
     while busy := [one.name for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon]:
         if time.monotonic() > end:
             log.warning("Exited while %d threads were still at work (%s).", len(busy), ", ".join(busy))
-            _exit_now(status)
+            _exit_now(0)
         time.sleep(0.01)
 
 

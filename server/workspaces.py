@@ -16,7 +16,6 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,9 +68,8 @@ def clean_name(name: str) -> str:
 class WorkspaceStore:
     """The workspaces of one data folder. Every method reads or writes files, and may be called by any thread."""
 
-    def __init__(self, data: Path, now: Callable[[], float] = time.time) -> None:
+    def __init__(self, data: Path) -> None:
         self._folder = data / FOLDER
-        self._now = now
         self._lock = threading.Lock()
 
     def all(self) -> list[StoredWorkspace]:
@@ -108,7 +106,7 @@ class WorkspaceStore:
             _check_revision(name, before, replaces)
             if before is None and len(self._paths()) >= MAX_WORKSPACES:
                 raise DomainError("full", f"There are {MAX_WORKSPACES} workspaces, the most.", "Delete one first.")
-            text = _text({"name": name, "modified": self._now(), "workspace": workspace})
+            text = _text({"name": name, "modified": time.time(), "workspace": workspace})
             self._write(path, text)
             stored = self._read(path)
         assert stored is not None

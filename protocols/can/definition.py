@@ -44,8 +44,9 @@ class CanDefinition:
         return MARK + json.dumps(body).encode() + b"\n"
 
 
-def default_definition(kind: str = "mti") -> CanDefinition:
-    """The messages of a device as it is delivered."""
+def default_definition() -> CanDefinition:
+    """The messages of an MTi as it is delivered."""
+    kind = "mti"
     rows = {row.identifier: row for row in KINDS[kind].rows}
     return CanDefinition(kind, rows, KINDS[kind].ticks_ns[0])
 

@@ -94,8 +94,8 @@ def fields_of(did: int, version: str = CURRENT) -> tuple[Field, ...]:
     return tuple(as_written(noted(did, field)) for field, _ in places(did, 0, size, version=version))
 
 
-def select(name: str, doc: str, choices: Mapping[int, str], dtype: str = "<u2", default: int | None = None) -> Field:
-    return Field(name, dtype, choices=choices, default=default, doc=doc)
+def select(name: str, doc: str, choices: Mapping[int, str], dtype: str = "<u2") -> Field:
+    return Field(name, dtype, choices=choices, doc=doc)
 
 
 def _data_set(choices: Mapping[int, str]) -> Field:

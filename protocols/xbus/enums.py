@@ -223,10 +223,8 @@ CAN_FORMATS = {0: "11 bit", 1: "29 bit"}
 # -- flag words --------------------------------------------------------------------------------------------------------
 
 
-def _flags(names: str, *, first: int = 0, doc: str = "", normal_set: bool = False) -> tuple[Bits, ...]:
-    return tuple(
-        Bits(name, first + i, doc=doc.format(name), normal_set=normal_set) for i, name in enumerate(names.split())
-    )
+def _flags(names: str, *, doc: str = "", normal_set: bool = False) -> tuple[Bits, ...]:
+    return tuple(Bits(name, i, doc=doc.format(name), normal_set=normal_set) for i, name in enumerate(names.split()))
 
 
 STATUS_BITS = (  # Table 27

@@ -75,10 +75,10 @@ class Stillness:
         return max(self.runs, key=lambda run: run.seconds, default=None)
 
 
-def step_means(samples: Samples, step: float = STEP_S) -> StepMeans:
-    """Means of intervals of `step` seconds, or of five samples if they are slower."""
+def step_means(samples: Samples) -> StepMeans:
+    """Means of intervals of STEP_S, or of five samples if they are slower."""
     rate = samples.rate
-    step = max(step, 5 / rate) if rate else step
+    step = max(STEP_S, 5 / rate) if rate else STEP_S
     if not len(samples):
         return StepMeans(np.empty(0), np.empty((0, 3)), step, np.empty(0, np.int64))
     number = np.floor((samples.time - samples.time[0]) / step).astype(np.int64)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -89,9 +89,8 @@ class GroupProfiles:
         folder: of the fleet within the data folder.
     """
 
-    def __init__(self, folder: Path, drivers: Callable[[str], DeviceDriver | None] = driver_of) -> None:
+    def __init__(self, folder: Path) -> None:
         self._path = folder / FILE
-        self._drivers = drivers
         self._profiles: dict[tuple[str, str, str], GroupProfile] = {}
         self._known: OrderedDict[str, DeviceSettings] = OrderedDict()
         # robot, device → digest of settings that are not known here
@@ -155,7 +154,7 @@ class GroupProfiles:
             hint = "Make the settings of a device the profile first."
             raise DomainError("not-found", f"The group has no profile for {device.product:.80}.", hint)
         protocol = profile.settings.protocol
-        driver = self._drivers(protocol)
+        driver = driver_of(protocol)
         if driver is None:
             raise DomainError(
                 "no-driver", f"Devices of {protocol:.40} cannot be configured.", "Update the fleet server."
@@ -169,7 +168,7 @@ class GroupProfiles:
     def _difference(self, digest: str, target: DeviceSettings) -> Difference | None:
         key = digest, target.digest
         if key not in self._differences:
-            driver = self._drivers(target.protocol)
+            driver = driver_of(target.protocol)
             result = None
             if driver is not None:
                 try:
@@ -184,7 +183,7 @@ class GroupProfiles:
     def _with_rate(self, group: str, device: RobotDevice) -> RobotDevice:
         """A device whose rate by its settings is unknown is expected to have that of the profile."""
         profile = self._profiles.get((group, device.protocol, device.product))
-        driver = None if profile is None else self._drivers(profile.settings.protocol)
+        driver = None if profile is None else driver_of(profile.settings.protocol)
         if device.expected_rate is not None or profile is None or driver is None:
             return device
         rate = None

@@ -207,9 +207,8 @@ class RerunFeed:
 class Rerun:
     """All Rerun streams of one server."""
 
-    def __init__(self, telemetry: Telemetry, connect: str = "", idle_s: float = IDLE_S) -> None:
+    def __init__(self, telemetry: Telemetry, connect: str = "") -> None:
         self._telemetry = telemetry
-        self._idle_s = idle_s
         self._starting = asyncio.Lock()
         self._remote = RemoteRerun(telemetry, connect) if connect else None
         self.feeds: dict[str, RerunFeed] = {}
@@ -246,7 +245,7 @@ class Rerun:
         finally:
             feed.viewers.discard(viewer)
             if not feed.viewers:
-                asyncio.get_running_loop().call_later(self._idle_s, self._stop_idle_feed, device, feed)
+                asyncio.get_running_loop().call_later(IDLE_S, self._stop_idle_feed, device, feed)
 
     def _stop_idle_feed(self, device: str, feed: RerunFeed) -> None:
         if not feed.viewers and self.feeds.get(device) is feed:

@@ -29,14 +29,9 @@ MAX_WAITING = 32  # messages, without viewers
 
 
 class PlayoutBuffer:
-    """The rows of one channel, each in its time.
+    """The rows of one channel, each in its time."""
 
-    Args:
-        delay_s: from measurement to display.
-    """
-
-    def __init__(self, delay_s: float = DELAY_S) -> None:
-        self._delay_s = delay_s
+    def __init__(self) -> None:
         self._ahead = -math.inf
         self._pending: deque[tuple[float, NDArray[np.float64], list[NDArray[Any]]]] = deque(maxlen=MAX_WAITING)
 
@@ -62,7 +57,7 @@ class PlayoutBuffer:
         Args:
             now: monotonic, s.
         """
-        head = now + self._ahead - self._delay_s
+        head = now + self._ahead - DELAY_S
         row = None
         while self._pending:
             received_at, times, own = self._pending[0]

@@ -98,7 +98,6 @@ def test_empty_columns_without_a_name_are_left_out(tmp_path: Path) -> None:
 
 
 WEEK_2254 = 1_679_184_000.0 - 18.0  # Unix s of its begin, by UTC
-DAY_2017 = 1_499_990_400.0  # 2017-07-14
 HEADED = "{},a_x,a_y,a_z\n".format
 START = 1_500_000_000
 

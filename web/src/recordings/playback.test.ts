@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { advance, begin, followed, nextSpeed, type Playing } from "./playback";
+import { advance, begin, followed, type Playing } from "./playback";
 
 const bounds = { first: 100, last: 200 };
 const at = (part: Partial<Playing> = {}): Playing => ({
@@ -29,10 +29,4 @@ it("loops a range, also when entered from before, and carries the excess over", 
 it("keeps the playhead's position on screen", () => {
   expect(followed(120, 20, 110, 111)).toBe(121);
   expect(followed(120, 20, 50, 150)).toBeCloseTo(156);
-});
-
-it("steps through the speeds", () => {
-  expect([nextSpeed(1, true), nextSpeed(50, true), nextSpeed(0.1, false), nextSpeed(1, false)]).toEqual([
-    2, 50, 0.1, 0.5,
-  ]);
 });

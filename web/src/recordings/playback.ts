@@ -33,12 +33,6 @@ export function begin(now: Playing, { first, last }: Bounds): Playing {
   return { ...now, playing: true, head: over || now.head < first ? a : now.head };
 }
 
-/** The next faster or slower speed. */
-export function nextSpeed(speed: number, faster: boolean): number {
-  const found = faster ? SPEEDS.find((one) => one > speed) : SPEEDS.findLast((one) => one < speed);
-  return found ?? speed;
-}
-
 /**
  * The window's right edge when the head moves from `was` to `head`: the head keeps its place on screen; one that was off screen gets a
  * place with more past than future.
