@@ -1,5 +1,6 @@
 """Fixtures for every test: hypothesis profiles, captures, the real server, a real browser page.
 
+    links      the links of a server that a test feeds (tests/server/fakes.py)
     captures   folder of device captures beside the project; the test is skipped, with the reason, where there is none
     serve      starts a server process: serve("sim:xbus") → ServerProcess with .url and .log; all are ended afterwards
     server     one such process with its default simulator, shared by the tests of a module
@@ -23,6 +24,7 @@ import os
 import sys
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import pytest
@@ -39,6 +41,9 @@ from tests.chromium import until
 from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S
+
+if TYPE_CHECKING:
+    from tests.server.fakes import FakeLinks
 
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
@@ -165,6 +170,14 @@ def captures() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no captures: {folder} is not there")
     return folder
+
+
+@pytest.fixture
+def links() -> FakeLinks:
+    """Links of a server in this process, into which a test sends."""
+    from tests.server.fakes import FakeLinks
+
+    return FakeLinks()
 
 
 @pytest.fixture

@@ -87,7 +87,7 @@ async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
     ):
         tasks = [asyncio.create_task(client(server.url, reader)) for reader in readers]
         await asyncio.sleep(1)
-        feed.go()
+        feed.begin()
         await asyncio.sleep(SETTLE_S)
         must_be_live(server.url)
         for reader in readers:

@@ -103,7 +103,7 @@ def product(browser: Browser, pages: int, readers: int, rate: float, seconds: fl
         for worker in workers:
             worker.evaluate(NOTE)
         offsets = [clock_offset_s(worker) for worker in workers]
-        feed.go()
+        feed.begin()
         time.sleep(SETTLE_S / 2)
         feeding.must_be_live(server.url)
         written = feed.written()

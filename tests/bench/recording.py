@@ -61,7 +61,7 @@ def cost(rate: float, seconds: float, turns: int) -> dict[str, float]:
         config.write_text("record_head = false\n")  # nothing listens there
         source = f"serial://{feed.terminal}?baud=2000000"
         with ServerProcess(source, data=Path(folder), arguments=("--config", str(config))) as server:
-            feed.go()
+            feed.begin()
             time.sleep(SETTLE_S)
             feeding.must_be_live(server.url)
             off, on = [], []

@@ -1,6 +1,6 @@
 """A device on a pseudo-terminal for the benchmarks: ten values at a given rate, and when each frame was written.
 
-    python tests/bench/serial_device.py RATE SECONDS  prints the terminal's path; starts after a line on standard input;
+    python -m tests.bench.serial_device RATE SECONDS  prints the terminal's path; starts after a line on standard input;
                                                 then prints one JSON line: {"first": counter, "written": [unix s, …]}
                                                 (or ends with a word on standard error when nobody reads)
 
@@ -25,11 +25,9 @@ import threading
 import time
 import tty
 import urllib.request
-from pathlib import Path
+from typing import Self
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-from tests.server_process import tied
+from tests.server_process import ROOT, tied
 
 ITEMS = struct.Struct(">HBHHBIHB4fHB3fHB3f")
 TICKS_PER_S = 10_000  # of SampleTimeFine
@@ -50,8 +48,41 @@ def frame(index: int, rate: float) -> bytes:
     return b"\xfa" + body + bytes([-sum(body) & 0xFF])
 
 
-class Feed:
-    """This file as a process of its own, ended with the block: `with Feed(2000, 10) as feed: … feed.go() …`.
+class SendingProcess:
+    """A module of this folder as a process that sends once it is told to, ended with the block."""
+
+    def __init__(self, module: str, *words: str) -> None:
+        command = tied([sys.executable, "-m", module, *words])
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+
+    def begin(self) -> None:
+        """Begin to send."""
+        assert self._process.stdin
+        self._process.stdin.write("go\n")
+        self._process.stdin.flush()
+
+    def line(self) -> str:
+        """The next line that it prints.
+
+        Raises:
+            RuntimeError: it ended early, for the reason that it printed.
+        """
+        assert self._process.stdout
+        line = self._process.stdout.readline()
+        if not line:
+            raise RuntimeError("the process that sends ended early; see above")
+        return line
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+class Feed(SendingProcess):
+    """This file as a process of its own: `with Feed(2000, 10) as feed: … feed.begin() …`.
 
     Args:
         rate, seconds: frames per second, and for how long.
@@ -61,37 +92,12 @@ class Feed:
     """
 
     def __init__(self, rate: float, seconds: float) -> None:
-        command = tied([sys.executable, str(Path(__file__).resolve()), str(rate), str(seconds)])
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self.terminal = self._line().strip()
-
-    def go(self) -> None:
-        """Begin to send."""
-        assert self._process.stdin
-        self._process.stdin.write("go\n")
-        self._process.stdin.flush()
+        super().__init__("tests.bench.serial_device", str(rate), str(seconds))
+        self.terminal = self.line().strip()
 
     def written(self) -> list[float]:
-        """Wait for the end; when each frame was written, unix s.
-
-        Raises:
-            RuntimeError: it ended early, for the reason that it printed.
-        """
-        return list(json.loads(self._line())["written"])
-
-    def _line(self) -> str:
-        assert self._process.stdout
-        line = self._process.stdout.readline()
-        if not line:
-            raise RuntimeError("the feed ended early; see above")
-        return line
-
-    def __enter__(self) -> Feed:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.communicate()
+        """Wait for the end; when each frame was written, unix s."""
+        return list(json.loads(self.line())["written"])
 
 
 def must_be_live(url: str) -> None:

@@ -11,7 +11,7 @@ that is full is waited for, so nothing is lost on this side; how late that made 
 
 `speed` makes time go faster: 50 sends the frames of 50 seconds in each, and their clocks say so.
 
-    python tests/bench/serial_devices.py DEVICES RATE SECONDS SPEED     (seconds of the devices' own time)
+    python -m tests.bench.serial_devices DEVICES RATE SECONDS SPEED     (seconds of the devices' own time)
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ import json
 import os
 import pty
 import select
-import subprocess
 import sys
 import threading
 import time
@@ -34,11 +33,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
 from imuscope.recordings.importers import open_file
 from tests.bench import serial_device
-from tests.server_process import tied
+from tests.bench.serial_device import SendingProcess
 
 TICK_S = 0.001
 STUCK_S = 20.0
@@ -63,8 +60,8 @@ def numbered(template: NDArray[np.uint8], first: int, rate: float) -> NDArray[np
     return out
 
 
-class Speakers:
-    """This file as a process of its own, ended with the block.
+class Speakers(SendingProcess):
+    """This file as a process of its own.
 
     Args:
         devices: how many.
@@ -77,39 +74,21 @@ class Speakers:
     """
 
     def __init__(self, devices: int, rate: float, seconds: float, speed: float = 1.0) -> None:
-        told = [str(one) for one in (devices, rate, seconds, speed)]
-        command = tied([sys.executable, str(Path(__file__).resolve()), *told])
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self.terminals: list[str] = json.loads(self._line())
+        super().__init__("tests.bench.serial_devices", *map(str, (devices, rate, seconds, speed)))
+        self.terminals: list[str] = json.loads(self.line())
         self.pid = self._process.pid
         self._result: dict[str, Any] | None = None
 
     def go(self) -> float:
         """Begin to send; when the first frame is due, unix s."""
-        assert self._process.stdin
-        self._process.stdin.write("go\n")
-        self._process.stdin.flush()
-        return float(self._line())
+        self.begin()
+        return float(self.line())
 
     def sent(self) -> dict[str, Any]:
         """Wait for the end; {"devices": [{"frames", "bytes", "crc32"}, …], "late_p99_ms", "late_max_ms"}."""
         if self._result is None:
-            self._result = json.loads(self._line())
+            self._result = json.loads(self.line())
         return self._result
-
-    def _line(self) -> str:
-        assert self._process.stdout
-        line = self._process.stdout.readline()
-        if not line:
-            raise RuntimeError("the speakers ended early; see above")
-        return line
-
-    def __enter__(self) -> Speakers:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.communicate()
 
 
 def heard_in(paths: Sequence[Path]) -> dict[str, dict[str, int]]:

@@ -105,7 +105,7 @@ def main() -> None:
         ServerProcess(f"serial://{feed.terminal}?baud=2000000", data=Path(data)) as server,
     ):
         pid = server.process.pid
-        feed.go()
+        feed.begin()
         time.sleep(SETTLE_S)
         feeding.must_be_live(server.url)
         before = seconds_of(pid)

@@ -50,11 +50,6 @@ from tests.waiting import block_until
 
 
 @pytest.fixture
-def links() -> FakeLinks:
-    return FakeLinks()
-
-
-@pytest.fixture
 def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
     with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         yield running

@@ -21,6 +21,7 @@ from imuscope.server.services import Services
 from imuscope.server.timings import ViewerTimings
 from tests.server.fakes import SPEECH
 from tests.timeouts import PATIENCE_S, http_client
+from tests.waiting import block_until
 
 
 class InProcessServer:
@@ -81,6 +82,16 @@ class InProcessServer:
         assert self.loop is not None
         self.loop.call_soon_threadsafe(lambda: done.set_result(function(*arguments)))
         return done.result(PATIENCE_S)
+
+    def signals_of(self, recording: str) -> list[str]:
+        """Names of the signals of a recording, as its importer calls them, once it is open."""
+
+        def channels() -> Any:
+            answer = self.client.get(f"/api/recordings/{recording}")
+            return answer.json()["channels"] if answer.status_code == 200 else None
+
+        found = block_until(channels, "the opened recording")
+        return [f"{one['name']}.{column['name']}" for one in found for column in one["columns"]]
 
     def __enter__(self) -> InProcessServer:
         return self

@@ -192,11 +192,6 @@ def test_it_takes_its_memory_from_that_of_samples() -> None:
 
 
 @pytest.fixture
-def links() -> FakeLinks:
-    return FakeLinks()
-
-
-@pytest.fixture
 def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
     with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
         yield running

@@ -52,11 +52,6 @@ def notes(path: Path) -> list[dict[str, Any]]:
 
 
 @pytest.fixture
-def links() -> FakeLinks:
-    return FakeLinks()
-
-
-@pytest.fixture
 def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
     with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
         yield running
@@ -188,16 +183,22 @@ def test_with_record_a_disk_that_fails_does_not_keep_the_server_from_starting(tm
 # ── quota, parts, names ──────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def test_over_the_quota_the_oldest_unpinned_recordings_are_deleted(tmp_path: Path, links: FakeLinks) -> None:
-    folder = tmp_path / "recordings"
+def old_recordings(data: Path, count: int, pinned: int | None = None) -> Path:
+    """Closed recordings old-0 … in the folder that is returned, the oldest first."""
+    folder = data / "recordings"
     folder.mkdir()
-    for n in range(5):
+    for n in range(count):
         path = folder / f"old-{n}.mcap"
         writer = McapWriter(path, {})
         writer.chunk("1", "rx", os.urandom(400_000), 1)
         writer.close()
-        compact(path, edit={"pinned": "true" if n == 0 else "false"})
+        compact(path, edit={"pinned": "true" if n == pinned else "false"})
         os.utime(path, (1000 + n, 1000 + n))
+    return folder
+
+
+def test_over_the_quota_the_oldest_unpinned_recordings_are_deleted(tmp_path: Path, links: FakeLinks) -> None:
+    folder = old_recordings(tmp_path, 5, pinned=0)
     config = Config(sources=("/dev/one",), data=tmp_path, recordings_quota_gb=0.001)
     with InProcessServer(config, links.open) as running:
         state = running.client.post("/api/recordings/start", json={}).json()
@@ -210,14 +211,7 @@ def test_over_the_quota_the_oldest_unpinned_recordings_are_deleted(tmp_path: Pat
 def test_what_waits_for_its_upload_is_kept_beyond_the_quota_until_the_disk_is_short(
     tmp_path: Path, links: FakeLinks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = tmp_path / "recordings"
-    folder.mkdir()
-    for n in range(4):
-        path = folder / f"old-{n}.mcap"
-        writer = McapWriter(path, {})
-        writer.chunk("1", "rx", os.urandom(400_000), 1)
-        writer.close()
-        os.utime(path, (1000 + n, 1000 + n))
+    folder = old_recordings(tmp_path, 4)
     config = Config(sources=("/dev/one",), data=tmp_path, recordings_quota_gb=0.001)
     with InProcessServer(config, links.open) as running:
         recorder = running.services.recorder

@@ -29,11 +29,6 @@ LOW, HIGH = sample(1, 10), sample(2, 150)
 
 
 @pytest.fixture
-def links() -> FakeLinks:
-    return FakeLinks()
-
-
-@pytest.fixture
 def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
     config = Config(sources=("/dev/one", "/dev/two"), protocol="fake", data=tmp_path)
     with InProcessServer(config, links.open) as running:

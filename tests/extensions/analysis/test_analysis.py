@@ -196,19 +196,8 @@ def ask(running: InProcessServer, name: str = "statistics", **body: Any) -> Any:
     return running.client.post(f"{URL}/{name}", json=body)
 
 
-def recorded_names(running: InProcessServer) -> list[str]:
-    """Names of the signals of the CSV, as the importer calls them."""
-
-    def channels() -> Any:
-        told = running.client.get("/api/recordings/line")
-        return told.json()["channels"] if told.status_code == 200 else None
-
-    found = block_until(channels, "the opened recording")
-    return [f"{one['name']}.{column['name']}" for one in found for column in one["columns"]]
-
-
 def test_a_recording_and_a_live_device_have_the_same_figures(running: InProcessServer) -> None:
-    y = next(name for name in recorded_names(running) if "y" in name)
+    y = next(name for name in running.signals_of("line") if "y" in name)
     [recorded] = ask(running, source="line", signals=[y]).json()
     [live] = ask(running, source="7", signals=["Line.y"]).json()
     for name, value in recorded["figures"].items():
@@ -221,7 +210,7 @@ def test_a_recording_and_a_live_device_have_the_same_figures(running: InProcessS
 
 
 def test_a_range_and_several_signals(running: InProcessServer) -> None:
-    names = recorded_names(running)
+    names = running.signals_of("line")
     told = ask(running, source="line", signals=names, t0=START + 1.5, t1=START + 2.5).json()
     assert [one["signal"] for one in told] == names
     assert {one["figures"]["n"] for one in told} == {101}

@@ -18,7 +18,6 @@ from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
-from tests.waiting import block_until
 
 START = 1_760_000_000.0
 
@@ -114,21 +113,12 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServe
         yield running
 
 
-def names(running: InProcessServer) -> list[str]:
-    def channels() -> Any:
-        told = running.client.get("/api/recordings/turn")
-        return told.json()["channels"] if told.status_code == 200 else None
-
-    found = block_until(channels, "the opened recording")
-    return [f"{one['name']}.{column['name']}" for one in found for column in one["columns"]]
-
-
 def ask(running: InProcessServer, **body: Any) -> Any:
     return running.client.post("/api/analysis/pairs", json={"source": "turn", **body})
 
 
 def test_pairs_of_a_recording(running: InProcessServer) -> None:
-    east, north = (next(name for name in names(running) if word in name) for word in ("east", "north"))
+    east, north = (next(name for name in running.signals_of("turn") if word in name) for word in ("east", "north"))
     told = ask(running, x={"signal": east}, y={"signal": north}, t0=START + 1, t1=START + 30).json()
     assert told["n"] == 14_501
     assert len(told["x"]) == len(told["time"]) <= 6000
@@ -145,7 +135,7 @@ def test_pairs_of_a_recording(running: InProcessServer) -> None:
 
 
 def test_a_wrong_pair_is_refused(running: InProcessServer) -> None:
-    [east, *_] = names(running)
+    [east, *_] = running.signals_of("turn")
     assert_problem(ask(running, x={"signal": east}, y={"signal": "Speed"}), 404, "not-found")
     assert_problem(ask(running, x={"signal": east, "part": 1}, y={"signal": east}), 422, "bad-value")
     assert_problem(ask(running, x={"signal": east}, y={"signal": east}, pairing="guess"), 422, "bad-request")
