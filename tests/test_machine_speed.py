@@ -100,7 +100,7 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "extensions/fleet/test_page_streams.py": ({"limit": 2}, "a wait that must not end, looked at for a moment"),
     "server/test_backward_compatibility.py": ({"clock": 2}, AGE),
     "server/test_resource_limits.py": ({"clock": 2}, "processor time, of work that took minutes"),
-    "server/test_byte_memory.py": ({"clock": 2}, "the memory of bytes is kept by the clock"),
+    "server/test_byte_memory.py": ({"clock": 3}, "the memory of bytes is kept by the clock"),
     "server/test_clients.py": ({"wait": 1}, "a pause in which nothing is published"),
     "server/test_control.py": ({"wait": 1}, "the pace of a device"),
     "extensions/foxglove/test_foxglove.py": ({"clock": 1}, TODAY),
