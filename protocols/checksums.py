@@ -26,16 +26,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.compiled import BYTES, INT, compiled, inlined, unsigned
+from imuscope.protocols.compiled import BYTES, INT, compiled, inlined, short, unsigned
 
 
 @compiled(INT, BYTES, INT, INT)
 def sum8(data: NDArray[Any], start: int, stop: int) -> int:
     """The sum of `data[start:stop]` modulo 256."""
-    total = 0
+    total = short(0)
     for i in range(unsigned(start), unsigned(stop)):
-        total += int(data[i])
-    return total & 0xFF
+        total = short(total + short(data[i]))
+    return int(total) & 0xFF
 
 
 def check_sum8(body: bytes) -> int:
@@ -48,17 +48,17 @@ def fletcher16(data: NDArray[Any], start: int, stop: int) -> int:
     """The sums of `data[start:stop]`: the plain one in the low byte, the sum of sums in the high byte.
 
     In the sum of sums a byte counts as often as there are bytes from it to the end. In this form no step of the loop
-    depends on the one before: 10 to 20 GB/s, where adding up the plain sum runs at 5.
+    depends on the one before, and short sums are enough: 7 to 20 GB/s, where adding up the plain sum runs at 5.
     """
-    plain = 0
-    weighted = 0
-    begin = unsigned(start)
-    n = unsigned(stop) - begin
-    for i in range(n):
-        byte = int(data[begin + i])
-        plain += byte
-        weighted += byte * int(n - i)
-    return (weighted & 0xFF) << 8 | (plain & 0xFF)
+    plain = short(0)
+    weighted = short(0)
+    left = short(stop - start)
+    for i in range(unsigned(start), unsigned(stop)):
+        byte = short(data[i])
+        plain = short(plain + byte)
+        weighted = short(weighted + byte * left)
+        left = short(left - 1)
+    return (int(weighted) & 0xFF) << 8 | (int(plain) & 0xFF)
 
 
 @compiled(INT, BYTES, INT, INT)

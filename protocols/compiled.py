@@ -89,6 +89,14 @@ FOUR = several(INT, INT, INT, INT)
 
 unsigned = np.uint64
 
+
+def short(value: int) -> int:
+    """The last 16 bits of a number. In machine code such numbers stay short, so that a register holds many of them; put
+    the result of each sum and product through this again.
+    """
+    return int(value) & 0xFFFF
+
+
 VARIABLE = "IMUSCOPE_PLAIN_PYTHON"
 DISABLED = os.environ.get(VARIABLE, "") not in ("", "0")
 """Whether plain Python runs even where there is machine code."""

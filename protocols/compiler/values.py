@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.compiled import ArrayType, Kind, NumberType, TupleType, fence
+from imuscope.protocols.compiled import ArrayType, Kind, NumberType, TupleType, fence, short
 
-INT, UNSIGNED, FLOAT, FLAG = (NumberType(name) for name in ("int64", "uint64", "float64", "bool"))
-C_NAMES = {"int64": "i64", "uint64": "u64", "float64": "f64", "bool": "bool", "void": "void"}
+INT, UNSIGNED, SHORT, FLOAT, FLAG = (NumberType(name) for name in ("int64", "uint64", "uint16", "float64", "bool"))
+C_NAMES = {"int64": "i64", "uint64": "u64", "uint16": "uint16_t", "float64": "f64", "bool": "bool", "void": "void"}
 ITEMS = {
     **{f"{sign}int{bits}": f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64)},
     "float64": "f64",
@@ -96,6 +96,9 @@ def common(a: Value | Kind, b: Value | Kind) -> Kind:
         signed = a if first == INT else b
         written = isinstance(signed, Value) and signed.number is not None and signed.number >= 0
         return UNSIGNED if written else INT
+    if kinds == {INT, SHORT}:
+        wide = a if first == INT else b
+        return SHORT if isinstance(wide, Value) and wide.number is not None else INT
     return UNSIGNED if UNSIGNED in kinds else INT
 
 
@@ -130,7 +133,10 @@ def binary(operator: ast.operator, left: Value, right: Value) -> Value:
         return Value(FLOAT, f"divide({cast(left, FLOAT).text}, {cast(right, FLOAT).text})")
     a, b = cast(left, kind).text, cast(right, kind).text
     if type(operator) in _OPERATORS:
-        return Value(kind, f"({a} {_OPERATORS[type(operator)]} {b})")
+        text = f"({a} {_OPERATORS[type(operator)]} {b})"
+        return Value(kind, f"((uint16_t){text})" if kind == SHORT else text)
+    if kind == SHORT:
+        raise TranslateError(f"{type(operator).__name__} of short numbers")
     if kind == FLOAT:
         raise TranslateError(f"{type(operator).__name__} of floats")
     if isinstance(operator, ast.LShift):
@@ -212,6 +218,8 @@ def builtin_call(called: Any, arguments: list[Value], name: str) -> Value:
         return cast(arguments[0], FLOAT)
     if called is np.uint64:
         return cast(arguments[0], UNSIGNED)
+    if called is short:
+        return cast(arguments[0], SHORT)
     if called in (int, np.int64):
         value = arguments[0]
         return Value(INT, cast(value, INT).text, value.number if isinstance(value.number, int) else None)

@@ -20,6 +20,7 @@ from imuscope.protocols.compiled import (
     compiled,
     inlined,
     several,
+    short,
     unsigned,
 )
 
@@ -56,6 +57,18 @@ def last_digit(value: int) -> int:
 @compiled(FLOAT, INT, INT)
 def share(part: int, whole: int) -> float:
     return part / whole
+
+
+@compiled(INT, BYTES, INT)
+def short_sums(data: Any, start: int) -> int:
+    """Numbers of 16 bits that wrap, also below 0."""
+    total = short(start)
+    factor = short(start - 1)
+    for i in range(len(data)):
+        byte = short(data[i])
+        total = short(total + byte * factor)
+        factor = short(3 * factor - 5)
+    return int(total) << 16 | int(factor)
 
 
 @compiled(INT, BYTES, INT, INT)

@@ -90,6 +90,7 @@ def test_bytes(native: ModuleType, data: bytes, weight: int) -> None:
     array = np.frombuffer(data, np.uint8)
     agree(native, "total", array, np.arange(len(array)) * weight)
     agree(native, "squares", array, 0, len(array))
+    agree(native, "short_sums", array, weight)
 
 
 @given(value=NUMBERS, by=st.integers(-50, 50))

@@ -7,6 +7,8 @@ import struct
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from imuscope.protocols import rtcm, ubx
 from imuscope.protocols.checksums import crc24q, fletcher16
@@ -260,6 +262,13 @@ def test_check_values() -> None:
     digits = np.frombuffer(b"123456789", np.uint8)
     assert crc24q(digits, 0, 9) == 0xCDE703
     assert fletcher16(np.frombuffer(bytes.fromhex("ef4908000000"), np.uint8), 0, 6) == 0x2740
+
+
+@given(st.binary(max_size=300), st.integers(1, 300), st.integers(0, 9))
+def test_the_checksum_of_long_data_is_that_of_its_definition(data: bytes, times: int, start: int) -> None:
+    whole = data * times
+    sums = fletcher16(np.frombuffer(whole, np.uint8), min(start, len(whole)), len(whole))
+    assert sums == frames.fletcher16_of(whole[start:])
 
 
 def test_foreign_messages_are_named() -> None:
