@@ -26,7 +26,7 @@ from imuscope.recordings.tabular import NOW_S, CsvSource, TableSource
 from imuscope.recordings.time_units import UNITS, mean_step, usual_step
 
 FIRST_ROWS = 8
-TABLES = ("csv", "parquet", "arrow", "arrow-stream", "mat", "mat4", "npy", "npz")
+TABLES = ("csv", "parquet", "arrow", "arrow-stream", "mat", "mat4", "hdf5", "npy", "npz")
 """Formats of files that may be one table."""
 Role = Literal["time", "clock", "arrival", "value", "left out"]
 

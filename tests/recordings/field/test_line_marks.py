@@ -16,6 +16,7 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_format import format_of
 from imuscope.recordings.table_lines import LineMarks
 from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.table_preview import preview_of
 from imuscope.recordings.tabular import Utf8
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
@@ -97,7 +98,10 @@ def test_a_gps_week_without_a_heading_is_named_and_not_guessed(separator: str, t
         open_file(path)
     assert "columns 1 and 2 look like a GPS week and the seconds of it" in refused.value.hint
     assert '"1 = week" and "2 = tow (s)"' in refused.value.hint
-    store = opened(path, TableOptions(columns={"1": "week", "2": "tow (s)"}))
+    named = TableOptions(columns={"1": "week", "2": "tow (s)"})
+    previews = [preview_of(path, one) for one in (TableOptions(), named)]
+    assert [(one.about, one.clock) for one in previews if one] == [("time", ""), ("", "week + tow")]
+    store = opened(path, named)
     time = store.exact(store.manifest["channels"][0]["id"], 0, 10 * N).time
     np.testing.assert_allclose(time, BEGIN + np.arange(N) / 200, atol=1e-5)
 

@@ -13,6 +13,7 @@ from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats import hdf5
 from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.table_preview import may_be_table
 from tests.each_row import each_row
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
 
@@ -86,6 +87,7 @@ FILES: list[tuple[str, Callable[[Path], None]]] = [
 @each_row(("name", "write"), FILES)
 def test_arrays_are_columns(name: str, write: Callable[[Path], None], tmp_path: Path) -> None:
     write(tmp_path / name)
+    assert may_be_table(open_file(tmp_path / name).format)
     store = opened(tmp_path / name, tmp_path)
     info = next(one for one in store.manifest["channels"] if one["name"] == "imu.gyro")
     rows = rows_of(store, "imu.gyro")

@@ -58,7 +58,8 @@ export const TEXT = {
   remembered: "Saved with the recording, and used for later files with this heading.",
   readSo: "Read it so",
   questions: {
-    time: () => "No column is known to be the time. Choose one, or count the rows at a known rate.",
+    time: () =>
+      "No column is known to be the time. Choose one, or count the rows at a known rate. A GPS week and its seconds are the time if you name them week and tow (s) below.",
     unit: (clock: Value) => `The unit of ${clock} is not certain. Choose the one with the right rate.`,
     order: () => "The dates have the day or the month first. Choose the order.",
   },
