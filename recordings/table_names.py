@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 
 from imuscope.recordings.table_headings import ColumnHeading
@@ -63,6 +64,7 @@ INERTIAL = re.compile(
 )
 
 
+@functools.lru_cache(4096)
 def words_of(name: str) -> str:
     """A heading in lower case with _ between its words: timeOfWeekMs is time_of_week_ms."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip())

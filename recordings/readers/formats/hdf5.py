@@ -158,7 +158,11 @@ def _add(content: _Content, name: str, item: Any, problem: str, file: BinaryIO) 
         if "MATLAB_empty" in attributes or (content.is_matlab and kind not in NUMBERS):
             content.others.append(f"{name} ({'empty' if kind in NUMBERS else kind or 'object'})")
             return
-        if "MATLAB_object_decode" in attributes or item.dtype.kind not in "fiub" or not item.shape:
+        if (
+            "MATLAB_object_decode" in attributes
+            or not (item.dtype.names or item.dtype.kind in "fiub")
+            or not item.shape
+        ):
             content.others.append(f"{name} ({'single value' if not item.shape else 'no numbers'})")
             return
         array = _array(content, item, file)
@@ -281,7 +285,7 @@ def _dated(array: Array, unit: str) -> Array:
     """Times that count from a date ("seconds since 2026-01-01"), as dates; other arrays as they are."""
     numbers: Array
     counted = SINCE.fullmatch(unit)
-    if counted is None or array.ndim != 1:
+    if counted is None or array.ndim != 1 or array.dtype.kind not in "fiu":
         return array
     try:
         text = counted[2].strip().removesuffix("UTC").strip().removesuffix("Z")

@@ -52,6 +52,20 @@ def compact(path: Path) -> None:
         h5py.h5d.create(file.id, b"time", h5py.h5t.IEEE_F64LE, space, layout).write(h5py.h5s.ALL, h5py.h5s.ALL, TIME)
 
 
+def records(path: Path, **options: object) -> None:
+    """Rows with named fields, as PyTables and structured arrays of NumPy store them."""
+    rows = np.zeros(COUNT, [("time", "f8"), *((f"gyro_{axis}", "<f8") for axis in "xyz"), ("label", "S3")])
+    rows["time"] = TIME
+    for place, axis in enumerate("xyz"):
+        rows[f"gyro_{axis}"] = GYRO[:, place]
+    with h5py.File(path, "w") as file:
+        file.create_dataset("imu", data=rows, **options)
+
+
+def packed_records(path: Path) -> None:
+    records(path, chunks=(70,), compression="gzip", shuffle=True)
+
+
 def matlab(path: Path) -> None:
     """A structure, a text and a cell, as MATLAB 7.3 stores them: matrices turned, 512 bytes ahead."""
     with h5py.File(path, "w", userblock_size=512) as file:
@@ -80,6 +94,8 @@ FILES: list[tuple[str, Callable[[Path], None]]] = [
     ("packed.h5", packed),
     ("plain.hdf5", plain),
     ("compact.h5", compact),
+    ("records.h5", records),
+    ("packed_records.h5", packed_records),
     ("a.mat", matlab),
 ]
 
@@ -90,9 +106,9 @@ def test_arrays_are_columns(name: str, write: Callable[[Path], None], tmp_path: 
     assert may_be_table(open_file(tmp_path / name).format)
     store = opened(tmp_path / name, tmp_path)
     info = next(one for one in store.manifest["channels"] if one["name"] == "imu.gyro")
-    rows = rows_of(store, "imu.gyro")
+    rows = rows_of(store, info["name"])
     assert (info["kind"], [column["name"] for column in info["columns"]]) == ("vector", ["x", "y", "z"])
-    assert info["unit"] == ("" if name == "a.mat" else "rad/s")
+    assert info["unit"] == ("" if name == "a.mat" or "records" in name else "rad/s")
     np.testing.assert_array_equal(np.stack(rows.columns, axis=1), GYRO)
     np.testing.assert_allclose(rows.time, TIME, atol=1e-6)
 
