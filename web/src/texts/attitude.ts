@@ -5,8 +5,7 @@ export const TEXT = {
   // panel
   payloadsUndefined: "Its payloads are not defined. See Raw payloads beside the plots.",
   noOrientation: "No orientation data",
-  ubxAttitude:
-    "A u-blox receiver with inertial sensors sends roll, pitch and heading in NAV-ATT or HNR-ATT; see their plots. Others have no orientation.",
+  ubxAttitude: "With inertial sensors, a u-blox receiver sends roll, pitch and heading in NAV-ATT or HNR-ATT.",
   nmeaAttitude: "Its sentences have no whole orientation. Some have: $PSONCMS, $PINS1 and $VNYMR, for instance.",
   verified: "● verified",
   forwardLeftUp: "forward, left, up",
