@@ -163,7 +163,7 @@ class NmeaQuantities:
         """One batch for each kind of sentence that contains numbers; without device time."""
         kinds: dict[tuple[str, ...], list[tuple[Text, list[float]]]] = {}
         for text in texts:
-            if not text.name:
+            if not text.name or text.line.startswith("!"):  # encapsulated: packed bits, such as AIS
                 continue
             name, fields = text.name, text.fields
             samples = [_numbers(fields)]

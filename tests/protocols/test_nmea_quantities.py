@@ -135,6 +135,11 @@ def test_numbers_of_an_unknown_sentence_are_shown_by_their_places() -> None:
     assert quantities.batches(unknown("PTEXT,hello,N", "PMTK010")) == []
 
 
+def test_packed_bits_are_no_numbers() -> None:
+    ais = Text("nmea", "AIVDM", "!AIVDM,1,1,,A,177KQJ5000G?tO`K>RA1wUbN0TKH,0*5C", 0, 1, 1, {"field_01": "1"})
+    assert NmeaQuantities().batches([ais]) == []
+
+
 def test_a_word_ahead_makes_another_sentence() -> None:
     batches = NmeaQuantities().batches(unknown("PIXSE,ATITUD,-1.6,-0.5", "PIXSE,POSITI,48.1,-4.5,0.0", "PSAT,HPR,1,2"))
     assert [(one.message.name, len(one.columns)) for one in batches] == [
