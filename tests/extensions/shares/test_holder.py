@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 import subprocess
 import sys
 from importlib import import_module
@@ -22,6 +23,7 @@ from imuscope.server.extensions.shares.holder.clients import LEAST_BURST, sendab
 from imuscope.server.extensions.shares.holder.messages import (
     HEADER,
     MOST_BODY,
+    STAMP,
     MessageError,
     MessageKind,
     MessageReader,
@@ -30,6 +32,7 @@ from imuscope.server.extensions.shares.holder.messages import (
 )
 from imuscope.server.extensions.shares.holder.port import Port, PortError
 from imuscope.server.extensions.shares.holder.queues import ClientQueue, FrameSize, frame_bounds
+from imuscope.server.extensions.shares.holder.server_connection import ServerConnection
 from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.limiters import TokenBucket
@@ -332,6 +335,24 @@ def test_messages_survive_any_division_of_the_stream(
     assert found == messages
 
 
+def test_bytes_of_the_device_reach_the_server_at_once_then_together() -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection, late = ServerConnection(ours), 1 << 62
+    with theirs:
+        assert connection.add(1, b"first")
+        connection.pass_on()
+        assert connection.due_at == math.inf
+        assert not connection.add(2, b"second")
+        assert not connection.add(3, b"third")
+        assert connection.due_at < math.inf  # and has a wake-up of its own then
+        assert connection.add(late, b"fourth")  # unless more arrives, which takes it along
+        connection.pass_on()
+        found = list(MessageReader().feed(theirs.recv(1 << 16)))
+        connection.close()
+    parts = [(1, b"first"), (2, b"second"), (3, b"third"), (late, b"fourth")]
+    assert found == [(MessageKind.DATA, STAMP.pack(stamp) + data) for stamp, data in parts]
+
+
 @each_row("head", [HEADER.pack(0x7F, 0), HEADER.pack(MessageKind.DATA, MOST_BODY + 1)])
 def test_another_protocol_on_the_socket_is_refused(head: bytes) -> None:
     with pytest.raises(MessageError):
@@ -343,7 +364,8 @@ def test_the_holder_imports_nothing_heavy() -> None:
     code = (
         f"import sys, {MODULE}.__main__; from {MODULE}.client_frames import FrameRules; "
         f"[FrameRules.of(*one) for one in {modules!r}]; "
-        "print([name for name in ('numpy', 'asyncio', 'fastapi', 'ssl') if name in sys.modules])"
+        "heavy = 'numpy', 'asyncio', 'fastapi', 'ssl', 'hashlib', 'secrets', 'tempfile', 'traceback', 'logging'; "
+        "print([name for name in heavy if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

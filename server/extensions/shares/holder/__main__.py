@@ -11,7 +11,6 @@ import os
 import signal
 import sys
 import syslog
-import traceback
 from collections.abc import Callable
 
 from imuscope.server.extensions.shares.holder.process import Holder
@@ -55,6 +54,8 @@ def run(settings: HolderSettings, ready: Callable[[], None]) -> int:
     failures: list[Exception] = []
 
     def failed(error: Exception) -> None:
+        import traceback
+
         failures.append(error)
         traceback.print_exception(error)
         words = failure_of(os.getpid()) + f"{type(error).__name__}: {error}"

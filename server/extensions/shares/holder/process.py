@@ -1,7 +1,7 @@
 """The loop of the holder.
 
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
-                        └── server: every SERVER_S           its samples carry the stamp
+                        └── server: at most every SERVER_S   its samples carry the stamp
 
 A port that is gone is opened again, as a link is. Until then its terminals and TCP ports are closed: a client sees what
 an unplugged adapter would show. Started by a server, the holder ends when neither a server nor a client has been there
@@ -11,6 +11,7 @@ for GRACE_S; with `stay`, only by a signal.
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -29,6 +30,7 @@ from imuscope.server.extensions.shares.holder.shares import ShareError
 from imuscope.server.extensions.shares.holder.sharing import Sharing
 
 TICK_S = 0.02
+LATE_S = 0.005  # after which a tick has a wake-up of its own: bytes that arrive until then take it along
 STATE_S = 1.0
 GRACE_S = 10.0
 FIRST_RETRY_S, LAST_RETRY_S = 0.5, 10.0
@@ -95,13 +97,11 @@ class Holder:
             if now >= next_tick:
                 self._tick(now)
                 next_tick = now + TICK_S
-            server = self.server.connection
-            if server is None or not server.due_at:
-                run_once(max(0.0, next_tick - now))
-            elif server.due_at <= now:
+            due_at = self.server.connection.due_at if self.server.connection is not None else math.inf
+            if due_at <= now:
                 self.server.pass_on()
             else:
-                run_once(max(0.0, min(next_tick, server.due_at) - now))
+                run_once(min(next_tick + LATE_S, due_at) - now)
 
     def end(self, *_: Any) -> None:
         """End the loop; a signal handler."""

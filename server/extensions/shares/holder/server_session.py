@@ -157,10 +157,8 @@ class ServerSide:
     def on_device_data(self, stamp_ns: int, data: bytes) -> None:
         """Collect bytes of the device."""
         server = self.connection
-        if server is not None:
-            server.add(stamp_ns, data)
-            if server.collected >= SERVER_BYTES:
-                self.pass_on()
+        if server is not None and (server.add(stamp_ns, data) or server.collected >= SERVER_BYTES):
+            self.pass_on()
 
     def on_client_data(self, stamp_ns: int, client: Client, data: bytes) -> None:
         """Report what a client sent."""

@@ -103,6 +103,7 @@ class PtyShare(Share):
     def __init__(self, address: ShareAddress, next_number: Callable[[], int]) -> None:
         super().__init__(address, next_number)
         self._master = -1
+        self._poll = select.poll()
         self._slave = ""
 
     @property
@@ -134,6 +135,7 @@ class PtyShare(Share):
             os.close(slave)
         os.set_blocking(master, False)
         self._master, self._slave = master, name
+        self._poll.register(master, select.POLLIN)
 
     def _own(self, slave: int) -> None:
         """Set owner, group and permissions of the terminal; ShareError: no such user or group."""
@@ -147,6 +149,7 @@ class PtyShare(Share):
     def close(self) -> None:
         self.clients.clear()
         if self._master >= 0:
+            self._poll.unregister(self._master)
             os.close(self._master)
             self._master = -1
         try:
@@ -158,9 +161,7 @@ class PtyShare(Share):
     def update(self) -> tuple[Client | None, Client | None]:
         if self._master < 0:
             return None, None
-        poll = select.poll()
-        poll.register(self._master, select.POLLIN)
-        events = sum(event for _, event in poll.poll(0))
+        events = sum(event for _, event in self._poll.poll(0))
         is_open = not events & select.POLLHUP
         if not self.clients and (is_open or events & select.POLLIN):  # or it came, wrote and left since the last look
             return self._add(self.address.path, self._master, terminal=self._slave), None

@@ -7,10 +7,8 @@ $XDG_RUNTIME_DIR/imuscope/   of a user who is logged in, or as a service sets it
 
 from __future__ import annotations
 
-import hashlib
 import os
 import stat
-import tempfile
 from pathlib import Path
 
 LONGEST = 107 - len("/0123456789abcdef.sock")
@@ -29,6 +27,8 @@ def runtime_folder() -> Path:
     elif uid == 0:
         folder = Path("/run/imuscope")
     else:
+        import tempfile  # and hashlib below: a holder, which is given its path, needs neither
+
         folder = Path(tempfile.gettempdir()) / f"imuscope-{uid}"
     if len(os.fsencode(folder)) > LONGEST:
         raise OSError(f"the path {folder} has more than {LONGEST} bytes; set XDG_RUNTIME_DIR to a shorter one")
@@ -46,6 +46,8 @@ def socket_of(place: str, folder: Path | None = None) -> Path:
         place: path of a serial port, or "tcp://host:port".
         folder: in place of `runtime_folder`.
     """
+    import hashlib
+
     name = place if "://" in place else os.path.realpath(place)
     return (folder or runtime_folder()) / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.sock"
 
