@@ -38,9 +38,9 @@ T = np.arange(0, 60, 0.02)
 FIELD = 48.0 * SETUP.field(SETUP.motion_at(T).field)
 
 
-def vector(device: str, name: str, unit: str, kind: wire.ChannelKind = "vector") -> wire.ChannelInfo:
+def vector(device: str, name: str, unit: str) -> wire.ChannelInfo:
     columns = [wire.ColumnInfo(axis, "f8", unit, label=axis) for axis in "xyz"]
-    return wire.ChannelInfo(0, device, "M", name, name, kind, unit, "", columns)
+    return wire.ChannelInfo(0, device, "M", name, name, "vector", unit, "", columns)
 
 
 class Rows:
