@@ -194,9 +194,9 @@ def test_the_token_of_the_printed_address_becomes_a_cookie(guarded: Config) -> N
         answer = client.get(f"/?token={'v' * 24}&device=1", follow_redirects=False)
         assert answer.status_code == 303
         assert answer.headers["location"] == "/?device=1"
-        cookie = answer.headers["set-cookie"]
-        assert "HttpOnly" in cookie
-        assert "SameSite=Strict" in cookie
+        assert (answer.headers["cache-control"], answer.headers["referrer-policy"]) == ("no-store", "no-referrer")
+        cookie = {part.strip() for part in answer.headers["set-cookie"].split(";")}
+        assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= cookie
         assert client.get("/api/devices").status_code == 200  # the client kept the cookie
         assert_problem(client.post("/api/devices", json={"source": "/dev/two"}), 403, "view-only")
         elsewhere = client.get(f"{running.url}//evil.example/?token={'v' * 24}", follow_redirects=False)

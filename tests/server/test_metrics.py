@@ -142,14 +142,6 @@ def test_names_follow_the_conventions(running: InProcessServer) -> None:
         assert not re.search(r"_(ms|us|ns|kb|mb|ppm|percent|s)(_|$)", name), f"{name} has no base unit"
 
 
-def test_beyond_this_machine_figures_need_a_token(tmp_path: Path) -> None:
-    guarded = Config(host="0.0.0.0", sources=("/dev/one",), data=tmp_path, view_token="v" * 12, control_token="c" * 12)
-    with InProcessServer(guarded, links.open) as running:
-        assert running.client.get("/metrics").status_code == 401
-        assert running.client.get("/metrics", headers={"authorization": f"Bearer {'v' * 12}"}).status_code == 200
-        assert running.client.get("/healthz").status_code == 200
-
-
 def test_the_text_form() -> None:
     """Cases that are difficult to produce through the server: characters to escape, values that are not numbers."""
     page = PrometheusText()

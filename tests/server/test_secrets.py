@@ -1,4 +1,4 @@
-"""Tokens are never printed, written or sent; and appear in an address only once."""
+"""Tokens are never printed, written or sent. (After its first use, one is in no address: test_api.py.)"""
 
 from __future__ import annotations
 
@@ -31,21 +31,6 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]
     arguments = ("--config", str(config), "--record")
     with ServerProcess("sim:xbus?rate=10", data=folder / "data", arguments=arguments, fresh=True) as server:
         yield server
-
-
-def test_after_its_first_use_a_token_is_in_no_address(guarded: ServerProcess) -> None:
-    with http_client(base_url=guarded.url, headers=PROXIED) as client:
-        answer = client.get("/recordings", params={"token": CONTROL, "open": "7"}, headers={"accept": "text/html"})
-        assert answer.status_code == 303
-        assert answer.headers["location"] == "/recordings?open=7"
-        assert answer.headers["cache-control"] == "no-store"
-        assert answer.headers["referrer-policy"] == "no-referrer"
-        cookie = {part.strip() for part in answer.headers["set-cookie"].split(";")}
-        assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= cookie
-        assert client.get("/api/build").json()["role"] == "control"  # by the cookie alone
-        assert client.get(f"{guarded.url}//x.example/", params={"token": VIEW}).headers["location"] == "/x.example/"
-        assert client.get("/api/build").json()["role"] == "view"
-        assert client.delete("/api/devices/1").status_code == 403
 
 
 def test_a_token_is_in_nothing_that_is_printed_or_written(guarded: ServerProcess) -> None:

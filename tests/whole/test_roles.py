@@ -129,7 +129,8 @@ def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
                 continue
             looks = method in SAFE or (method == "POST" and route.path in ASKING)
             if role in REFUSALS:
-                assert (answer.status, reached, answer.json()["kind"]) == (401, "", REFUSALS[role]), what
+                assert (answer.status, reached) == (401, ""), what
+                assert answer.json()["kind"] == REFUSALS[role], what
             elif role == "control" or looks:
                 assert (answer.status, reached) == (200, role), what
             else:

@@ -63,8 +63,6 @@ export const recordingsApi = {
   play: (recording: string, body: PlayRequest) =>
     request("POST /api/recordings/{recording}/play", { path: { recording }, body }),
   downloadUrl: (recording: string) => addressOf("GET /api/recordings/{recording}/download", { path: { recording } }),
-  originalUrl: (recording: string, device: string) =>
-    addressOf("GET /api/recordings/{recording}/original", { path: { recording }, query: { device } }),
   exportUrl: (job: number) => addressOf("GET /api/recordings/exports/{job}/file", { path: { job } }),
 };
 
