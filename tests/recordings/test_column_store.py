@@ -191,7 +191,7 @@ def test_a_store_is_written_atomically(tmp_path: Path) -> None:
 def test_a_store_of_another_version_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(tmp_path / "a", rows(10))
     monkeypatch.setattr(module, "VERSION", 99)
-    with pytest.raises(ValueError, match="version"):
+    with pytest.raises(ValueError, match="columns of version"):
         ColumnStore(tmp_path / "a")
 
 

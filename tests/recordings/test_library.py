@@ -116,17 +116,20 @@ def test_a_damaged_sidecar_is_reported_and_keeps_the_recording_pinned(tmp_path: 
     assert is_pinned(path)
 
 
-@each_row("text", ["[" * 100_000, "null", '{"size": 1}'])
-def test_a_damaged_index_is_rebuilt(tmp_path: Path, text: str) -> None:
+@each_row("text", ["[" * 100_000, "null", '{"size": 1}', "{}", "[]", '"old"', "7"])
+def test_a_damaged_or_older_index_is_rebuilt(tmp_path: Path, text: str) -> None:
     path = recording(tmp_path / "a.mcap")
     stat = path.stat()
-    whole = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, "started": "x", "duration": None, "damaged": ""}
+    stamp = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns}
+    older = {**stamp, "thumbnail": [[1.0]], "losses": None}
+    whole = {**stamp, "started": "x", "duration": None, "damaged": ""}
     wrong = {**whole, "devices": 7, "markers": [], "thumbnail": [], "losses": []}
     (tmp_path / INDEX).mkdir()
-    for one in (text, json.dumps(wrong)):
+    for one in (text, *map(json.dumps, (stamp, older, wrong))):
         (tmp_path / INDEX / "a.mcap.json").write_text(one)
         (entry,) = Library(tmp_path).all()
         assert not entry.indexed
+        assert entry.probe.damaged == ""
 
 
 def test_an_unexpected_folder_in_the_bin_hides_no_recording(tmp_path: Path) -> None:

@@ -18,13 +18,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from mcap.records import Metadata
 
-from imuscope.recordings import column_store, mcap_writer, sidecar
+from imuscope.recordings import mcap_writer, sidecar
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.library import INDEX, Library
+from imuscope.recordings.library import Library
 from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_records import bytes_of
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
@@ -122,32 +121,6 @@ def test_a_rollback_record_is_found(kept: Path, tmp_path: Path) -> None:
     assert record.old == {"Baudrate": {"baudrate": 2}}
     assert (record.old_baud, record.new_baud, record.restart, record.state) == (115_200, 921_600, True, "pending")
     assert (record.serial_number, record.deadline) == ("0080A1B2", 1795252300.5)
-
-
-# ── what is only a cache ─────────────────────────────────────────────────────────────────────────────────────────────
-
-
-def test_an_old_index_is_rebuilt(kept: Path) -> None:
-    """Listed information beyond the file itself; an older format may have less."""
-    path = kept / "xbus.mcap"
-    stat = path.stat()
-    stamp = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns}
-    (kept / INDEX).mkdir()
-    for told in ({}, stamp, {**stamp, "thumbnail": [[1.0]], "losses": None}, [], "old", 7):
-        (kept / INDEX / "xbus.mcap.json").write_text(json.dumps(told))
-        (entry,) = [one for one in Library(kept).all() if one.path == path]
-        assert not entry.indexed
-        assert entry.probe.damaged == ""
-
-
-def test_columns_of_another_version_are_made_again(tmp_path: Path) -> None:
-    store = tmp_path / "store"
-    store.mkdir()
-    np.save(store / "blocks.npy", np.zeros(0, column_store.INDEX))
-    (store / "columns.bin").write_bytes(b"")
-    (store / "manifest.json").write_text(json.dumps({"version": column_store.VERSION - 1, "shapes": {}}))
-    with pytest.raises(ValueError, match=f"columns of version {column_store.VERSION - 1}"):
-        column_store.ColumnStore(store)
 
 
 # ── later formats ────────────────────────────────────────────────────────────────────────────────────────────────────

@@ -1,4 +1,4 @@
-"""Tokens are never printed, written or sent. (After its first use, one is in no address: test_api.py.)"""
+"""Tokens are never printed, written or sent. That one is in no address after its first use: test_api.py."""
 
 from __future__ import annotations
 
