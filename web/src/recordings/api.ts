@@ -1,5 +1,5 @@
 /** The routes of the library and of a recording, a function each. */
-import { addressOf, type Outcome, type HttpProblem, problemOf, request, respond } from "../ui/http";
+import { addressOf, type Outcome, type HttpProblem, problemOf, request, respond, parseJson } from "../ui/http";
 import type { ColumnStatistics, EvidenceRequest, HealthHistory } from "../wire/routes";
 import type { StatisticsRequest } from "./statistics-feed";
 import type {
@@ -130,7 +130,7 @@ export function upload(
       resolve({ ok: false, problem: { kind: "upload", message, hint, status: going.status } });
     going.upload.onprogress = (event) => event.lengthComputable && progress(event.loaded / event.total);
     going.onload = () => {
-      const answer = parsed(going.responseText);
+      const answer = parseJson(going.responseText);
       if (going.status < 300) resolve({ ok: true, value: answer as RecordingInfo });
       else resolve({ ok: false, problem: { ...problemOf(answer, going.status), kind: "upload" } });
     };
@@ -141,12 +141,4 @@ export function upload(
   going.setRequestHeader("content-type", "application/octet-stream");
   going.send(file);
   return { done, cancel: () => going.abort() };
-}
-
-function parsed(text: string): unknown {
-  try {
-    return JSON.parse(text);
-  } catch {
-    return undefined;
-  }
 }

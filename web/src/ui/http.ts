@@ -67,7 +67,7 @@ export async function request<R extends Route>(route: R, ...input: Arguments<R, 
     return { ok: false, problem: UNREACHED }; // cancelled, or cut off in the middle of the answer
   }
   const isJson = (answer.headers.get("content-type") ?? "").includes("json");
-  return { ok: true, value: (isJson ? parse(text) : text === "" ? undefined : text) as Answer<R> };
+  return { ok: true, value: (isJson ? parseJson(text) : text === "" ? undefined : text) as Answer<R> };
 }
 
 const UNREACHED: HttpProblem = {
@@ -101,10 +101,11 @@ export async function respond<R extends Route>(
   } catch {
     return UNREACHED;
   }
-  return answer.ok ? answer : problemOf(parse(await answer.text().catch(() => "")), answer.status);
+  return answer.ok ? answer : problemOf(parseJson(await answer.text().catch(() => "")), answer.status);
 }
 
-function parse(text: string): unknown {
+/** The value of a text in JSON; undefined for any other text. */
+export function parseJson(text: string): unknown {
   try {
     return JSON.parse(text);
   } catch {
