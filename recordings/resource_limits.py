@@ -4,7 +4,7 @@
               pages the system can drop at any time. Beyond the limit an allocation fails: MemoryError
     time      of the processor (RLIMIT_CPU), by the size of the file. Beyond it: TooLong
 
-The memory limit is a share of the memory of the machine, or of the unit it runs in.
+The memory limit is a share of the memory of the machine, or of the unit it runs in; so is the history of a server.
 
 Source: getrlimit(2), RLIMIT_DATA (since Linux 4.7 private mappings count) and RLIMIT_CPU; the cgroup v2 documentation,
 "memory.max".
@@ -23,6 +23,7 @@ from typing import NoReturn
 MEMORY = 3 << 30  # bytes; opening an hour of 2 kHz takes less than 500 MB
 MIN_MEMORY = 1 << 30  # on a small machine: libraries reserve stacks for each core, which count but are not used
 SHARE = 2  # one process may use 1/SHARE of the machine's memory
+RUNNING, MIN_HISTORY = 128 << 20, 8 << 20  # bytes of a server without a history, and of the least history
 CPU_S = 1800  # a day of 1 kHz takes minutes
 MIN_CPU_S, CPU_S_PER_MB = 60, 5  # a slow machine takes seconds to import, and one to read a megabyte of text
 
@@ -61,6 +62,11 @@ def seconds_for(size: int) -> int:
 def memory_of_one() -> int:
     """Memory allowed for one process on this machine, bytes."""
     return max(MIN_MEMORY, min(MEMORY, min(_memories(), default=MEMORY * SHARE) // SHARE))
+
+
+def history_room() -> int:
+    """Memory that the history of a server may take on this machine, bytes."""
+    return max(MIN_HISTORY, (min(_memories(), default=MEMORY * SHARE) - RUNNING) // SHARE)
 
 
 def memory_in_use() -> int:

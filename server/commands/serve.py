@@ -7,8 +7,10 @@ import errno
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from imuscope.recordings.resource_limits import history_room
 from imuscope.server import logging_setup
 from imuscope.server.commands.common import (
     UsageError,
@@ -63,6 +65,7 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
     secrets_in_config = [str(value) for name, value in config.decode_options.items() if name in secrets]
     keys = logging_setup.secrets_of(access.view_token, access.control_token, *secrets_in_config, *secrets.values())
     logging_setup.install(config.log_format, config.log_level, keys)
+    config = within_memory(config)
     tls_renewal = http_server.keeper_of(config)
     _check_extensions(config)
     warn_if_interpreted(None)
@@ -84,6 +87,15 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
         http_server.run(create(config, access), listener, ready, tls_renewal)
     except RuntimeError as error:
         raise UsageError(str(error)) from None
+
+
+def within_memory(config: Config) -> Config:
+    """The configuration with a history for which this machine or unit has room; prints when that is less."""
+    if (room := history_room() >> 20) >= config.memory_mb:
+        return config
+    words = f"The history of samples takes at most {room} MB in place of {config.memory_mb} (memory_mb)"
+    logging_setup.print_or_log(f"{words}: a machine or unit with this much memory has no room for more.")
+    return replace(config, memory_mb=room)
 
 
 def _config(options: argparse.Namespace) -> Config:

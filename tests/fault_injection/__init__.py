@@ -17,6 +17,7 @@ say the outcomes. Where a fault was tested beside what it happens to, the test i
     network gone and back                test_links, links/test_network (reset, refused, no answer, replaced)
     disk full                            test_disk, recordings/test_recording_writer, recordings/test_mcap_writer,
                                          server/test_recorder, server/test_rollback, server/test_snapshots
+    memory limited                       test_memory, server/test_resource_limits (workers)
     disk slow                            test_disk, recordings/test_recording_writer
     recording folder deleted             recordings/test_recording_writer, server/test_recorder
     file corrupted at random bytes       test_disk, recordings/test_mcap_writer, recordings/test_library
