@@ -15,6 +15,7 @@ import type { ComparisonActionProps } from "./pages/configure/compare";
 import type { Model } from "./pages/configure/model";
 import type { PageEntry, Route } from "./pages/route";
 import type { OpenRecording } from "./pages/recordings/open-recording";
+import type { RecordingInfo } from "./recordings/types";
 import type { Deps } from "./panels/panel-context";
 import { type PanelDefinition, registerPanel } from "./panels/registry";
 import type { PlotMarks, SeriesAction } from "./plots/plot-additions";
@@ -30,6 +31,11 @@ import type { WorkspaceSession } from "./workspace/session";
 export interface DeviceActionProps {
   readonly app: App;
   readonly device: DeviceInfo;
+}
+
+export interface RecordingProps {
+  readonly app: App;
+  readonly info: RecordingInfo;
 }
 
 interface SignalsProps {
@@ -65,6 +71,10 @@ export interface Slots {
   readonly configureSide: { readonly app: App; readonly model: Model | undefined };
   /** Under the comparison of two states of a device, in Configure. */
   readonly comparisonActions: ComparisonActionProps;
+  /** In the row of a recording in the library, before its facts. */
+  readonly recordingRow: RecordingProps;
+  /** Under the facts of a recording that is selected in the library. */
+  readonly recordingDetails: RecordingProps;
   /** Actions of an open recording, beside its name. */
   readonly recordingActions: { readonly recording: OpenRecording };
   /** On a phone, the line over an open recording that opens other views of it. */

@@ -73,6 +73,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const [tick, awaited] = [signal(0), signal<string | undefined>(undefined)];
   const overlay = signal<Overlay>(undefined);
   const openTable: App["openTable"] = signal(undefined);
+  const keyFor: App["keyFor"] = signal(undefined);
   const subject: App["subject"] = signal(undefined);
   const packetAt: App["packetAt"] = signal(undefined);
   const showsSignals = signal(false);
@@ -119,6 +120,9 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
       document.title = [word, name, "imuscope"].filter(Boolean).join(" · ");
     }),
   ];
+  const place = computed(() => `${route.value.page} ${route.value.recording ?? ""}`);
+  // a dialog stays on its page
+  stops.push(effect(() => void (place.value && (overlay.value = keyFor.value = undefined))));
   const timer = setInterval(() => {
     tick.value += 1;
   }, 500);
@@ -154,7 +158,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     awaited,
     linked,
     eventSort: signal<Sort>("all"),
-    keyFor: signal(undefined),
+    keyFor,
     newAddress: signal(""),
     sheet: signal(undefined),
     showsSignals,

@@ -3,6 +3,7 @@
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { openPage } from "../testing/live-page";
+import { route } from "./route";
 import { type Answers, recorded, type Family, type Scene } from "../testing/recorded";
 
 const eventually = (check: () => void): Promise<void> => waitFor(check);
@@ -45,4 +46,16 @@ test("a key is requested for unverified data, and never shown", async () => {
   expect(asked.at(-1)).toMatchObject({ body: { key } });
   expect(asked.at(-1)?.path).toContain(`/${device?.id}`);
   expect(document.body.innerHTML).not.toContain(key);
+});
+
+test("a dialog does not stay over the next page", async () => {
+  const { app } = await open("xbus");
+  app.overlay.value = "help";
+  await screen.findByRole("dialog");
+  location.hash = "#/?device=1"; // the same page
+  await eventually(() => expect(route.value.query).toBe("device=1"));
+  expect(screen.queryByRole("dialog")).not.toBeNull();
+  location.hash = "#/recordings";
+  await gone();
+  expect(app.overlay.value).toBeUndefined(); // or that page would show it
 });

@@ -28,8 +28,6 @@ export interface WindowQuery {
 
 export const recordingsApi = {
   list: (q = "") => request("GET /api/recordings", { query: q ? { q } : {} }),
-  /** State of the uploads to the store. */
-  uploads: () => request("GET /api/uploads"),
   start: (body: StartRequest) => request("POST /api/recordings/start", { body }),
   /** State of the recorder; changes come over the WebSocket. */
   recorder: () => request("GET /api/recorder"),

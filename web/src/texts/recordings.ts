@@ -33,16 +33,6 @@ export const TEXT = {
   removeTag: (tag: Value) => `Remove tag ${tag}`,
   removeTagHint: "Remove tag",
 
-  // upload to the store
-  store: "Store",
-  uploadState: {
-    waiting: "Waiting for upload",
-    uploading: "Uploading",
-    stored: "In the store",
-    refused: "Not uploaded",
-  },
-  uploadingShare: (percent: Value) => `Uploading ${percent} %`,
-
   // export dialog
   exportRecording: (title: Value) => `Export ${title}`,
   part: "Part of the recording",

@@ -6,6 +6,7 @@ import { late } from "../../ui/late";
 import { askServerKind, serverKind } from "./server-kind";
 import { ThroughFleetBand } from "./through-fleet";
 import { TEXT } from "./texts";
+import { UploadFacts, UploadMark } from "./uploads/marks";
 import "./layers.css";
 
 const loading = <div class="app" aria-busy="true" />;
@@ -37,5 +38,9 @@ registerExtension({
       View: QuestionsPage,
     },
   ],
-  views: [{ slot: "bands", order: 10, View: ThroughFleetBand }],
+  views: [
+    { slot: "bands", order: 10, View: ThroughFleetBand },
+    { slot: "recordingRow", order: 10, View: UploadMark },
+    { slot: "recordingDetails", order: 10, View: UploadFacts },
+  ],
 });

@@ -19,11 +19,11 @@ import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { type App, run, select } from "../app-state";
+import { Slot } from "../../extension";
 import { go, href } from "../route";
 import { exportingOf } from "./exporting";
 import { Jobs } from "./export-jobs";
 import { type Library, libraryOf } from "./library-store";
-import { UploadFacts } from "./upload-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -59,7 +59,7 @@ export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; 
         )}
         {info.deleted === null ? <Actions info={info} app={app} /> : <Deleted info={info} app={app} />}
         <Facts info={info} />
-        <UploadFacts upload={library.uploads.value.get(info.id)} />
+        <Slot name="recordingDetails" with={{ app, info }} />
         {info.deleted === null && <Words library={library} info={info} />}
         <Jobs app={app} recording={info.id} />
       </div>

@@ -5,11 +5,7 @@ import { type LibraryChoice, chosen, withReceiving } from "../../recordings/libr
 import { recordingsApi, upload } from "../../recordings/api";
 import type { EditRequest, RecordingInfo } from "../../recordings/types";
 import type { HttpProblem } from "../../ui/http";
-import type { RecordingUpload } from "../../wire/routes";
 import { type App, perApp, run } from "../app-state";
-
-/** Interval of asking for the state of uploads while one is under way, ms. */
-const UPLOADS_EVERY_MS = 3000;
 
 /** A file being uploaded. */
 export interface Coming {
@@ -31,12 +27,9 @@ export class Library {
   readonly coming = signal<readonly Coming[]>([]);
   readonly shown = computed(() => chosen(this.all.value ?? [], this.choice.value));
   readonly current = computed(() => this.all.value?.find(({ id }) => id === this.selected.value));
-  /** Uploads to the store by recording; empty without a store. */
-  readonly uploads = signal<ReadonlyMap<string, RecordingUpload>>(new Map());
   readonly prefetch = new Prefetch();
   readonly #app: App;
   #asked = 0;
-  #uploadTimer: ReturnType<typeof setTimeout> | undefined;
   #keys = 0;
 
   constructor(app: App) {
@@ -54,17 +47,6 @@ export class Library {
     if (mine !== this.#asked) return;
     if (outcome.ok) this.all.value = outcome.value.map(withReceiving);
     this.trouble.value = outcome.ok ? undefined : outcome.problem;
-    await this.#loadUploads(mine);
-  }
-
-  /** Load the state of uploads, and again while one is under way. */
-  async #loadUploads(mine: number): Promise<void> {
-    const outcome = await recordingsApi.uploads();
-    if (mine !== this.#asked || !outcome.ok) return;
-    const { recordings } = outcome.value;
-    this.uploads.value = new Map(recordings.map((one) => [one.id, one]));
-    if (recordings.some(({ state }) => state === "waiting" || state === "uploading"))
-      this.#uploadTimer = setTimeout(() => void this.#loadUploads(mine), UPLOADS_EVERY_MS);
   }
 
   /** Follow the library while its page is open. */
@@ -73,13 +55,11 @@ export class Library {
     const end = effect(() => {
       void store.library.value;
       void store.recorder.value?.running;
-      clearTimeout(this.#uploadTimer);
       if (store.connection.value === "open" || this.all.peek() === undefined) void this.#load();
     });
     return () => {
       end();
       this.#asked += 1;
-      clearTimeout(this.#uploadTimer);
     };
   }
 

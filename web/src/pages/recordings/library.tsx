@@ -16,6 +16,7 @@ import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { App } from "../app-state";
+import { Slot } from "../../extension";
 import { TopBar } from "../top-bar";
 import { go, href } from "../route";
 import { OfflineBand, ProblemBand } from "../empty-states";
@@ -23,7 +24,6 @@ import { PageOverlays } from "./overlays";
 import { RecordingDetails } from "./details";
 import { type Library, libraryOf } from "./library-store";
 import { Thumb } from "./thumbnail";
-import { UploadMark } from "./upload-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -348,7 +348,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
             </span>
           )}
           {tone !== "" && <span class={`tag ${tone} phone`}>{words}</span>}
-          <UploadMark upload={library.uploads.value.get(info.id)} />
+          <Slot name="recordingRow" with={{ app, info }} />
           {about}
         </small>
       </td>

@@ -1,0 +1,29 @@
+// @vitest-environment happy-dom
+/** Uploads to the store, in the library. */
+import { fireEvent, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { openPage } from "../../../testing/live-page";
+import { find } from "../../../testing/queries";
+import { recorded } from "../../../testing/recorded";
+
+const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
+const eventually = (check: () => void): Promise<void> => waitFor(check);
+
+test("a recording tells the state of its upload and why it is refused", async () => {
+  const upload = { id: "yard", state: "refused", reason: "It has the tag private.", progress: 0, stored_at: null };
+  const uploads = { enabled: true, store: "/srv", robot: "otter", problem: "", recordings: [upload] };
+  await openPage(recorded("library"), { place: "#/recordings", answers: { "GET /api/uploads": uploads } });
+  await eventually(() => expect(rows()[0]?.textContent).toContain("Not uploaded · "));
+  const [row] = rows();
+  if (row) fireEvent.click(row);
+  await eventually(() => expect(find(".upload-facts").textContent).toContain("It has the tag private."));
+});
+
+test("without a store nothing is said of uploads", async () => {
+  const uploads = { enabled: false, store: "", robot: "", problem: "", recordings: [] };
+  const answers = { "GET /api/uploads": uploads };
+  const { asked } = await openPage(recorded("library"), { place: "#/recordings", answers });
+  await eventually(() => expect(asked.some(({ path }) => path === "/api/uploads")).toBe(true));
+  await eventually(() => expect(rows().length).toBe(1));
+  expect(document.querySelector(".upload-mark")).toBeNull();
+});
