@@ -25,7 +25,7 @@ ROWS = {row.name: row for row in XbusDriver().settings(DeviceContext(product="MT
 MAX_FILES = 20  # files of one device
 OUTPUTS = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 100}]}
 
-leaves = st.none() | st.booleans() | st.integers(-(2**63), 2**64) | st.floats(allow_nan=False, allow_infinity=False)
+leaves = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats(allow_nan=False, allow_infinity=False)
 leaves |= st.text(max_size=20)
 values = st.dictionaries(
     st.text(max_size=12),
