@@ -281,3 +281,10 @@ def sender_of(event: Event) -> str:
 def batches(events: list[Event]) -> Iterator[Batch]:
     """The batches among `events`, in order."""
     return (event for event in events if isinstance(event, Batch))
+
+
+def stream_order(event: Event) -> int:
+    """Sort key of events: their position in the stream. A gap, a step or a notice precedes the frame at its offset."""
+    if isinstance(event, Batch):
+        return 2 * int(event.offset[0]) + 1
+    return 2 * event.offset

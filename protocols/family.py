@@ -56,6 +56,16 @@ class PositionFix:
     satellites: int | None = None
 
 
+def position_of_columns(batch: Batch) -> PositionFix | None:
+    """The newest position in the columns LatLon and AltitudeEllipsoid."""
+    columns = batch.columns
+    if "LatLon" not in columns:
+        return None
+    latitude, longitude = columns["LatLon"][-1].tolist()
+    height = float(columns["AltitudeEllipsoid"][-1]) if "AltitudeEllipsoid" in columns else None
+    return PositionFix(latitude, longitude, height)
+
+
 @dataclass(frozen=True, slots=True)
 class CorrectionInput:
     """Input of RTCM 3 corrections by devices of a family.

@@ -425,3 +425,15 @@ class _Conversion:
         if field.column_major:
             value = np.ascontiguousarray(value.swapaxes(-1, -2))
         return value
+
+
+def bytes_of_hex(name: str, value: Any) -> bytes:
+    """The bytes of a field that is given as hex digits.
+
+    Raises:
+        EncodeError: it is anything else.
+    """
+    try:
+        return bytes.fromhex(value)
+    except (TypeError, ValueError):
+        raise EncodeError(f"{name} is hex, given {value!r}") from None

@@ -33,7 +33,17 @@ from imuscope.protocols.can.lines import DATA, DEFINITION, payloads, scan
 from imuscope.protocols.can.rows import CanRow
 from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
 from imuscope.protocols.dates import UNKNOWN, utc_ns
-from imuscope.protocols.events import Array, Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap
+from imuscope.protocols.events import (
+    Array,
+    Batch,
+    ClockStep,
+    Count,
+    Event,
+    RejectedFrame,
+    Reply,
+    SampleGap,
+    stream_order,
+)
 from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Ints
 from imuscope.protocols.nmea import ParsedMessage
 from imuscope.protocols.schema import Field, Message
@@ -150,7 +160,7 @@ class CanDecoder(StreamDecoder[StreamParser]):
             first = place + 1
         if stalled:
             events += self._flush()
-        return sorted(events, key=_offset)
+        return sorted(events, key=stream_order)
 
     def _define_by(self, body: bytes, cut: ParseResult, place: int) -> Iterator[Event]:
         """Events of a line that defines messages, or a step of the clock of the log."""
@@ -347,10 +357,3 @@ def utc_of(batch: Batch) -> Ints | None:
     rows = batch.columns["UtcTime"]
     times = np.where(rows["year"] >= EARLIEST_YEAR, utc_of_records(rows), UNKNOWN)
     return times if (times != UNKNOWN).any() else None
-
-
-def _offset(event: Event) -> int:
-    """Position of an event in the stream. A gap or a step precedes the frame at its offset."""
-    if isinstance(event, Batch):
-        return 2 * int(event.offset[0]) + 1
-    return 2 * event.offset

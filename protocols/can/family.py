@@ -7,26 +7,16 @@ from collections.abc import Iterable
 from imuscope.protocols.can.decoder import COUNTER, CanDecoder, utc_of
 from imuscope.protocols.can.lines import scan
 from imuscope.protocols.can.listing import CanLister
-from imuscope.protocols.events import Batch
 from imuscope.protocols.family import (
     Decoding,
     DeviceTraits,
     FrameFormat,
     PageWords,
-    PositionFix,
     ProtocolInfo,
     StreamTraits,
+    position_of_columns,
 )
 from imuscope.protocols.schema import Message
-
-
-def _position(batch: Batch) -> PositionFix | None:
-    columns = batch.columns
-    if "LatLon" not in columns:
-        return None
-    latitude, longitude = columns["LatLon"][-1].tolist()
-    height = float(columns["AltitudeEllipsoid"][-1]) if "AltitudeEllipsoid" in columns else None
-    return PositionFix(latitude, longitude, height)
 
 
 def _rows() -> Iterable[Message]:
@@ -55,7 +45,7 @@ FAMILY = ProtocolInfo(
         is_offered=False,
     ),
     device=DeviceTraits(
-        position=_position,
+        position=position_of_columns,
     ),
     page=PageWords(
         short="CAN",

@@ -32,7 +32,7 @@ import numpy as np
 
 from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
 from imuscope.protocols.counters import TickUnwrapper
-from imuscope.protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap
+from imuscope.protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap, stream_order
 from imuscope.protocols.framing import (
     BAD_VERSION,
     BODY,
@@ -207,7 +207,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                     self._data(cut, events)
                 if len(self._firsts) < len(self._clocks):
                     self._note_firsts(cut)
-        return sorted(events, key=_offset) if len(events) > 1 else events
+        return sorted(events, key=stream_order) if len(events) > 1 else events
 
     def _note_firsts(self, cut: ClassifiedFrames) -> None:
         """Record each device's first sequence number."""
@@ -417,10 +417,3 @@ def _groups(keys: Ints) -> Iterator[tuple[int, Ints]]:
     groups = group(keys, order, bounds)
     for first, last in pairwise(bounds[: groups + 1].tolist()):
         yield int(keys[order[first]]), order[first:last]
-
-
-def _offset(event: Event) -> int:
-    """Position of an event in the stream. A notice about a frame precedes it."""
-    if isinstance(event, Batch):
-        return 2 * int(event.offset[0]) + 1
-    return 2 * event.offset

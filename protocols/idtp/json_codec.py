@@ -24,7 +24,7 @@ from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import HEADER, HEADER_SIZE, LITE, MAJOR, SECURE, VERSION, build
 from imuscope.protocols.idtp.messages import BY_NAME, SECTION, WIRE
 from imuscope.protocols.idtp.payloads import row_of
-from imuscope.protocols.layouts import EncodeError, pack, size_of, unpack
+from imuscope.protocols.layouts import EncodeError, bytes_of_hex, pack, size_of, unpack
 from imuscope.protocols.schema import Field, Message
 
 Plain = dict[str, Any]
@@ -98,8 +98,8 @@ def frame_from_json(record: Mapping[str, Any], key: bytes | None = None, schema:
     name = str(record.get("message", ""))
     kind = _number(name, record.get("id"), schema or {})
     row = row_of(kind, head["version"] & 0xF == 0, schema or {})
-    payload = _bytes("data", values["data"]) if _is_raw(row, values) else _packed(name, row, values)
-    payload += _bytes("trailing", wire.get("trailing", ""))
+    payload = bytes_of_hex("data", values["data"]) if _is_raw(row, values) else _packed(name, row, values)
+    payload += bytes_of_hex("trailing", wire.get("trailing", ""))
     if head["mode"] == SECURE and key is None:
         raise EncodeError("Secure frames need a key: start with --key")
     device = head.pop("device_id")
@@ -156,10 +156,3 @@ def _whole(name: str, fields: Mapping[str, Any]) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
         raise EncodeError(f"{name} is a whole number from {least} to {most}, given {value!r}")
     return value
-
-
-def _bytes(name: str, value: Any) -> bytes:
-    try:
-        return bytes.fromhex(value)
-    except (TypeError, ValueError):
-        raise EncodeError(f"{name} is hex, given {value!r}") from None

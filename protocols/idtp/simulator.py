@@ -27,6 +27,7 @@ from imuscope.protocols.idtp.frames import MODES, SAFETY, SECURE, build
 from imuscope.protocols.idtp.messages import ACCELERATION, BY_NAME, FIELD, PRESSURE, QUATERNION, RATE
 from imuscope.protocols.schema import Message
 from imuscope.protocols.simulator import trajectory
+from imuscope.protocols.simulator.faults import through_faults
 
 Array = NDArray[Any]
 Output = tuple[str, int]
@@ -133,15 +134,10 @@ class IdtpSimulator:
             mode=self._mode,
             key=self._key,
         )
-        if self._drop or self._corrupt:
-            random = np.random.default_rng([self._seed, number])
-            chance = random.random()
-            if chance < self._drop:
-                return
-            if chance < self._drop + self._corrupt:
-                at, bit = random.integers(len(frame)), random.integers(8)
-                frame = frame[:at] + bytes([frame[at] ^ 1 << bit]) + frame[at + 1 :]
-        out.append(frame)
+        sent = through_faults(frame, number, self._seed, self._drop, self._corrupt)
+        if sent is None:
+            return
+        out.append(sent)
 
 
 class _SimulatedStream:

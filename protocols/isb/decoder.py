@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.embedded_protocols import STARTS, find
-from imuscope.protocols.events import Batch, ClockStep, Event, LazyMapping, Reply
+from imuscope.protocols.events import Batch, ClockStep, Event, LazyMapping, Reply, stream_order
 from imuscope.protocols.framing import BODY, OFFSET, SIZE, UINT8, Ints, ScanCapacity, one_number
 from imuscope.protocols.grouping import group
 from imuscope.protocols.isb import messages
@@ -85,7 +85,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
                 self._single(cut, out, events)
             else:
                 self._many(cut, out, events)
-        return sorted(events, key=_offset) if len(events) > 1 else events
+        return sorted(events, key=stream_order) if len(events) > 1 else events
 
     def _single(self, cut: ParseResult, out: Ints, events: list[Event]) -> None:
         """One packet: same as `_many`, with plain numbers instead of arrays."""
@@ -189,10 +189,3 @@ class IsbDecoder(StreamDecoder[StreamParser]):
             payload = whole[:part] + payload + whole[part + len(payload) :]
         self._whole[did] = payload
         return 0, payload
-
-
-def _offset(event: Event) -> int:
-    """Position of an event in the stream. A step precedes the packet at its offset."""
-    if isinstance(event, Batch):
-        return 2 * int(event.offset[0]) + 1
-    return 2 * event.offset

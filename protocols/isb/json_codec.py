@@ -44,7 +44,7 @@ from imuscope.protocols.isb.messages import (
     version_for,
 )
 from imuscope.protocols.json_values import flag_names, jsonable
-from imuscope.protocols.layouts import EncodeError, pack, size_of, unpack
+from imuscope.protocols.layouts import EncodeError, bytes_of_hex, pack, size_of, unpack
 from imuscope.protocols.schema import Field
 
 Plain = dict[str, Any]
@@ -222,21 +222,14 @@ def _packed(places: list[Place], fields: Mapping[str, Any], size: int, unknown: 
             raise EncodeError(f"{field.name} is missing")
         value = left.pop(field.name)
         if field.dtype == "bytes":
-            value = _bytes(field.name, value)
+            value = bytes_of_hex(field.name, value)
         payload[at : at + size_of(field)] = pack((field,), {field.name: value})
     if left:
         names = ", ".join(field.name for field, _ in places) or "none"
         raise EncodeError(f"no field is called {next(iter(left))!r}; there are: {names}")
     for at, gap in unknown.items() if isinstance(unknown, Mapping) else ():
-        raw = _bytes("unknown", gap)
+        raw = bytes_of_hex("unknown", gap)
         payload[int(at) : int(at) + len(raw)] = raw
     if len(payload) != size:
         raise EncodeError(f"the values need {len(payload)} bytes, there are {size}")
     return bytes(payload)
-
-
-def _bytes(name: str, value: Any) -> bytes:
-    try:
-        return bytes.fromhex(value)
-    except (TypeError, ValueError):
-        raise EncodeError(f"{name} is hex, given {value!r}") from None

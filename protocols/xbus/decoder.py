@@ -49,7 +49,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
-from imuscope.protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap
+from imuscope.protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap, stream_order
 from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, UINT8, Bytes, Ints, one_number
 from imuscope.protocols.layouts import Layout, Place, unpack
 from imuscope.protocols.schema import Direction, Message
@@ -196,7 +196,7 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         table, arrivals = cut.table, cut.arrival_ns
         n = table.shape[1]
         if not n or (n == 1 and self._single(cut, events)):
-            return sorted(events, key=_offset) if len(events) > 1 else events
+            return sorted(events, key=stream_order) if len(events) > 1 else events
         other = table[ID] != MTDATA2
         if np.count_nonzero(other):  # an eighth of the time of `any`, which is Python
             replies = self._replies(cut, np.flatnonzero(other))
@@ -205,11 +205,11 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             table, arrivals = np.ascontiguousarray(table[:, is_data]), arrivals[is_data]
             if not table.shape[1]:
                 self._learn(replies)
-                return sorted(events, key=_offset)
+                return sorted(events, key=stream_order)
             events += self._by_sender(cut, table, arrivals, replies)
         else:
             events += self._by_sender(cut, table, arrivals, [])
-        return sorted(events, key=_offset) if len(events) > 1 else events
+        return sorted(events, key=stream_order) if len(events) > 1 else events
 
     @property
     def remarks(self) -> list[str]:
@@ -487,10 +487,3 @@ def _stretches(
         learn([reply])
     if len(rows):
         yield rows
-
-
-def _offset(event: Event) -> int:
-    """Position of an event in the stream. A gap or a step precedes the frame at its offset."""
-    if isinstance(event, Batch):
-        return 2 * int(event.offset[0]) + 1
-    return 2 * event.offset

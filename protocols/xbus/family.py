@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.composer import FrameRecord, ProtocolComposer
 from imuscope.protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
-from imuscope.protocols.events import Batch, Reply
+from imuscope.protocols.events import Reply
 from imuscope.protocols.family import (
     ConfigurationTraits,
     CorrectionInput,
@@ -23,10 +23,10 @@ from imuscope.protocols.family import (
     LogFormat,
     LogHeader,
     PageWords,
-    PositionFix,
     ProtocolInfo,
     StreamTraits,
     VendorLogs,
+    position_of_columns,
 )
 from imuscope.protocols.framing import ID, OFFSET, Bytes, Ints
 from imuscope.protocols.schema import Message
@@ -91,16 +91,6 @@ def _em1000(record: FrameRecord) -> bytes:
     fields = record.get("fields", {})
     angles = (round(fields[name] * 100) for name in ("roll", "pitch", "heave", "heading"))
     return EM1000_HEAD + EM1000.pack(*angles)[len(EM1000_HEAD) :]
-
-
-def _position(batch: Batch) -> PositionFix | None:
-    """Position from LatLon, AltitudeEllipsoid."""
-    columns = batch.columns
-    if "LatLon" not in columns:
-        return None
-    latitude, longitude = columns["LatLon"][-1].tolist()
-    height = float(columns["AltitudeEllipsoid"][-1]) if "AltitudeEllipsoid" in columns else None
-    return PositionFix(latitude, longitude, height)
 
 
 def _takes_corrections(known: DeviceContext) -> bool:
@@ -311,7 +301,7 @@ FAMILY = ProtocolInfo(
         identity=identity,
         bauds=(115_200,),
         absent=absent,
-        position=_position,
+        position=position_of_columns,
         sensors=sensors_of,
         usb_vendors={0x2639: "Xsens"},
         usb_products={  # Source: Linux drivers/usb/serial/ftdi_sio_ids.h.

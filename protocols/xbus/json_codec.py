@@ -31,7 +31,7 @@ from functools import lru_cache
 from typing import Any
 
 from imuscope.protocols.json_values import flag_names, jsonable
-from imuscope.protocols.layouts import EncodeError, is_open, pack, size_of, unpack
+from imuscope.protocols.layouts import EncodeError, bytes_of_hex, is_open, pack, size_of, unpack
 from imuscope.protocols.schema import Field
 from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS_BY_NAME
 from imuscope.protocols.xbus.data_identifiers import RAW_BLOB, item
@@ -169,7 +169,7 @@ def frame_from_json(record: Mapping[str, Any]) -> bytes:
         raise EncodeError("fields and wire are objects")
     mid = _number(name, record.get("id"))
     payload = _data_payload(fields, wire) if name == "MTData2" else _packed(mid, name, fields, wire.get("size"))
-    payload += _bytes("trailing", wire.get("trailing", ""))
+    payload += bytes_of_hex("trailing", wire.get("trailing", ""))
     if len(payload) > MAX_ACCEPTED:
         raise EncodeError(f"a payload has at most {MAX_ACCEPTED} bytes, given {len(payload)}")
     bid = wire.get("bid", MASTER)
@@ -198,7 +198,7 @@ def _packed(mid: int, name: str, fields: Mapping[str, Any], size: int | None) ->
     if fields.keys() == {"data"} and not any(
         row.fields[:1] and row.fields[0].name == "data" for row in BY_NAME.get(name, ())
     ):
-        return _bytes("data", fields["data"])
+        return bytes_of_hex("data", fields["data"])
     problem = EncodeError(f"{name} has no fields, given {', '.join(fields)}")
     for row in BY_NAME.get(name, ()):
         try:
@@ -254,13 +254,6 @@ def _readied(fields: Sequence[Field], values: Mapping[str, Any]) -> tuple[Sequen
     """`values` with hex turned into bytes for byte fields."""
     kinds = {field.name: field for field in fields}
     return fields, {
-        name: _bytes(name, value) if name in kinds and kinds[name].dtype == "bytes" else value
+        name: bytes_of_hex(name, value) if name in kinds and kinds[name].dtype == "bytes" else value
         for name, value in values.items()
     }
-
-
-def _bytes(name: str, value: Any) -> bytes:
-    try:
-        return bytes.fromhex(value)
-    except (TypeError, ValueError):
-        raise EncodeError(f"{name} is hex, given {value!r}") from None

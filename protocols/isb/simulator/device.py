@@ -53,6 +53,7 @@ from imuscope.protocols.isb.simulator.signals import (
     rows_of,
 )
 from imuscope.protocols.isb.streams import BY_BIT, dids_of
+from imuscope.protocols.simulator.faults import through_faults
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 from imuscope.protocols.stream_parser import StreamParser
 
@@ -258,15 +259,10 @@ class IsbSimulator:
     def _send(self, packet: bytes, out: list[bytes]) -> None:
         number = self._count
         self._count += 1
-        if self._drop or self._corrupt:
-            random = np.random.default_rng([self._seed, number])
-            chance = random.random()
-            if chance < self._drop:
-                return
-            if chance < self._drop + self._corrupt:
-                at, bit = random.integers(len(packet)), random.integers(8)
-                packet = packet[:at] + bytes([packet[at] ^ 1 << bit]) + packet[at + 1 :]
-        out.append(packet)
+        sent = through_faults(packet, number, self._seed, self._drop, self._corrupt)
+        if sent is None:
+            return
+        out.append(sent)
 
     def _choose(self, streams: dict[int, int]) -> None:
         if streams != self.streams:

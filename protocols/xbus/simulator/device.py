@@ -30,8 +30,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Literal
 
-import numpy as np
-
+from imuscope.protocols.simulator.faults import through_faults
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.config_effects import BAUD_RATES
@@ -267,18 +266,13 @@ class XbusSimulator:
         is_sample = not isinstance(self._measurement, Sentences)
         if is_sample and not self.send_latest:
             self._counter += 1
-        if self._drop or self._corrupt:
-            random = np.random.default_rng([self._seed, number])
-            chance = random.random()
-            if chance < self._drop:
-                return
-            if chance < self._drop + self._corrupt:
-                at, bit = random.integers(len(frame)), random.integers(8)
-                frame = frame[:at] + bytes([frame[at] ^ 1 << bit]) + frame[at + 1 :]
+        sent = through_faults(frame, number, self._seed, self._drop, self._corrupt)
+        if sent is None:
+            return
         if is_sample and self.send_latest:
-            self._newest = frame
+            self._newest = sent
         else:
-            out.append(frame)
+            out.append(sent)
 
     @property
     def send_latest(self) -> frozenset[int]:
