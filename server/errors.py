@@ -87,6 +87,14 @@ KINDS: Mapping[str, Kind] = {
 }
 
 
+class ExplainedError(Exception):
+    """A failure: one sentence, and what to do."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message, self.hint = message, hint
+
+
 class DomainError(Exception):
     """A request that cannot be fulfilled: a kind of KINDS, a sentence for the user, and what to do next ("": none)."""
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.server.errors import ExplainedError
 from imuscope.server.wire import (
     FLAG_HISTORY,
     HEADER,
@@ -118,12 +119,8 @@ def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Sam
     return out
 
 
-class WireError(ValueError):
+class WireError(ExplainedError, ValueError):
     """Invalid data on the wire; `hint` describes the expected form."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
 
 
 def to_json_safe(value: Any) -> Any:

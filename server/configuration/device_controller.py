@@ -53,7 +53,7 @@ from imuscope.server.devices.link_member import (
     state_of,
     suppress_timeout,
 )
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import DomainError, ExplainedError
 from imuscope.server.links.base import LinkError
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.wire import DeviceJobs, Job, PendingRollback
@@ -68,12 +68,8 @@ REST_HINT = "Send {command} to resume measuring."
 UNANSWERED_HINT = "Check its power, its cable and the baud rate, then read its settings again."
 
 
-class JobError(Exception):
+class JobError(ExplainedError):
     """The reason why a job failed, and what to do."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
 
 
 class ControlError(DomainError):

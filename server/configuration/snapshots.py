@@ -56,6 +56,7 @@ from imuscope.recordings import atomic_write
 from imuscope.recordings.mcap_writer import check_format_version
 from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo
 from imuscope.server.configuration.value_format import comment, entry_comment
+from imuscope.server.errors import ExplainedError
 
 FORMAT = 1
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times as fast
@@ -75,12 +76,8 @@ _CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndTo
 _YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 
 
-class SnapshotError(ValueError):
+class SnapshotError(ExplainedError, ValueError):
     """A snapshot that cannot be read or saved; `hint` says what to do."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
 
 
 @dataclass(frozen=True, slots=True)

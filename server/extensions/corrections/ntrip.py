@@ -27,6 +27,7 @@ from urllib.parse import quote, unquote, urlsplit
 
 import h11
 
+from imuscope.server.errors import ExplainedError
 from imuscope.server.links.source_url import is_host
 from imuscope.server.version import VERSION
 
@@ -41,12 +42,11 @@ PORT, TLS_PORT = 2101, 443
 TRIED = "imuscope keeps retrying; no action is needed."
 
 
-class CorrectionError(Exception):
+class CorrectionError(ExplainedError):
     """The reason why corrections are missing, and what to do."""
 
     def __init__(self, message: str, hint: str = "", *, over: bool = False) -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
+        super().__init__(message, hint)
         self.over = over  # no retry: a file has been played
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from imuscope.recordings.column_store import VERSION as COLUMNS_VERSION
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import DomainError, ExplainedError
 from imuscope.server.extensions.analysis.registry import analysis_named
 from imuscope.server.extensions.analysis.report import figures_of
 from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
@@ -44,12 +44,8 @@ EventRow = dict[str, Any]
 Step = Callable[[float], None]
 
 
-class EvidenceError(Exception):
+class EvidenceError(ExplainedError):
     """Evidence that is not possible: one sentence, and what to do."""
-
-    def __init__(self, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
 
 
 @dataclass(slots=True)

@@ -20,6 +20,7 @@ import duckdb
 import pyarrow as pa
 import pyarrow.dataset as ds
 
+from imuscope.server.errors import ExplainedError
 from imuscope.server.extensions.fleet.delta_dataset import check_readable, dataset_of
 from imuscope.server.extensions.fleet.delta_tables import open_table
 from imuscope.server.extensions.fleet.parquet_files import ParquetFiles, allow, files_of, identifier, quoted
@@ -35,12 +36,8 @@ _NAMED = re.compile(r"\bsamples\s*\(\s*'((?:[^']|'')*)'\s*\)", re.IGNORECASE)
 _CATALOG = {"show", "tables", "information_schema", "describe", "columns"}
 
 
-class QueryError(Exception):
+class QueryError(ExplainedError):
     """A question that cannot be answered: one sentence, and what to do."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from imuscope.server.config import Config
+from imuscope.server.errors import ExplainedError
 from imuscope.server.extensions.fleet.bandwidth_proxy import LimitedLine
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store_settings import STORE_FORMS
@@ -41,12 +42,8 @@ _NOT_IN_A_PATH = re.compile(r"[\[\]^|\\]|%[0-9A-Fa-f]{2}")
 """In the path of a folder: delta-rs reads it as a URL, in which these have no place or mean another character."""
 
 
-class StoreError(Exception):
+class StoreError(ExplainedError):
     """A store that cannot be used: one sentence, and what to do."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
 
 
 @dataclass(frozen=True, slots=True)
