@@ -39,7 +39,7 @@ def fingerprint(key: bytes) -> str:
     return hmac.new(key, b"imuscope sequence numbers", hashlib.sha256).hexdigest()[:16]
 
 
-def check_format_version(number: int, than: int) -> bool:
+def is_newer(number: int, than: int) -> bool:
     """Whether `number` follows `than`, modulo 2^32."""
     return 0 < (number - than) & _MASK < _HALF
 
@@ -69,7 +69,7 @@ class SequenceStore:
             known = self._states.setdefault(key_mark, {})
             for device, number in numbers.items():
                 old = known.get(str(device))
-                if old is None or check_format_version(number, old[0]):
+                if old is None or is_newer(number, old[0]):
                     known[str(device)] = self._new[key_mark, str(device)] = (number, round(time.time(), 1))
 
     def forget(self, key: bytes | None = None, device: int | None = None) -> int:
@@ -110,7 +110,7 @@ class SequenceStore:
         known = self._read()
         for (key_mark, device), (number, stamp) in self._new.items():
             stored = known.setdefault(key_mark, {}).get(device)
-            if stored is None or check_format_version(number, stored[0]):
+            if stored is None or is_newer(number, stored[0]):
                 known[key_mark][device] = (number, stamp)
         self._states = known if self._path is not None else self._states
 

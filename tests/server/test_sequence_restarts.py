@@ -18,7 +18,7 @@ from imuscope.server.cli import main
 from imuscope.server.config import Config
 from imuscope.server.devices import protocol_set
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.sequence_store import MAX_DEVICES, SequenceStore, check_format_version
+from imuscope.server.devices.sequence_store import MAX_DEVICES, SequenceStore, is_newer
 from imuscope.server.devices.session import Session
 from imuscope.server.links.base import LinkError, LinkSettings
 from imuscope.server.streaming.telemetry import Telemetry
@@ -328,8 +328,8 @@ def test_two_processes_keep_the_newer_number(tmp_path: Path) -> None:
     assert SequenceStore(tmp_path).restore(KEY) == {1: 500, 2: 7, 3: 9}
     assert two.forget(KEY, 1) == 1
     assert SequenceStore(tmp_path).restore(KEY) == {2: 7, 3: 9}
-    assert check_format_version(3, 0xFFFFFFFE)
-    assert not check_format_version(5, 5)
+    assert is_newer(3, 0xFFFFFFFE)
+    assert not is_newer(5, 5)
 
 
 def test_a_full_disk_loses_no_stored_sequence_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
