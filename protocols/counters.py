@@ -171,6 +171,6 @@ class SequenceCounter:
         last = int(values[0]) - 1 if self._last is None else self._last
         lost, restarts = np.empty(len(values), np.int64), np.empty(len(values), np.int64)
         self._last, total, restarted = count_missing(values, last, self.modulus, lost, restarts)
-        self.restarts = restarts[:restarted].tolist()
+        self.restarts = restarts[:restarted].tolist() if restarted else []
         self.passed += len(values) + total
         return lost

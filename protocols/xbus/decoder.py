@@ -278,7 +278,7 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
     def _by_sender(self, cut: ParseResult, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
         """Events of the line's first device, and of each further one under its bus identifier."""
         senders = table[SENDER]
-        if (senders == self.addresses.get("", -1)).all():
+        if not np.count_nonzero(senders != self.addresses.get("", -1)):
             return self._data(cut, table, arrivals, replies)
         bids, counts = np.unique(senders, return_counts=True)
         frames = dict(zip(bids.tolist(), counts.tolist(), strict=True))

@@ -40,15 +40,13 @@ class Costs:
 
     def add(self, size: int, spent: float) -> None:
         """Add a slice of `size` bytes that took `spent` s."""
-        new = (1.0, float(size), spent, float(size) * size, size * spent)
+        square, product = float(size) * size, size * spent
         constant, byte_s = self._line()
         if spent > max(SLICE_S, 4 * (constant + byte_s * size)):
-            self._sums = new  # the kind of bytes has changed
-        else:
-            n, sizes, times, squares, products = (
-                FORGETTING * old + one for old, one in zip(self._sums, new, strict=True)
-            )
-            self._sums = n, sizes, times, squares, products
+            self._sums = 1.0, float(size), spent, square, product  # the kind of bytes has changed
+            return
+        n, sizes, times, squares, products = (FORGETTING * old for old in self._sums)
+        self._sums = n + 1.0, sizes + size, times + spent, squares + square, products + product
 
     def fitting(self) -> int:
         """The number of bytes that cost `SLICE_S`, or the fixed cost of a slice if that is more."""

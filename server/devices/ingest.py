@@ -279,6 +279,10 @@ class Ingest:
         A drain of a recording may span many seconds, in which the clock may step and its mapping restart. So rows are
         mapped a second at a time, with the knowledge at that time, as they were live.
         """
+        if len(batches) == 1 and not steps and self._line.timed and not isinstance(self.clock, CaptureClock):
+            (batch,) = batches  # the usual case
+            if batch.time_ns is not None and int(batch.arrival_ns[-1]) - int(batch.arrival_ns[0]) < SLICE_NS:
+                return self._map([self._part(batch, ())])
         out = [np.full(len(batch), np.nan) if batch.time_ns is None else NO_TIMES for batch in batches]
         clock_sets = [step for step in steps if step.kind == "sync" and step.by_ns]
         if isinstance(self.clock, CaptureClock):

