@@ -77,7 +77,7 @@ class TimedRows:
         return TimedRows(self.device[which], self.arrival[which], offset, self.size, self.source)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Rows:
     """The rows of all parts in stream order. `size` and `source`: of all rows if there is one part."""
 

@@ -37,7 +37,7 @@ from imuscope.server.streaming.unknown_payloads import UnknownPayloadTracker
 
 MAX_SENDERS = 16  # on one link; more are probably noise
 SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)
-FEW_CHUNKS = 3  # are fed one by one
+FEW_CHUNKS = 8  # are fed one by one
 TAIL_BYTES = 1 << 17  # of the stream, stored for the traffic log
 STOPS_WITHIN_S = 2.0  # samples on their way may come until then
 SILENT_HINT = "Check that it is powered and in range; it is shown again when it sends."
