@@ -18,7 +18,7 @@ from typing import Any
 
 from imuscope.server.terminals import may_be_terminal
 
-READ_BYTES = 1 << 16
+READ_BYTES = 1 << 12  # a terminal gives no more at once, and each read allocates as much
 CONNECT_S = 5.0
 LOCKED_S, POLL_S = 0.5, 0.02
 MOST_WAITING = 1 << 15  # bytes for the device beyond which clients are not read

@@ -1,7 +1,7 @@
 """The loop of the holder.
 
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
-                        └── server: at most every SERVER_S   its samples carry the stamp
+                        └── server: at most every SERVER_NS  its samples carry the stamp
 
 A port that is gone is opened again, as a link is. Until then its terminals and TCP ports are closed: a client sees what
 an unplugged adapter would show. Started by a server, the holder ends when neither a server nor a client has been there
@@ -165,7 +165,9 @@ class Holder:
             return
         stamp = time.monotonic_ns()
         self.sharing.distribute(data)
-        self.server.on_device_data(stamp, data)
+        server = self.server.connection
+        if server is not None and server.add(stamp, data):
+            self.server.pass_on()
 
     def _write(self, data: bytes) -> None:
         """Send to the device."""

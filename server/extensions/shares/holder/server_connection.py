@@ -13,8 +13,9 @@ from imuscope.server.extensions.shares.holder.messages import HEADER, STAMP, Mes
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of the other end, see unix(7)
 _DATA = struct.Struct(HEADER.format + STAMP.format[1:])
 _DATA_KIND = int(MessageKind.DATA)  # packed in a third of the time
-SERVER_S = 0.008
+SERVER_NS = 8_000_000
 """Between two messages with bytes of the device, unless there are many: their stamps go with them."""
+SERVER_BYTES = 1 << 15  # collected before it is time
 EARLY_NS = 2_000_000  # before that: bytes that arrive then take it along, which saves a wake-up
 
 
@@ -28,9 +29,9 @@ class ServerConnection:
         self.pid: int = _CREDENTIALS.unpack(peer)[0]
         self._reader = MessageReader()
         self._waiting = bytearray()
-        self._collected: list[bytes] = []
-        self._early_ns = 0  # bytes with a later stamp are sent at once
-        self.collected = 0
+        self._collected: list[tuple[int, bytes]] = []
+        self._early_ns, self._latest = 0, 0.0  # bytes with a later stamp are sent at once; others then, monotonic s
+        self._size = 0
         self.due_at = math.inf
 
     @property
@@ -39,18 +40,21 @@ class ServerConnection:
 
     def add(self, stamp_ns: int, data: bytes) -> bool:
         """Collect bytes of the device. Returns whether it is time to pass them on."""
-        self._collected += (_DATA.pack(_DATA_KIND, STAMP.size + len(data), stamp_ns), data)
-        self.collected += len(data)
-        self.due_at = (self._early_ns + EARLY_NS) / 1e9
-        return stamp_ns >= self._early_ns
+        self._collected.append((stamp_ns, data))
+        self._size += len(data)
+        self.due_at = self._latest
+        return stamp_ns >= self._early_ns or self._size >= SERVER_BYTES
 
     def pass_on(self) -> None:
         """Send the collected bytes."""
-        data = b"".join(self._collected)
+        parts: list[bytes] = []
+        for stamp_ns, data in self._collected:
+            parts += (_DATA.pack(_DATA_KIND, STAMP.size + len(data), stamp_ns), data)
         self._collected.clear()
-        self._early_ns = time.monotonic_ns() + round(1e9 * SERVER_S) - EARLY_NS
-        self.collected, self.due_at = 0, math.inf
-        self.send(data)
+        now_ns = time.monotonic_ns()
+        self._early_ns, self._latest = now_ns + SERVER_NS - EARLY_NS, (now_ns + SERVER_NS) / 1e9
+        self._size, self.due_at = 0, math.inf
+        self.send(b"".join(parts))
 
     def send(self, data: bytes) -> None:
         """Send, after the bytes collected before."""

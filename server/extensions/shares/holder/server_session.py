@@ -19,7 +19,6 @@ from imuscope.server.extensions.shares.holder.server_connection import ServerCon
 from imuscope.server.extensions.shares.holder.shares import ShareError
 
 MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
-SERVER_BYTES = 1 << 15  # collected for the server before it is due
 MOST_WAIT_S = 10.0
 
 
@@ -153,12 +152,6 @@ class ServerSide:
                 self.disconnect()
             elif server.backlog:
                 self._expect(server)
-
-    def on_device_data(self, stamp_ns: int, data: bytes) -> None:
-        """Collect bytes of the device."""
-        server = self.connection
-        if server is not None and (server.add(stamp_ns, data) or server.collected >= SERVER_BYTES):
-            self.pass_on()
 
     def on_client_data(self, stamp_ns: int, client: Client, data: bytes) -> None:
         """Report what a client sent."""
