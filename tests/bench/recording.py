@@ -102,7 +102,7 @@ def lost_by_kill(data: Path) -> float:
         server.process.wait()
         found = chunks(recorded(data), "rx/1")
         sent = line.sent
-    assert len(found) > 100_000
+    assert len(found) > 30_000  # of a file of 50 kB, for which `flowing` waits
     assert sent.startswith(found), "what is in the file is what was sent, in order, from the beginning"
     return max(0.0, killed - line.sent_at(len(found))) if len(found) < len(sent) else 0.0
 
