@@ -90,8 +90,7 @@ def _has_settings(family: ProtocolInfo) -> bool:
 
 def _differs(traits: object, usual: object, name: str) -> bool:
     """Whether a family has a function of its own."""
-    own, default = getattr(traits, name), getattr(usual, name)
-    return bool(own.__module__ != default.__module__)
+    return getattr(traits, name) is not getattr(usual, name)
 
 
 def gaps(family: ProtocolInfo) -> list[QualityRule]:

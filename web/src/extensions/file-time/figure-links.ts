@@ -18,8 +18,11 @@ export function linkFigures(app: App, root: HTMLElement = document.body): () => 
     const figure = event.target instanceof Element ? event.target.closest<HTMLElement>(FIGURES) : null;
     if (!figure) return;
     const { recording } = figure.dataset;
-    if (recording !== undefined) location.hash = href("recordings", recording);
-    app.overlay.value = "file-time/clocks";
+    const show = (): void => void (app.overlay.value = "file-time/clocks");
+    const place = recording === undefined ? location.hash : href("recordings", recording);
+    if (place === location.hash) return show();
+    addEventListener("hashchange", show, { once: true }); // a dialog ends with the page that it was opened on
+    location.hash = place;
   };
   const press = (event: KeyboardEvent): void => {
     const isFigure = event.target instanceof Element && event.target.matches(`${FIGURES}[role=link]`);
