@@ -27,7 +27,7 @@ import numpy as np
 from imuscope.recordings import table_names as names
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, Sure, TableClock
-from imuscope.recordings.table_dates import Order, are_packed, cells_of, is_moment, is_time_of_day, order_of
+from imuscope.recordings.table_dates import Order, are_dates, are_packed, cells_of, is_moment, is_time_of_day, order_of
 from imuscope.recordings.table_format import TableFormat, is_number
 from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.table_options import NO_COLUMN, TableOptions
@@ -82,6 +82,8 @@ class ClockSearch:
         cells = self.cells(column)
         if len(cells) and all(map(is_number, cells[: names.FEWEST])):
             words = names.words_of(self.headings[column].name)
+            if words == "date":  # 140214 is a day, not 14:02:14
+                return are_dates(cells)
             named = "utc" in words or any(names.IS_GNSS.match(names.words_of(one.name)) for one in self.headings)
             is_named = not words or any(one.match(words) for one in (names.TIME, names.TIMES))
             return is_named and are_packed(cells, named=named)
@@ -160,7 +162,7 @@ class ClockSearch:
         for column in range(len(self.headings)):
             values = self.numbers(column)
             if len(values) >= max(names.FEWEST, len(self.form.sample)) and (np.diff(values) >= 0).mean() > names.RISING:
-                one = self._inferred(column, 5)
+                one = self._number(column, 5) if self.options.unit else self._inferred(column, 5)
                 rising |= {column: one} if one.epoch == "1970" or (np.diff(values) > 0).all() else {}
         clock = next((one for one in rising.values() if one.epoch == "1970"), None)
         if clock is None and rising and self.form.headings:
@@ -285,12 +287,25 @@ class ClockSearch:
         if not unit:
             return [self._open(column, 2, "week")]
         factor = FACTORS[unit]
-        if week is None:
+        weeks = self.numbers(week) if week is not None else np.zeros(0)
+        if week is None or (len(weeks) and float(weeks.max()) == 0):
             why = "time of week without the week"
             return [TableClock(name, (column,), "number", unit, (factor,), "week", sure, why, rank=3)]
         name = f"{self.headings[week].name} + {name}"
         why = "GPS week and time of week"
-        return [TableClock(name, (week, column), "week", unit, (names.WEEK, factor), "GPS", sure, why, rank=2)]
+        columns: tuple[int, ...] = (week, column)
+        factors: tuple[float, ...] = (names.WEEK, factor)
+        cycle = next((by_words[one] for one in names.CYCLE_NAMES if one in by_words), None)
+        zero = 0.0
+        if len(weeks) and weeks.max() < names.WEEK_BITS and cycle is not None:
+            name = f"{self.headings[cycle].name} + {name}"
+            columns, factors = (cycle, *columns), (names.WEEK_BITS * names.WEEK, *factors)
+        elif len(weeks) and weeks.max() < names.WEEK_BITS:
+            newest = (self.newest - names.GPS_EPOCH) / names.WEEK
+            zero = float((newest - weeks.max()) // names.WEEK_BITS) * names.WEEK_BITS
+            sure, why = "assumed", f"a GPS week of ten bits, of the {zero + names.WEEK_BITS:.0f} weeks before the file"
+        zero *= names.WEEK
+        return [TableClock(name, columns, "week", unit, factors, "GPS", sure, why, rank=2, zero_s=zero)]
 
     def _is_of_week(self, words: str, column: int) -> bool:
         values = self.numbers(column)
@@ -298,7 +313,8 @@ class ClockSearch:
         return names.without_unit(words) in names.OF_WEEK or (named and values.min() >= 0 and values.max() < names.WEEK)
 
     def _utc_parts(self) -> list[TableClock]:
-        by_words = {names.words_of(one.name).removeprefix("utc_"): column for column, one in enumerate(self.headings)}
+        words = (names.words_of(one.name).removeprefix("utc_") for one in self.headings)
+        by_words = {one.removesuffix("s"): column for column, one in enumerate(words)}  # hours, minutes, seconds
         if not all(part in by_words for part in names.UTC_PARTS[:6]):
             return []
         columns = tuple(by_words[part] for part in names.UTC_PARTS if part in by_words)
@@ -323,7 +339,7 @@ class ClockSearch:
     def _of_name(self, column: int) -> TableClock | None:
         heading = self.headings[column]
         words = names.words_of(heading.name)
-        if words == names.FINE:
+        if words == names.FINE and self.cells(column):
             return self._fine(column)
         is_ros = heading.name.startswith("%") or words.endswith("header_stamp")
         is_named = is_ros or names.TIME.match(words) or names.ELAPSED.match(words) or names.TIMES.match(words)
@@ -332,6 +348,8 @@ class ClockSearch:
         rank = 1 if words.endswith("header_stamp") else 2 if names.is_plain(heading) or is_ros else 3
         rank += bool(names.OF_HOST.match(words))
         if heading.name.lower() == "arrival" or (rank == 1 and not self._advances((column,))):
+            return None
+        if not self.cells(column) and len(self.form.sample) >= names.FEWEST:  # the program had no time to write
             return None
         return self._text(column, rank) if self.is_text(column) else self._number(column, rank)
 
@@ -348,8 +366,9 @@ class ClockSearch:
         unit = "µs" if is_dot else "100 µs"
         sure: Sure = "known"
         why = f"{program} writes SampleTimeFine in {unit}"
-        if not is_dot and not is_mt and step:
-            fits = [one for one in (names.FINE_S, names.FINE_DOT_S) if 0.9 <= 1 / (step * one) <= 2100]
+        fits = [one for one in (names.FINE_S, names.FINE_DOT_S) if step and 0.9 <= 1 / (step * one) <= 2100]
+        is_converted = len(fits) == 1 and factor not in fits  # a table of one program with the head of the other
+        if step and (is_converted or not (is_dot or is_mt)):
             if len(fits) != 1:
                 return self._open(column, 3)
             factor, sure = fits[0], "inferred"

@@ -150,6 +150,8 @@ def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) ->
             return start - first, "the head of the file"
         return (named - first, "the file's name") if named is not None else (written - first, LAST_CHANGE)
     known, by = (named, "the file's name") if named is not None else (written, LAST_CHANGE)
+    if clock.epoch == "day" and start is not None:
+        return round((start - first) / DAY) * DAY, "the head of the file"
     if clock.epoch == "day":
         midnight = float(np.floor(known / DAY) * DAY)
         return (midnight if midnight + first <= written + HOUR else midnight - DAY), by

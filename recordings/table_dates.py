@@ -5,7 +5,7 @@
 01.02.2026 10:30           day first, as dates with points are
 01/02/2026 10:30:25 PM     day or month first: `order` decides, or the cells themselves (`order_of`)
 10:30:25.010               time of day; the date comes from elsewhere
-14-Jul-2026 10:30:25       English month
+14-Jul-2026 10:30:25       English month; 13-May-21
 20260101_103025010000      packed; hhmmss.sss of GNSS programs is `packed_clock`
 """
 
@@ -22,13 +22,14 @@ from typing import Literal
 Order = Literal["mdy", "dmy"]
 
 DAY = 86400.0
+OLD_YEARS = 70  # from which on a year of two digits is one of the last century
 _DATE = re.compile(r"^\s*(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})(?!\d)")
 _CLOCK = re.compile(
     r"^\s*(\d{1,2}):(\d{2})(?::(\d{2})(?:(?:[.,]|:(?=\d{3}\b))(\d{1,12}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$"
 )
 _PACKED = re.compile(r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T _-]?([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d*)\s*$")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_IN_WORDS = re.compile(rf"^\s*(\d{{1,2}})[- ]({'|'.join(_MONTHS)})[a-z]*[- ](\d{{4}})\b", re.IGNORECASE)
+_IN_WORDS = re.compile(rf"^\s*(\d{{1,2}})[- ]({'|'.join(_MONTHS)})[a-z]*[- ](\d{{4}}|\d\d)\b", re.IGNORECASE)
 _PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d+)?\s*$")
 
 
@@ -63,6 +64,11 @@ def are_packed(cells: Sequence[str], *, named: bool) -> bool:
     return named or cells[0].startswith("0") or (is_even and len({cell[:4] for cell in cells}) > 1)
 
 
+def are_dates(cells: Sequence[str]) -> bool:
+    """Whether all cells are packed dates with times."""
+    return bool(cells) and all(map(_PACKED.match, cells))
+
+
 def _date(text: str) -> tuple[_Date, str] | None:
     match = _DATE.match(text)
     if match is None:
@@ -72,8 +78,13 @@ def _date(text: str) -> tuple[_Date, str] | None:
         return _Date((int(first), int(match[3]), int(last)), True, False), text[match.end() :]
     if len(last) not in (2, 4):
         return None
-    year = int(last) + (2000 if len(last) == 2 else 0)
+    year = _year(last)
     return _Date((int(first), int(match[3]), year), False, match[2] == "."), text[match.end() :]
+
+
+def _year(text: str) -> int:
+    """A year of two or four digits; of two, 70 to 99 are of the last century, as everywhere."""
+    return int(text) + (0 if len(text) > 2 else 1900 if int(text) >= OLD_YEARS else 2000)
 
 
 @lru_cache(maxsize=4096)
@@ -142,10 +153,10 @@ def unix_seconds(text: str, order: Order = "dmy") -> float | None:
     if (packed := _PACKED.match(text)) is not None:
         text = "{}-{}-{}T{}:{}:{}.{:0<6.6}".format(*packed.groups())
     if (match := _IN_WORDS.match(text)) is not None:
-        text = f"{match[3]}-{_MONTHS.index(match[2].lower()) + 1:02}-{match[1]:0>2}{text[match.end() :]}"
+        text = f"{_year(match[3])}-{_MONTHS.index(match[2].lower()) + 1:02}-{match[1]:0>2}{text[match.end() :]}"
     matches = _date(text)
     if matches is not None:
-        midnight, rest = _midnight(matches[0], order), matches[1].lstrip("T ,;_-")
+        midnight, rest = _midnight(matches[0], order), matches[1].lstrip("T ,;_-/")
         clock = seconds_of_day(rest) if rest.strip() else 0.0
         if midnight is not None and clock is not None:
             return midnight + clock

@@ -46,6 +46,7 @@ _COMMENTS = ("#", "//", "% ", "%%", "@")
 _MARKS = "#/%@ \t"
 _PREFIX = re.compile(r"^[^,;\t:]*: +(?=\S)")  # before the names in a comment: "format: time, ax, ay"
 _UNIT_APART = re.compile(r"(?<=[^\s)\]])[ \t]+([(\[][^)\]]*[)\]])")
+_LETTER = re.compile(r"\w")  # a cell of dashes names nothing
 _COMMA = re.compile(r"^[+-]?\d*,\d+(?:[eE][+-]?\d+)?$")
 _POINT = re.compile(r"^[+-]?\d*\.\d+(?:[eE][+-]?\d+)?$")
 
@@ -63,6 +64,7 @@ class TableFormat:
         metadata: what stands above the heading, by name in lower case.
         columns: their number.
         marks: around the cells of a row.
+        is_ragged: whether many rows have another number of cells.
     """
 
     skip: int
@@ -73,6 +75,7 @@ class TableFormat:
     columns: int
     metadata: Mapping[str, str] = field(default_factory=dict)
     marks: LineMarks = NO_MARKS
+    is_ragged: bool = False
 
     @property
     def started(self) -> float | None:
@@ -148,7 +151,7 @@ def _format(name: str, lines: list[str]) -> TableFormat:
         if marks.separator and is_moment(cells[0]):
             cells[0] = "time"
         _note(metadata, line.strip(_MARKS))
-        if len(cells) == count and not _is_data(cells) and any(cells):
+        if len(cells) == count and not _is_data(cells) and sum(map(bool, map(_LETTER.search, cells))) > (count > 2):
             heading_at = at if not above[False] and not is_comment else heading_at
             above[is_comment].append(cells)
     if first == len(lines) and above[False]:  # without a row of numbers, the first line that can be the heading is it
@@ -161,7 +164,8 @@ def _format(name: str, lines: list[str]) -> TableFormat:
         first, rows = first + 2, rows[2:]
     sample = [row for row in rows if len(row) == count]
     headings = _headings(above[False] or above[True])
-    return TableFormat(first, separator, _decimal(sample, separator), headings, sample, count, metadata, marks)
+    decimal, is_ragged = _decimal(sample, separator), len(sample) < MOST * len(rows)
+    return TableFormat(first, separator, decimal, headings, sample, count, metadata, marks, is_ragged)
 
 
 def _empatica_start(rows: Sequence[Sequence[str]]) -> float:

@@ -22,6 +22,10 @@ TIMES = re.compile(
 RISING = 0.9  # of the steps, of dates in a column that no heading names
 FINE, FINE_S, FINE_DOT_S = "sample_time_fine", 1e-4, 1e-6  # of an MTi, and of a DOT
 COUNTERS = re.compile("^(?:packet|sample)_(?:counter|number)$|^(?:counter|samples?|count)$")
+JSON_NAMES = ("columns", "sensors", "fields", "names", "headers", "desc", "axes", "channels", "labels", "index")
+"""Members of a JSON object that name the cells of the rows beside them, or number these."""
+JSON_RATES = dict.fromkeys(("interval_ms", "intervalMs", "sampling_interval_ms", "period_ms"), "sampling rate")
+"""Members that are the time between samples, ms."""
 UTC_PARTS = ("year", "month", "day", "hour", "minute", "second", "nano")
 GPS_EPOCH = 315_964_800.0
 WEEK = 604_800.0
@@ -29,7 +33,7 @@ FIRST_WEEK = 1024.0  # the GPS week of 1999: logs of before are rare, small numb
 NO_UNIT = re.compile(r"utc|gps|gnss|local|unix|epoch|boot|ros|iso|rfc|:|date|time|since")  # in the brackets of a time
 DECIMALS = re.compile(r"[.,]\d")
 FEWEST = 3  # rows whose steps say something
-_STEMS = "time|gpst|gpstime|stamp|time_?stamp|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
+_STEMS = "times?|gpst|gpstime|stamps?|time_?stamps?|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
 _BEFORE = (
     "sensor|system|sys|device|dev|host|unix|gps|gnss|ins|utc|log|logging|local|elapsed|relative|rel|boot|sample|rec|"
     "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start|"
@@ -54,6 +58,9 @@ OF_HOST = re.compile(r"^(?:server|client|rosbag)_")
 OF_WEEK = ("time_of_week", "i_tow", "itow", "tow", "gps_tow", "gps_time_of_week", "sow", "gps_sow", "seconds_of_week")
 GPS_TIME = ("gpst", "gps_time", "gpstime", "gps_sec", "gps_second", "gps_seconds", "ins_second", "ins_seconds")
 """Names of a time of week, if the numbers are below a week."""
+WEEK_BITS = 1024.0  # weeks, after which a number of ten bits starts again
+CYCLE_NAMES = ("gps_cycle", "week_cycle", "rollovers", "gps_week_rollovers")
+"""Names of how often it has done so."""
 WEEK_NAMES = ("week", "gps_week", "gpsweek", "gps_week_number", "week_number", "gps_wn", "wn")
 IS_GNSS = re.compile(r"^(?:\w+_)?(?:lat|latitude|lon|long|longitude)(?:_|$)")
 _SENSORS = "acc|gyr|mag|imu|grav|orient|rot|quat|att|euler|baro|press|temp|light|prox|gps|gnss|pos|loc|wifi|ble"

@@ -110,6 +110,7 @@ def possible_units(
         rate: sampling rate that is known from elsewhere, Hz; 0: unknown.
     """
     step = mean_step(times)
+    each = len(times) / max(len(np.unique(times)), 1)  # rows of one time: several samples, by a clock that is coarse
     first, last = float(times[0]), float(np.abs(times).max())
     fraction |= bool((times != np.round(times)).any())
     matches = []
@@ -120,7 +121,7 @@ def possible_units(
             continue
         if rate and step and abs(its_rate - rate) > CLOSE * rate:
             continue
-        if not dated and (last * factor > LONGEST_RUN or (last * factor > LONG_RUN and its_rate > FASTEST_LONG)):
+        if not dated and (last * factor > LONGEST_RUN or (last * factor > LONG_RUN and its_rate * each > FASTEST_LONG)):
             continue
         matches.append(UnitReading(unit, its_rate, dated))
     return sorted(matches, key=lambda one: not one.dated)

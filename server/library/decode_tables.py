@@ -65,7 +65,8 @@ class _Tables:
             ]
             frames = {rows.frames.get(heading, "") for heading, _ in members}
             frame = frames.pop() if len(frames) == 1 else ""
-            kind: Any = "scalar" if len(columns) == 1 else "vector" if len(columns) == 3 else "record"
+            has_axes = len(columns) == 3 and all(one.axis or one.name.isdecimal() for one in columns)
+            kind: Any = "scalar" if len(columns) == 1 else "vector" if has_axes else "record"
             if " from " in frame:
                 kind = {QUATERNION: "quaternion", EULER: "euler"}.get(tuple(inner for _, inner in members), kind)
             if kind == "scalar":

@@ -41,14 +41,15 @@ class TableSet(TableSource):
     def rows(self) -> Iterator[TableRows]:
         self._noted = self._noted or list(self.damage)
         self.damage[:] = self._noted
-        count = len(self.members)
+        count, refused = len(self.members), 0
         for number, table in enumerate(self.members):
             name = table.path.name
             try:
                 for rows in table.rows():
                     yield replace(rows, done=(number + rows.done) / count)
             except RecordingError as error:
-                if table is self.members[-1] and len(self.damage) == len(self._noted) + count - 1:
+                refused += 1
+                if refused == count:
                     raise  # none of them can be read
                 self.damage.append(FileDamage(-1, f"{name} is left out: {error.message} {error.hint}"))
                 continue

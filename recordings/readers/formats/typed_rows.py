@@ -4,6 +4,8 @@ ACCE;0.012;100.012;0.1;0.2;9.8;3             GetSensorData; a comment has the co
 Raw,72065123,10084000000,…                   GnssLogger
 %RAWIMUSA,2167,144140.000;2167,…*59b7864b    NovAtel: week and time of week in the header, columns by the message
 gyroscope,411480,-0.28,0.04,0.14             several sensors of one form, without a heading
+$COL,IMU,time,wx,wy,wz                       FlySight: columns and units in rows of their own, then $IMU,603389.4,15.1,…
+4000,imu,-0.19,0.22,-9.9                     the time before the name, as in replays of PX4
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from io import StringIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
@@ -21,11 +24,15 @@ from typing import TYPE_CHECKING, TextIO
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.compressed import temporary_source
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
+from imuscope.recordings.readers.formats.table_set import TableSet
 from imuscope.recordings.readers.registry import OpenRequest
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.table_clock import AmbiguousTableError
 from imuscope.recordings.table_dates import is_moment
 from imuscope.recordings.table_format import LONGEST_LINE, MOST, SAMPLE_BYTES, TableFormat, format_of, is_number, split
 from imuscope.recordings.table_names import SENSOR, words_of
+from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tabular import CsvSource, TableSource
 from imuscope.recordings.upload_names import clean_name
 
 if TYPE_CHECKING:
@@ -34,11 +41,14 @@ if TYPE_CHECKING:
 FEWEST_ROWS = 2  # of a name
 MOST_NAMES = 64
 NUMBERS = 0.5  # share of the cells behind a name that are numbers: a network has a name, too
-_ROW = re.compile(r"^[#%$]?\s*(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|])(?P<rest>.*)$")
+_ROW = re.compile(
+    r"^[#%$]?\s*(?:(?P<time>-?\d+(?:\.\d+)?)[,;\t|])?(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|])(?P<rest>.*)$"
+)
 _COLUMNS = re.compile(r"(?:^|[\s'\"#%:])(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|])(?P<rest>[^'\"]*)")
-_KEY = re.compile(
+KEY = re.compile(
     r"^(?:sensor|device|imu|node)(?:_?(?:type|name|id|address))?$|^attribute$|^mac(?:_?address)?$|^address$"
 )
+_DECLARED = re.compile(r"^\$(?P<what>COL|UNIT),(?P<name>[A-Za-z]\w{0,40}),(?P<rest>.*)$")
 _NOVATEL = re.compile(r"^[#%](?P<name>[A-Z0-9]+A),(?P<head>[^;]*);(?P<body>[^*]*)\*[0-9A-Fa-f]{8}\s*$")
 _LONG_HEAD = "port,sequence,idle,time status,week,time of week (s),receiver status,reserved,version"
 _SHORT_HEAD = "week,time of week (s)"
@@ -66,6 +76,8 @@ def has_typed_rows(path: Path) -> bool:
     if _names_column(path) is not None:
         return True
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
+    if any(map(_DECLARED.match, lines)):
+        return True
     rows = [row for line in lines if (row := _row(line)) is not None]
     plain = [line for line in lines if line.lstrip()[:1] not in "#%/"]
     names = {name for name, count in Counter(name for name, _, _ in rows).items() if count >= FEWEST_ROWS}
@@ -82,12 +94,21 @@ def _names_column(path: Path) -> tuple[TableFormat, int] | None:
         form = format_of(path)
     except RecordingError:
         return None
+    if form.is_ragged:
+        return None
+    with open_regular(path) as file:
+        comments = [
+            line for line in file.read(SAMPLE_BYTES).decode("utf-8", "replace").splitlines() if line[:1] in "#%"
+        ]
+    described = {match["name"] for line in comments for match in _COLUMNS.finditer(line)}
     for column, heading in enumerate(form.headings):
         names = {row[column].strip() for row in form.sample}
         most = min(MOST_NAMES, len(form.sample) // FEWEST_ROWS)  # so that one has rows enough
         if not 2 <= len(names) <= most or any(is_number(one) or is_moment(one) or not one for one in names):
             continue
-        if _KEY.match(words_of(heading)) or sum(map(bool, map(SENSOR.search, names))) > 1:
+        if column == 0 and names & described:  # each name has columns of its own
+            continue
+        if KEY.match(words_of(heading)) or sum(map(bool, map(SENSOR.search, names))) > 1:
             return form, column
     return None
 
@@ -100,8 +121,28 @@ def open_typed_rows(request: OpenRequest) -> Source:
     """
     unpacked, by_column = UnpackedFolder(request.path), _names_column(request.path)
     if by_column is not None:
-        return temporary_source(unpacked, request, lambda: _written_by_column(request.path, unpacked, *by_column))
-    return temporary_source(unpacked, request, lambda: _written(request.path, unpacked))
+        source = temporary_source(unpacked, request, lambda: _written_by_column(request.path, unpacked, *by_column))
+    else:
+        source = temporary_source(unpacked, request, lambda: _written(request.path, unpacked))
+    return _with_one_unit(source, request.table) if isinstance(source, TableSet) else source
+
+
+def _with_one_unit(source: TableSet, options: TableOptions) -> TableSet:
+    """The tables, in which a time whose unit is open has that of the same column of another one: it is one clock."""
+    axes = [one.axis for one in source.members if one.axis is not None]
+    members: list[TableSource] = []
+    for one in source.members:
+        refusal = one.refusal if isinstance(one, CsvSource) else None
+        open_clock = refusal.clock if isinstance(refusal, AmbiguousTableError) else None
+        same = [axis for axis in axes if open_clock is not None and axis.clock.columns == open_clock.columns]
+        units = {axis.clock.unit for axis in same}
+        if open_clock is not None and len(units) == 1 and units <= {reading.unit for reading in open_clock.readings}:
+            one = CsvSource(one.path, replace(options, unit=units.pop()))
+            if one.axis is not None and one.axis.clock.epoch == same[0].clock.epoch:
+                one.axis.origin, one.axis.dated_by = same[0].origin, same[0].dated_by
+        members.append(one)
+    source.members = members
+    return source
 
 
 def _row(line: str) -> tuple[str, str, list[str]] | None:
@@ -111,7 +152,7 @@ def _row(line: str) -> tuple[str, str, list[str]] | None:
     match = _ROW.match(line)
     if match is None:
         return None
-    cells = match["rest"].split(match["separator"])
+    cells = [*([match["time"]] if match["time"] else []), *match["rest"].split(match["separator"])]
     filled = [cell for cell in cells if cell.strip()]
     numbers = sum(is_number(cell) or is_moment(cell) for cell in filled)
     return (match["name"], match["separator"], cells) if numbers > NUMBERS * len(filled) else None
@@ -123,6 +164,14 @@ def _heading(line: str, row: tuple[str, str, list[str]] | None, columns: dict[st
         head = _LONG_HEAD if line.startswith("#") else _SHORT_HEAD
         named = [*head.split(","), *NOVATEL_COLUMNS.get(row[0], "").split(",")]
         columns.setdefault(row[0], ",".join([*named, *[""] * len(row[2])][: len(row[2])]))
+    elif (declared := _DECLARED.match(line)) is not None:
+        names = columns.get(declared["name"], "").split(",")
+        units = declared["rest"].split(",")
+        if declared["what"] == "COL":
+            columns[declared["name"]] = declared["rest"]
+        elif len(units) == len(names):
+            both = zip(names, units, strict=True)
+            columns[declared["name"]] = ",".join(f"{name} ({unit})" if unit else name for name, unit in both)
     elif row is None:
         for match in _COLUMNS.finditer(line):
             columns.setdefault(match["name"], match["rest"].strip())
@@ -131,20 +180,26 @@ def _heading(line: str, row: tuple[str, str, list[str]] | None, columns: dict[st
 def _written(path: Path, unpacked: UnpackedFolder) -> list[Path]:
     """A file of each name, in the order of the names, and without them."""
     columns: dict[str, str] = {}
-    tables = _Tables(path, unpacked)
+    tables = TypedTables(path, unpacked)
     with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in iter(lambda: file.readline(LONGEST_LINE), ""):
             row = _row(line.rstrip())
             _heading(line.rstrip(), row, columns)
             if row is not None:
-                tables.add(row[0], row[1].join(row[2]), columns.get(row[0], ""))
+                tables.add(row[0], row[1].join(row[2]), _fitting(columns.get(row[0], ""), row))
     return tables.files()
+
+
+def _fitting(heading: str, row: tuple[str, str, list[str]]) -> str:
+    """The columns that a line names, without empty ones if there are too many: Mag_X(uT);;Mag_Y(uT)."""
+    names = heading.split(row[1])
+    return heading if len(names) <= len(row[2]) else row[1].join(filter(None, names))
 
 
 def _written_by_column(path: Path, unpacked: UnpackedFolder, form: TableFormat, column: int) -> list[Path]:
     """A file of each name in a column, and without it."""
     heading = _line(form.headings, column, form.separator)
-    tables = _Tables(path, unpacked)
+    tables = TypedTables(path, unpacked)
     with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in islice(iter(lambda: file.readline(LONGEST_LINE), ""), form.skip, None):
             cells = split(form.marks.removed(line.rstrip("\r\n")), form.separator)
@@ -153,14 +208,19 @@ def _written_by_column(path: Path, unpacked: UnpackedFolder, form: TableFormat, 
     return tables.files()
 
 
-def _line(cells: Sequence[str], without: int, separator: str) -> str:
-    """Cells of a row but one as a line."""
+def csv_line(cells: Sequence[str], separator: str = ",") -> str:
+    """Cells as a line."""
     out = StringIO()
-    csv.writer(out, delimiter=separator, lineterminator="").writerow([*cells[:without], *cells[without + 1 :]])
+    csv.writer(out, delimiter=separator, lineterminator="").writerow(cells)
     return out.getvalue()
 
 
-class _Tables:
+def _line(cells: Sequence[str], without: int, separator: str) -> str:
+    """Cells of a row but one as a line."""
+    return csv_line([*cells[:without], *cells[without + 1 :]], separator)
+
+
+class TypedTables:
     """Tables in a folder, written as their rows come."""
 
     def __init__(self, path: Path, unpacked: UnpackedFolder) -> None:

@@ -15,6 +15,7 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.probe import probe
+from imuscope.recordings.table_options import TableOptions
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
@@ -100,6 +101,7 @@ def test_empty_columns_without_a_name_are_left_out(tmp_path: Path) -> None:
 WEEK_2254 = 1_679_184_000.0 - 18.0  # Unix s of its begin, by UTC
 HEADED = "{},a_x,a_y,a_z\n".format
 START = 1_500_000_000
+FINE = "SampleTimeFine"
 
 
 @each_row(
@@ -139,6 +141,33 @@ START = 1_500_000_000
         (HEADED("Timpstemp"), "{us},{x},0,9", None, "Timpstemp in µs"),
         ("Clock:offsetTime,GPS:dateTimeStamp,a_x\n", "{s},2017-07-14T02:40:00Z,{x}", None, "Clock:offsetTime in s"),
         ("# Start time: 2017-07-14 02:40:00\n" + HEADED("time (s)"), S, START, "the head of the file"),
+        (
+            "StartTime: 2017-07-14 02:40:00\n" + HEADED("Time(s)"),
+            " 02:40:{n:02},{x},0,9",
+            START,
+            "the head of the file",
+        ),
+        (
+            "StartTime: 2017-07-14 23:59:30\n" + HEADED("Time"),
+            "00:00:{n:02},{x},0,9",
+            1_500_076_800,
+            "head of the file",
+        ),
+        (HEADED("time"), "2017/07/14/02:40:{n:02}.000,{x},0,9", START, "time, since 1970"),
+        ("Date,Time,a_x\n", "14-Jul-17,02:40:{n:02},{x}", START, "Date + Time, since 1970"),
+        ("Year,Month,Day,Hours,Minutes,Seconds,a_x\n", "2017,7,14,2,40,{n},{x}", START, "UTC, since 1970"),
+        ("date,millis,a_x,lat\n", "140717,1500000000{n:03},{x},48", START, "columns: date"),
+        ("GpsCycle,GpsWeek,GpsTow [s],a_x\n", "1,933,441618.{n:02},{x}", START, "of GPS"),
+        ("GpsWeek,GpsTow [s],a_x\n", "933,441618.{n:02},{x}", START, "a GPS week of ten bits"),
+        (f"// Update Rate: 50.0Hz\nPacketCounter\t{FINE}\ta_x\n", "{n}\t\t{x}", None, "PacketCounter in samples"),
+        (f"// Update Rate: 50.0Hz\nPacketCounter\t{FINE}\ta_x\n", "{n}\t{us}\t{x}", None, f"{FINE} in µs"),
+        (HEADED("times"), S, None, "times in s"),
+        (
+            "----- Data of a logger -----,,,\nSerial: 12,,,\nRate: 50 Hz,,,\n-----,,,\n",
+            "{x},0,9,1",
+            None,
+            "the rows, 50 Hz",
+        ),
     ],
 )
 def test_the_clock_of_a_foreign_table(head: str, row: str, start: float | None, words: str, tmp_path: Path) -> None:
@@ -164,6 +193,17 @@ def test_the_clock_of_a_foreign_table(head: str, row: str, start: float | None, 
 def test_what_has_two_readings_is_asked(head: str, row: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=re.escape(words)):
         opened(written(head, row, "a.csv", tmp_path))
+
+
+def test_three_columns_are_a_vector_if_they_are_axes(tmp_path: Path) -> None:
+    store = opened(written("time_ms,L_cmd,L_tau,L_pos,Mat[1],Mat[2],Mat[3]\n", MS + ",1,2,3", "a.csv", tmp_path))
+    assert {info["name"]: info["kind"] for info in store.manifest["channels"]} == {"L": "record", "Mat": "vector"}
+
+
+def test_the_unit_of_a_table_without_a_heading_can_be_given(tmp_path: Path) -> None:
+    path = written("", "{ms},{x},0,9", "a.csv", tmp_path)
+    store = decode(open_file(path, "", TableOptions(unit="ms")), tmp_path / "c", protocol_set.all_protocols())
+    np.testing.assert_allclose(np.diff(store.exact(1, 0, 1000).time), STEP, atol=1e-6)
 
 
 @each_row("name", ["a.dat", "a.raw", "a.log", "a.tsv", "a.unheard-of"])

@@ -19,6 +19,12 @@ from tests.each_row import each_row
 
 N = 40
 PHONE = "% columns: ACCE;AppTimestamp(s);Acc_X(m/s^2);Acc_Y(m/s^2);Acc_Z(m/s^2);Accuracy(integer)\n"
+WITH_ALL = """% Accelerometer data: 'ACCE;AppTimestamp(s);Acc_X(m/s^2);;Acc_Y(m/s^2);Acc_Z(m/s^2);Accuracy(integer)'
+% BLE 4.0 data:       'BLE4;AppTimestamp(s);MajorID;MinorID;RSS(dBm);'
+"""
+FLYSIGHT = (
+    "$FLYS,1\n$VAR,ID,1\n$COL,BARO,time,pressure\n$UNIT,BARO,s,Pa\n$COL,IMU,time,ax,ay,az\n$UNIT,IMU,s,g,g,g\n$DATA\n"
+)
 NAMED = "# Raw,utcTimeMillis,ax,ay,az\n# \n# Fix,Provider,Latitude,(UTC)TimeInMs\n"
 
 
@@ -38,6 +44,8 @@ def channels(store: ColumnStore) -> dict[str, list[dict[str, Any]]]:
     ("name", "head", "rows", "message", "vector", "rate"),
     [
         ("a.txt", PHONE, "ACCE;{s:.3f};{x};0;9;3\nWIFI;{s:.3f};home;7;-60", "ACCE", "Acc", 50),
+        ("a.txt", WITH_ALL, "ACCE;{s:.3f};{x};0;9;3\nMAGN;{s:.3f};1;2;3;4", "ACCE", "Acc", 50),
+        ("A.CSV", FLYSIGHT, "$IMU,{s:.3f},{x},0,9\n$BARO,{s:.3f},10100", "IMU", "a", 50),
         ("a.txt", NAMED, "Raw,15000000{ms},{x},0,9\nFix,gps,48.0,15000000{ms}", "Raw", "a", 50),
         ("a.csv", "time_ms,sensor,x,y,z\n", "{ms},gyroscope,{x},0,9\n{ms},accelerometer,5,0,9", "gyroscope", "xyz", 50),
         ("a.csv", "time_ms,DeviceName,ax,ay,az\n", "{ms},WT(aa),{x},0,9\n{ms},WT(bb),5,0,9", "WT.aa", "a", 50),
@@ -59,6 +67,20 @@ def test_each_sensor_is_a_table(
     listed = probe(path)
     assert listed is not None
     assert not listed.damaged
+
+
+def test_a_name_may_stand_behind_the_time(tmp_path: Path) -> None:
+    path = tmp_path / "replay_2017-07-14_02-40-00.csv"
+    slow = "".join(f"{4000 * n},gps,3,4,5\n" * (n % 50 == 0) + f"{4000 * n},imu,{n % 7},0,9,1\n" for n in range(1, 300))
+    path.write_text(slow)
+    store = opened(path)
+    of_message = channels(store)
+    samples = store.exact(of_message["imu"][0]["id"], 0, 1000)
+    np.testing.assert_array_equal(samples.columns[0], np.arange(1, 300) % 7)
+    np.testing.assert_allclose(np.diff(samples.time), 0.004, atol=1e-6)
+    slower = store.exact(of_message["gps"][0]["id"], 0, 1000)  # its unit alone would be open
+    np.testing.assert_allclose(np.diff(slower.time), 0.2, atol=1e-6)
+    assert slower.time[0] - samples.time[0] == pytest.approx(49 * 0.004, abs=1e-6)
 
 
 def test_one_clock_of_two_tables_has_one_zero(tmp_path: Path) -> None:
