@@ -78,7 +78,7 @@ FILES = (
         suffixes=(".tlog",),
     ),
     KnownFile("a FIT file", "Convert it to CSV, with a column for each field.", (b".FIT",), 8),
-    KnownFile("a JSON text", "Give its samples as a CSV file, a row for each.", (b"{", b"[{", b"[\n")),
+    KnownFile("a text in brackets, but not JSON", "Give its samples as JSON or as a CSV file.", (b"{", b"[{", b"[\n")),
     KnownFile("an Excel workbook", "Save it as CSV.", suffixes=(".xlsx", ".xls", ".ods")),
 )
 
