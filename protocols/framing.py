@@ -151,7 +151,7 @@ class StreamBuffer:
 
     def same_arrivals(self, n: int) -> Ints:
         """(n,) int64: arrival time of the newest chunk."""
-        return np.full(n, self._arrivals[-1], np.int64)
+        return one_number(self._arrivals[-1]) if n == 1 else np.full(n, self._arrivals[-1], np.int64)
 
     def arrivals(self, last: Ints) -> Ints:
         """Arrival of each of the bytes at the positions `last` (ascending), ns: (n,) int64."""

@@ -149,10 +149,10 @@ class StreamParser:
         if failed:
             rejects = self._rejects(table, start)
             table = table[:, : compact_rejected(table)]
-        if table.shape[1] == 1:  # the usual case of a live stream
-            arrivals = one_number(buffer.arrival(start + table.item(OFFSET) + table.item(SIZE) - 1))
-        elif buffer.arrived_at_once:
+        if buffer.arrived_at_once:  # the usual case of a live stream
             arrivals = buffer.same_arrivals(table.shape[1])
+        elif table.shape[1] == 1:
+            arrivals = one_number(buffer.arrival(start + table.item(OFFSET) + table.item(SIZE) - 1))
         else:
             arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
         self._scan_at = start + at
