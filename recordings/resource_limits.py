@@ -6,8 +6,8 @@
 
 The memory limit is a share of the memory of the machine, or of the unit it runs in; so is the history of a server.
 
-Source: getrlimit(2), RLIMIT_DATA (since Linux 4.7 private mappings count) and RLIMIT_CPU; the cgroup v2 documentation,
-"memory.max".
+Source: getrlimit(2), RLIMIT_DATA (since Linux 4.7 private mappings count) and RLIMIT_CPU; the documentation of cgroup
+v2, "memory.max", and of v1, "memory.limit_in_bytes".
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ def memory_of_one() -> int:
 
 def history_room() -> int:
     """Memory that the history of a server may take on this machine, bytes."""
-    return max(MIN_HISTORY, (min(_memories(), default=MEMORY * SHARE) - RUNNING) // SHARE)
+    available = min(_memories(), default=MEMORY * SHARE)
+    return max(MIN_HISTORY, (available - RUNNING) // SHARE, available - MEMORY // SHARE)
 
 
 def memory_in_use() -> int:
@@ -77,16 +78,25 @@ def memory_in_use() -> int:
     return 0
 
 
-def _memories() -> Iterator[int]:
-    """Memory of the machine, and limits of this process's control groups."""
+def _memories(groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")) -> Iterator[int]:
+    """Memory of the machine, and limits of this process's control groups, of both versions.
+
+    Args:
+        groups: the list of them: "0::/system.slice/x" of version 2, "5:memory:/x" of version 1.
+        root: where their files are.
+    """
     with contextlib.suppress(OSError, ValueError):
         yield os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    with contextlib.suppress(OSError, StopIteration):
-        lines = Path("/proc/self/cgroup").read_text().splitlines()
-        own = Path("/sys/fs/cgroup") / next(line[4:] for line in lines if line.startswith("0::/"))
-        for folder in (own, *own.parents):
-            with contextlib.suppress(OSError, ValueError):
-                yield int((folder / "memory.max").read_text())  # "max" without a limit
+    with contextlib.suppress(OSError, ValueError):
+        for line in groups.read_text().splitlines():
+            _, names, place = line.split(":", 2)
+            if names and "memory" not in names.split(","):
+                continue
+            own = (root / "memory" if names else root) / place.lstrip("/")
+            for folder in (own, *own.parents):
+                with contextlib.suppress(OSError, ValueError):
+                    file = "memory.limit_in_bytes" if names else "memory.max"
+                    yield int((folder / file).read_text())  # "max", or a number beyond any memory, without a limit
 
 
 def _limit(what: int, most: int) -> None:

@@ -75,7 +75,8 @@ def test_a_recording_is_whole_and_the_history_bounded_within_a_limit(tmp_path: P
 def test_a_history_without_room_is_smaller_and_the_start_says_so(
     available: int, expected: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(resource_limits, "_memories", lambda: iter([available * MB]))
+    monkeypatch.setattr(resource_limits, "_memories", lambda: [available * MB])
     assert within_memory(Config()).memory_mb == expected
+    assert resource_limits.history_room() >= (available - 1536) * MB, "a large machine keeps 1.5 GB for others"
     said = f"at most {expected} MB in place of 256 (memory_mb)"
     assert (said in capsys.readouterr().err) == (expected < 256)

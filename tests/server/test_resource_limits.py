@@ -312,3 +312,21 @@ def test_requests_that_are_not_http_are_logged_with_their_sender_once(
     [line] = [record for record in caplog.records if "Invalid HTTP" in record.getMessage()]
     assert "127.0.0.1" in line.getMessage()
     assert line.__dict__["often"] == ("no-http", "127.0.0.1")
+
+
+@each_row(
+    ("line", "folder", "file"),
+    [
+        ("0::/system.slice/imuscope.service", "system.slice", "memory.max"),
+        ("7:cpu,memory:/system.slice/imuscope.service", "memory/system.slice", "memory.limit_in_bytes"),
+        ("7:memory:/../..", "memory", "memory.limit_in_bytes"),
+    ],
+)
+def test_limits_of_control_groups_of_both_versions_count(line: str, folder: str, file: str, tmp_path: Path) -> None:
+    groups = tmp_path / "cgroup"
+    groups.write_text(f"9:pids:/x\n{line}\n")
+    (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / folder / file).write_text("67108864\n")
+    assert min(resource_limits._memories(groups, tmp_path)) == 67_108_864
+    (tmp_path / folder / file).write_text("max\n")
+    assert min(resource_limits._memories(groups, tmp_path)) > 67_108_864
