@@ -266,7 +266,11 @@ class ClockSearch:
     def _weeks(self) -> list[TableClock]:
         """Time of week, beside the GPS week if there is one."""
         by_words = {names.words_of(one.name): column for column, one in enumerate(self.headings)}
-        of_week = [(words, column) for words, column in by_words.items() if self._is_of_week(words, column)]
+        of_week = [
+            (words, column)
+            for words, column in by_words.items()
+            if self._is_of_week(words, column) and (len(self.numbers(column)) or len(self.form.sample) < names.FEWEST)
+        ]
         if not of_week:
             return []
         words, column = of_week[0]

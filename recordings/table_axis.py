@@ -18,7 +18,7 @@ from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, s
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import DAY, dated_name
 from imuscope.recordings.table_format import TableFormat
-from imuscope.recordings.time_units import CLOSE, rate_text, usual_step
+from imuscope.recordings.time_units import CLOSE, in_order, rate_text, usual_step
 
 AHEAD, AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
@@ -129,7 +129,7 @@ class TimeAxis:
 def step_limits(times: Floats) -> tuple[float, float]:
     """Usual step of the sample, and the length from which a step is one ahead, s."""
     usual = usual_step(times) if len(times) > 1 else 0.0
-    forward = np.diff(times)
+    forward = np.diff(in_order(times))
     forward = forward[forward > 0]
     most = float(np.quantile(forward, NEARLY_ALL)) if len(forward) else 0.0
     return usual, max(AHEAD * usual, AHEAD_SPREAD * most) or np.inf

@@ -54,6 +54,7 @@ NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
 MOST_CELLS_NAMED = 4
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
+_RETURN, _RETURN_INSIDE = re.compile(r"\r(?!\n)"), re.compile(r"\r(?!\n|\Z)")  # of an old Mac
 _RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
 _RATE_NAME = re.compile(
     r"^((update|output|sampl(e|ing)|data|log(ging)?|measurement)[ _]?)?(rate|frequency|freq)$|^fs$|^odr$"
@@ -151,6 +152,7 @@ class CsvSource(TableSource):
         self.names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self.headings)])
         self.refusal: RecordingError | None = None
         self._bad: dict[str, tuple[int, int, str]] = {}  # column → cells, first row, its text
+        self._timeless = 0  # rows with numbers but without a time
         self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
         names = [one.text for one in self.headings]  # a column of this name beside the arrival is that of our exports
         self._segment = names.index(SEGMENT) if self.arrival_column is not None and SEGMENT in names else None
@@ -212,6 +214,7 @@ class CsvSource(TableSource):
         axis = self._checked_axis()
         odd: list[Any] = []
         self._bad.clear()
+        self._timeless = 0
         size, done = max(self.path.stat().st_size, 1), 0
         parsed = known = 0
         try:
@@ -309,6 +312,7 @@ class CsvSource(TableSource):
             for column in clock.columns[:1]:
                 self._note(column, batch.column(column), cells.odd, parsed)
         known = np.isfinite(raw)
+        is_filled = np.zeros(np.count_nonzero(~known), np.bool_)
         columns: dict[str, tuple[Floats, str]] = {}
         for i, (name, heading) in enumerate(zip(self.names, self.headings, strict=True)):
             if i in (*clock.columns, self.arrival_column, self._segment) or i in self.left_out:
@@ -324,6 +328,8 @@ class CsvSource(TableSource):
             matches = numbers(batch.column(i), decimal)
             self._note(i, batch.column(i), matches.odd, parsed)
             columns[name] = (matches.values[known], heading.unit)
+            is_filled |= np.isfinite(matches.values[~known])
+        self._timeless += int(np.count_nonzero(is_filled))
         if axis.keeps_clock:
             columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")
         time = axis.times(raw[known], known_before)
@@ -354,6 +360,9 @@ class CsvSource(TableSource):
         if odd:
             lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(self.names), 'field')}"
             self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))
+        if self._timeless and self.axis is not None:
+            rows = counted(self._timeless, "row has no time and is", "rows have no time and are")
+            self.damage.append(FileDamage(-1, f"{rows} left out ({self.axis.name})."))
         if words := self.unreadable():
             self.damage.append(FileDamage(-1, words))
 
@@ -423,7 +432,7 @@ class Utf8(io.RawIOBase):
     def _squeezed(self, text: str, *, end: bool = False) -> str:
         if not self._squeeze and not self._marks:
             return text
-        text = self._held + text
+        text = _RETURN.sub("\n", self._held + text) if end else _RETURN_INSIDE.sub("\n", self._held + text)
         cut = len(text) if end else text.rfind("\n") + 1
         self._held = text[cut:]
         lines = self._marks.removed(text[:cut])

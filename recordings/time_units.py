@@ -43,6 +43,7 @@ RECENT = 6 * 365 * 86400.0  # s before the file was written
 LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart
 LONG_RUN, FASTEST_LONG = 86400.0, 11_000.0  # who samples faster does not run for so long
 USUAL = 3.0  # times the median step: longer ones are gaps
+UNSORTED = 0.1  # of the steps go back: more than by resets and wraps
 CLOSE = 0.2  # of a rate that is known
 
 
@@ -78,9 +79,14 @@ def rate_text(rate: float) -> str:
     return f"one sample in {1 / rate:.4g} s"
 
 
+def in_order(times: Floats) -> Floats:
+    """The times, sorted if so many step back that the rows have no order: their neighbours then say nothing."""
+    return np.sort(times) if len(times) > 1 and (np.diff(times) < 0).mean() > UNSORTED else times
+
+
 def usual_step(times: Floats) -> float:
     """Median step between neighbours that advance; 0 if none does."""
-    steps = np.diff(times)
+    steps = np.diff(in_order(times))
     steps = steps[steps > 0]
     return float(np.median(steps)) if len(steps) else 0.0
 
@@ -92,7 +98,7 @@ def is_dated(first: float, newest: float) -> bool:
 
 def mean_step(times: Floats) -> float:
     """Mean of the steps that are not gaps, which rounding does not change; 0 if none advances."""
-    steps = np.diff(times)
+    steps = np.diff(in_order(times))
     steps = steps[steps > 0]
     return float(steps[steps <= USUAL * np.median(steps)].mean()) if len(steps) else 0.0
 
@@ -148,7 +154,7 @@ def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, n
     others = [one for one in readings if not one.dated]
     if recent and not inertial:  # rather a date than a device that has run for weeks, whatever the rate
         others = [one for one in others if float(times[0]) * one.factor < WEEKS]
-    steps = np.diff(times) * dated[0].factor
+    steps = np.diff(in_order(times)) * dated[0].factor
     best = 1 / float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     least = SLOW_OLD if not recent else SLOW_DATED if inertial else np.inf
     return None if others and best < least else dated[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import re
 from collections.abc import Sequence
 from functools import reduce
@@ -193,6 +194,35 @@ def test_the_clock_of_a_foreign_table(head: str, row: str, start: float | None, 
 def test_what_has_two_readings_is_asked(head: str, row: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=re.escape(words)):
         opened(written(head, row, "a.csv", tmp_path))
+
+
+@each_row(("head", "factor"), [("time", 1), ("timestamp", 1000), ("time_ms", 1000)])
+def test_rows_without_order_have_the_unit_and_rate_of_those_in_order(head: str, factor: int, tmp_path: Path) -> None:
+    rows = [f"{100_000 + 20 * n if factor > 1 else f"{100 + n / 50:.2f}"},{n % 7},0,9" for n in range(300)]
+    random.Random(1).shuffle(rows)
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([HEADED(head), *rows]) + "\n")
+    store = opened(path)
+    said = " ".join(store.manifest["time"]["sentences"])
+    assert f"in {'s' if factor == 1 else 'ms'}, since the start of the device, 50 Hz" in said
+    assert "out of order" in said
+
+
+def test_rows_without_a_time_are_said_to_be_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{100 + n / 50:.2f},302400.{n:02},{n % 7}" if n >= 20 else f",,{n % 7}" for n in range(N)]
+    path.write_text("Time [s],GpsTow [s],a_x\n" + "\n".join(rows) + "\n,,\n")
+    store = opened(path)
+    assert len(store.exact(1, 0, 1000).time) == N - 20
+    assert "20 rows have no time and are left out (Time)." in [one["words"] for one in store.manifest["damage"]]
+
+
+def test_lines_may_end_as_on_an_old_mac(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_bytes(
+        written("  time_s ax ay az\n", "  {s}  {x}  0  9", "a.csv", tmp_path).read_bytes().replace(b"\n", b"\r")
+    )
+    np.testing.assert_array_equal(opened(path).exact(1, 0, 1000).columns[0], np.arange(N) % 7)
 
 
 def test_three_columns_are_a_vector_if_they_are_axes(tmp_path: Path) -> None:
