@@ -198,7 +198,8 @@ def test_what_has_two_readings_is_asked(head: str, row: str, words: str, tmp_pat
 
 @each_row(("head", "factor"), [("time", 1), ("timestamp", 1000), ("time_ms", 1000)])
 def test_rows_without_order_have_the_unit_and_rate_of_those_in_order(head: str, factor: int, tmp_path: Path) -> None:
-    rows = [f"{100_000 + 20 * n if factor > 1 else f"{100 + n / 50:.2f}"},{n % 7},0,9" for n in range(300)]
+    times = [f"{100 + n / 50:.2f}" if factor == 1 else str(100_000 + 20 * n) for n in range(300)]
+    rows = [f"{time},{n % 7},0,9" for n, time in enumerate(times)]
     random.Random(1).shuffle(rows)
     path = tmp_path / "a.csv"
     path.write_text("\n".join([HEADED(head), *rows]) + "\n")
