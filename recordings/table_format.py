@@ -135,7 +135,7 @@ def has_rows(path: Path) -> bool:
 def _format(name: str, lines: list[str]) -> TableFormat:
     forced = next((match[1] for line in lines[:MAX_HEAD_LINES] if (match := _SEP.match(line)) is not None), "")
     marks = marks_of(lines, lambda rows: forced or _separator(rows))
-    lines = [marks.removed(line) for line in lines] if marks else lines
+    lines = [marks.removed(marks.headings(line)) for line in lines] if marks else lines
     separator, count = _shape([line for line in lines if line.strip() and not _is_comment(line)], forced)
     if count > MAX_COLUMNS:
         raise RecordingError(f"{name} has {count} columns; {MAX_COLUMNS} are read.", "Leave some out.")

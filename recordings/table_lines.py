@@ -2,6 +2,7 @@
 
 10:15:00.000 -> 1,2,3           the stamp of Arduino's serial monitor: it becomes the first cell
 33,Jogging,491059,-0.6,0.5;     a mark at the end of each row, as in WISDM: it is left out
+0.01<tab>0.5,0.4,-0.6,0.2       numbers of a quaternion in one cell, as in OpenSim: a cell of its own for each
 """
 
 from __future__ import annotations
@@ -13,6 +14,11 @@ from dataclasses import dataclass
 _STAMP = re.compile(r"^([ \t]*\d{1,2}:\d\d:\d\d(?:[.,]\d+)?) -> ?", re.MULTILINE)
 _END = re.compile(r";[ \t]*(?=\r?$)", re.MULTILINE)
 _CELLS = re.compile(r"[,\t]")
+LIST = "\t"  # between cells with lists
+_NUMBERS = re.compile(r"[-+]?[\d.][\d.eE+-]*(?:,[-+]?[\d.][\d.eE+-]*)*")
+_QUATERNION = re.compile(r"DataType=Quaternion\s*$")
+QUATERNION = 4
+FEWEST = 3  # numbers of a list: two could be one with a decimal comma
 MOST = 0.8  # of the lines have a mark
 
 
@@ -23,18 +29,40 @@ class LineMarks:
     Args:
         separator: that replaces the arrow behind a stamp; "" without stamps.
         has_end: whether rows end with a semicolon that separates nothing.
+        widths: numbers in each cell of a row with lists in them; none in other tables.
+        is_quaternion: whether the head of the file says that a list of four is one, with w first.
     """
 
     separator: str = ""
     has_end: bool = False
+    widths: Sequence[int] = ()
+    is_quaternion: bool = False
 
     def __bool__(self) -> bool:
-        return self.has_end or bool(self.separator)
+        return self.has_end or bool(self.separator) or bool(self.widths)
+
+    def headings(self, line: str) -> str:
+        """A line above the rows with a name for each number of their lists."""
+        cells = line.split(LIST)
+        if len(cells) != len(self.widths) or "," in line:
+            return line
+        named = [
+            f"{cell}.{'wxyz'[i]}"
+            if width == QUATERNION and self.is_quaternion
+            else f"{cell}[{i}]"
+            if width > 1
+            else cell
+            for cell, width in zip(cells, self.widths, strict=True)
+            for i in range(width)
+        ]
+        return LIST.join(named)
 
     def removed(self, text: str) -> str:
         """Whole lines without them."""
         if self.has_end:
             text = _END.sub("", text)
+        if self.widths:
+            text = text.replace(",", LIST)
         return _STAMP.sub(rf"\1{self.separator}", text) if self.separator else text
 
 
@@ -48,6 +76,8 @@ def marks_of(lines: Sequence[str], separator_of: Callable[[list[str]], str]) -> 
         separator_of: finds what separates the cells of some rows.
     """
     rows = [line for line in lines if line.strip()]
+    if widths := _widths(rows[len(rows) // 2 :]):
+        return LineMarks(widths=widths, is_quaternion=any(map(_QUATERNION.match, rows)))
     stamped = [_STAMP.sub("", row) for row in rows if _STAMP.match(row)]
     is_stamped = len(stamped) > MOST * len(rows)
     cells = stamped if is_stamped else rows
@@ -55,3 +85,12 @@ def marks_of(lines: Sequence[str], separator_of: Callable[[list[str]], str]) -> 
     has_end = len(ended) > MOST * len(cells)
     marks = LineMarks(has_end=has_end)
     return LineMarks(separator_of([marks.removed(row) for row in cells]) or ",", has_end) if is_stamped else marks
+
+
+def _widths(rows: Sequence[str]) -> Sequence[int]:
+    """Numbers in each cell of rows with lists in their cells, the same in all; none of other rows."""
+    cells = [row.strip().split(LIST) for row in rows]
+    widths = {tuple(cell.count(",") + 1 for cell in row) for row in cells}
+    one = widths.pop() if len(widths) == 1 else ()
+    is_list = len(one) > 1 and max(one) >= FEWEST and 2 not in one
+    return one if is_list and all(_NUMBERS.fullmatch(cell) for row in cells for cell in row) else ()

@@ -218,6 +218,17 @@ def test_rows_without_a_time_are_said_to_be_left_out(tmp_path: Path) -> None:
     assert "20 rows have no time and are left out (Time)." in [one["words"] for one in store.manifest["damage"]]
 
 
+@each_row(("head", "inner"), [("DataType=Quaternion\nversion=3\n", "wxyz"), ("version=3\n", "0123")])
+def test_cells_with_lists_of_numbers_are_a_column_for_each(head: str, inner: str, tmp_path: Path) -> None:
+    row = "{s}\t1,{x},0,0.5\t0.1,0.2,0.3,-4e-2"
+    store = opened(written(f"{head}endheader\ntime\ttorso_imu\tfemur_imu\n", row, "a.sto", tmp_path))
+    torso, femur = store.manifest["channels"]
+    assert (torso["name"], femur["name"]) == ("torso_imu", "femur_imu")
+    assert [column["name"] for column in torso["columns"]] == [*inner]
+    np.testing.assert_array_equal(store.exact(1, 0, 1000).columns[1], np.arange(N) % 7)
+    assert not store.manifest["damage"]
+
+
 def test_lines_may_end_as_on_an_old_mac(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_bytes(
