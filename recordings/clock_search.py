@@ -26,8 +26,18 @@ import numpy as np
 
 from imuscope.recordings import table_names as names
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.table_cells import leap_seconds
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, Sure, TableClock
-from imuscope.recordings.table_dates import Order, are_dates, are_packed, cells_of, is_moment, is_time_of_day, order_of
+from imuscope.recordings.table_dates import (
+    Order,
+    are_dates,
+    are_packed,
+    cells_of,
+    is_moment,
+    is_time_of_day,
+    order_of,
+    unix_seconds,
+)
 from imuscope.recordings.table_format import TableFormat, is_number
 from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.table_options import NO_COLUMN, TableOptions
@@ -247,8 +257,19 @@ class ClockSearch:
         date, clock = days[0], clocks[0]
         order = self._order(date)
         name = f"{self.headings[date].name} + {self.headings[clock].name}"
-        why = "date and time of day in two columns"
-        return [TableClock(name, (date, clock), "date+time", "", (1.0,), "1970", "known", why, order, rank=2)]
+        zone, words = self._named_zone(date)
+        why = f"date and time of day in two columns{words}"
+        return [
+            TableClock(name, (date, clock), "date+time", "", (1.0,), "1970", "known", why, order, rank=2, zone=zone)
+        ]
+
+    def _named_zone(self, column: int) -> tuple[float, str]:
+        """Seconds by which dates under a heading GPST or JST, of RTKLIB, are ahead of UTC, and words on it."""
+        words = names.words_of(self.headings[column].name)
+        if words in names.ZONES:
+            return names.ZONES[words], f", of {words.upper()} by the heading"
+        at = unix_seconds(self.cells(column)[0]) if words == "gpst" else None
+        return (leap_seconds(at), ", of GPS time by the heading") if at is not None else (0.0, "")
 
     def _order(self, column: int) -> Order:
         if self.options.date_order is not None:
@@ -346,7 +367,11 @@ class ClockSearch:
         if words == names.FINE and self.cells(column):
             return self._fine(column)
         is_ros = heading.name.startswith("%") or words.endswith("header_stamp")
-        is_named = is_ros or names.TIME.match(words) or names.ELAPSED.match(words) or names.TIMES.match(words)
+        last = names.words_of(heading.name.rpartition(".")[2])  # of a structure: ref.t
+        is_inner = "." in heading.name and names.TIMES.match(last) is not None and self.rises(column)
+        is_named = (
+            is_ros or is_inner or names.TIME.match(words) or names.ELAPSED.match(words) or names.TIMES.match(words)
+        )
         if not is_named or (words == "t" and names.has_odd_unit(heading)):  # a temperature
             return None
         rank = 1 if words.endswith("header_stamp") else 2 if names.is_plain(heading) or is_ros else 3
@@ -385,7 +410,8 @@ class ClockSearch:
         if is_day:
             return TableClock(name, (column,), "text", "", (1.0,), "day", "known", "times of day", rank=rank)
         order, zone = self._order(column), names.ZONE.match(self.headings[column].unit)
-        seconds, why = 0.0, "dates and times"
+        seconds, words = self._named_zone(column)
+        why = f"dates and times{words}"
         if zone is not None and not re.search(r"Z$|[+-]\d\d:?\d\d$", self.cells(column)[0][10:]):
             seconds = float(f"{zone['sign']}1") * (int(zone["hours"]) * 3600 + int(zone["minutes"] or 0) * 60)
             why = f"dates and times, of {zone[0]} by the heading"

@@ -67,7 +67,8 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
     if clock.kind == "date+time":
         import pyarrow.compute as pc
 
-        return _texts(pc.binary_join_element_wise(columns[0], columns[1], " "), clock.order)
+        texts = _texts(pc.binary_join_element_wise(columns[0], columns[1], " "), clock.order)
+        return Cells(texts.values - clock.zone, texts.odd)
     if clock.kind == "number" and clock.factors == (1e-9,) and (ns := _integers(columns[0])) is not None:
         return Cells(ns // S + ns % S / S, np.empty(0, np.int64))  # more digits than a float64 has
     cells = [numbers(column, decimal) for column in columns]
@@ -101,6 +102,11 @@ def _leap(gps: Floats) -> Floats:
     for since, seconds in reversed(LEAPS):
         leap[gps >= since + seconds] = seconds
     return leap
+
+
+def leap_seconds(gps: float) -> float:
+    """Seconds by which GPS time, written as a date, is ahead of UTC."""
+    return float(_leap(np.array([gps]))[0])
 
 
 def _utc(parts: Sequence[Floats]) -> Floats:

@@ -20,7 +20,7 @@ import numpy as np
 
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.table_dates import is_moment, order_of, unix_seconds, utc_text
+from imuscope.recordings.table_dates import is_moment, is_time_of_day, order_of, unix_seconds, utc_text
 from imuscope.recordings.table_lines import NO_MARKS, LineMarks, marks_of
 from imuscope.recordings.time_units import FASTEST_FRACTION, is_dated
 
@@ -30,6 +30,7 @@ FEWEST_ROWS = 3  # of numbers, in a file whose name does not say that it is a ta
 MAX_COLUMNS = 500
 MAX_HEAD_LINES = 200
 START_NAMES = ("start time", "start", "start_time", "starttime", "recording start", "logging started", "time", "date")
+GPS_NAMES, GPS_PARTS = ("gpst", "gps time"), ("GPS week", "tow (s)")
 MOST = 0.8  # of the lines have as many cells as there are columns
 SEPARATORS = "\t;|, "
 _UNIT = re.compile(
@@ -145,6 +146,8 @@ def _format(name: str, lines: list[str]) -> TableFormat:
     for at, line in enumerate(lines[:MAX_HEAD_LINES]):
         is_comment = _is_comment(line)
         cells = _head_cells(line, separator, count)
+        if separator == " " and len(cells) == count and not cells[-1]:  # no cell of blanks is empty
+            cells = _with_time(cells[:-1], next((row for row in map(str.split, lines[at:]) if _is_data(row)), []))
         if not is_comment and len(cells) == count and _is_data(cells):
             first = at
             break
@@ -212,12 +215,28 @@ def _head_cells(line: str, separator: str, count: int) -> list[str]:
     return [*cells, ""] if len(cells) == count - 1 and cells and line.rstrip().endswith(cells[-1]) else cells
 
 
+def _with_time(cells: list[str], row: Sequence[str]) -> list[str]:
+    """Names above blank-separated rows, in which one name stands for two cells: a date and a time of day, or the GPS
+    week and its seconds.
+    """
+    days = [is_moment(one) and not is_time_of_day(one) for one in row]
+    place = next((i for i, one in enumerate(days[:-1]) if one and is_time_of_day(row[i + 1])), None)
+    if place is not None and len(row) == len(cells) + 1:
+        return [*cells[: place + 1], "time", *cells[place + 1 :]]
+    is_week = cells[0].lower() in GPS_NAMES and len(row) == len(cells) + 1 and row[0].isdecimal()
+    return [*GPS_PARTS, *cells[1:]] if is_week else cells
+
+
 def _headings(lines: Sequence[list[str]]) -> list[str]:
     """Headings of the lines above the rows: the last with the most names, with the units of a line of units."""
     units = lines[-1] if len(lines) > 1 and all(map(_UNIT.fullmatch, lines[-1])) else []
-    names = max(reversed(lines[:-1] if units else lines), key=lambda one: len(set(one)), default=[])
+    names = max(reversed(lines[:-1] if units else lines), key=_distinct_names, default=[])
     plain = [unit[1:-1] if unit[:1] in ("(", "[") else unit for unit in units or [""] * len(names)]
     return [f"{name} ({unit})" if unit and name else name for name, unit in zip(names, plain, strict=True)]
+
+
+def _distinct_names(cells: Sequence[str]) -> int:
+    return len({*cells}) - 2 * sum(is_number(cell) or is_moment(cell) for cell in cells)
 
 
 def _note(metadata: dict[str, str], line: str) -> None:

@@ -54,6 +54,7 @@ TIMELIKE = re.compile("tim|stamp|clock|epoch")
 ZONE = re.compile(
     r"^(?:utc|gmt)?\s*(?P<sign>[+-])(?P<hours>\d{1,2}):?(?P<minutes>\d\d)?$", re.IGNORECASE
 )  # in brackets
+ZONES = {"jst": 9 * 3600.0}  # headings that are a zone → s by which it is ahead of UTC
 OF_HOST = re.compile(r"^(?:server|client|rosbag)_")
 OF_WEEK = ("time_of_week", "i_tow", "itow", "tow", "gps_tow", "gps_time_of_week", "sow", "gps_sow", "seconds_of_week")
 GPS_TIME = ("gpst", "gps_time", "gpstime", "gps_sec", "gps_second", "gps_seconds", "ins_second", "ins_seconds")

@@ -123,6 +123,8 @@ def possible_units(
     for unit, factor in UNITS.items():
         its_rate = 1 / (step * factor) if step * factor else 0.0
         dated = is_dated(first * factor, newest)
+        if its_rate * each > FASTEST:
+            continue
         if step and not _is_rate(its_rate, inertial=inertial, fraction=fraction, dated=dated):
             continue
         if rate and step and abs(its_rate - rate) > CLOSE * rate:

@@ -75,7 +75,7 @@ def _written(path: Path, unpacked: UnpackedFolder, damage: list[FileDamage]) -> 
         for key, cell in sample.items():
             is_unit = key in UNITS and isinstance(cell, str)
             if len(one) < MAX_COLUMNS and cell is not None and not is_unit:
-                one.setdefault(key, _unit(sample) if key.startswith("value") else "")
+                one.setdefault(key, (_unit(sample) or _unit(beside)) if key.startswith("value") else "")
     damage[:] = list(dict.fromkeys(damage))
     tables = TypedTables(path, unpacked)
     for (name, _), sample in samples():
@@ -189,7 +189,7 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
     if isinstance(value, list):
         for one in value if len(value) >= FEWEST and not _is_plain(value) else ():
             if isinstance(one, dict):
-                yield (_name(one, name), beside), _flat(one)
+                yield from (((_name(one, name), beside), _flat(inner)) for inner in _of_batch(one))
             elif isinstance(one, list):
                 yield (name, beside), _row(one, _names(beside))
     elif isinstance(value, dict):
@@ -201,6 +201,17 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
         tables = [key for key in held if key not in JSON_NAMES]
         for key in tables:
             yield from _samples(value[key], key if len(tables) > 1 else name, value)
+
+
+def _of_batch(sample: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The samples of an object with lists of objects, all of one length: with one time, as it is in the file."""
+    lists = {key: one for key, one in sample.items() if isinstance(one, list) and one and not _is_plain(one)}
+    sizes = {len(one) for one in lists.values()}
+    if len(sizes) != 1:
+        yield sample
+        return
+    for cells in zip(*lists.values(), strict=True):
+        yield {**sample, **dict(zip(lists, cells, strict=True))}
 
 
 def _is_plain(values: Sequence[Any]) -> bool:

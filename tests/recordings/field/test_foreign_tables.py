@@ -103,6 +103,8 @@ WEEK_2254 = 1_679_184_000.0 - 18.0  # Unix s of its begin, by UTC
 HEADED = "{},a_x,a_y,a_z\n".format
 START = 1_500_000_000
 FINE = "SampleTimeFine"
+RTKLIB = "% program   : RTKPOST\n%  {}          latitude(deg) longitude(deg)  height(m)\n".format
+GNSS = "2017/07/14 02:40:{n:02}.000   48.{x}   11.5   500.5"
 
 
 @each_row(
@@ -163,6 +165,17 @@ FINE = "SampleTimeFine"
         (f"// Update Rate: 50.0Hz\nPacketCounter\t{FINE}\ta_x\n", "{n}\t\t{x}", None, "PacketCounter in samples"),
         (f"// Update Rate: 50.0Hz\nPacketCounter\t{FINE}\ta_x\n", "{n}\t{us}\t{x}", None, f"{FINE} in µs"),
         (HEADED("times"), S, None, "times in s"),
+        ("sensor.name,ref.t,a_x\n", "1,{s},{x}", None, "ref.t in s"),
+        (RTKLIB("GPST"), GNSS, START - 18, "of GPS time by the heading"),
+        (RTKLIB("UTC"), GNSS, START, "UTC + time, since 1970"),
+        (RTKLIB("JST"), GNSS, START - 32_400, "of JST by the heading"),
+        (RTKLIB("GPST"), "1957 441618.{n:02}0 48.{x} 11.5 500.5", START, "GPS week and time of week"),
+        (
+            "note,Date,Time,a_x,state\n,2017-07-14,02:40:00,B,x\n",
+            ",2017-07-14,02:40:{n:02},{x},y",
+            START,
+            "Date + Time",
+        ),
         (
             "----- Data of a logger -----,,,\nSerial: 12,,,\nRate: 50 Hz,,,\n-----,,,\n",
             "{x},0,9,1",
@@ -216,6 +229,14 @@ def test_rows_without_a_time_are_said_to_be_left_out(tmp_path: Path) -> None:
     store = opened(path)
     assert len(store.exact(1, 0, 1000).time) == N - 20
     assert "20 rows have no time and are left out (Time)." in [one["words"] for one in store.manifest["damage"]]
+
+
+@each_row("row", [GNSS, "1957 441618.{n:02}0 48.{x} 11.5 500.5"])
+def test_names_stand_above_their_cells_if_one_name_has_two(row: str, tmp_path: Path) -> None:
+    store = opened(written(RTKLIB("GPST"), row, "a.pos", tmp_path))
+    assert [info["name"] for info in store.manifest["channels"]] == ["latitude", "longitude", "height"]
+    assert store.exact(1, 0, 1).columns[0][0] == 48
+    assert store.exact(3, 0, 1).columns[0][0] == 500.5
 
 
 @each_row(("head", "inner"), [("DataType=Quaternion\nversion=3\n", "wxyz"), ("version=3\n", "0123")])

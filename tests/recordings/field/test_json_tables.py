@@ -83,6 +83,22 @@ def test_samples_in_json_are_a_table(text: str, name: str, unit: str, tmp_path: 
     assert not store.manifest["damage"] or '"right"' in text
 
 
+def test_batches_of_samples_have_the_time_of_their_batch(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    batches = [
+        {
+            "Timestamp": 5000 + 80 * n,
+            "Acc": [{"x": n, "y": i, "z": 9} for i in range(8)],
+            "Gyro": [{"x": i} for i in range(8)],
+        }
+        for n in range(N)
+    ]
+    path.write_text(json.dumps({"Meas": {"IMU9": batches}}))
+    store = opened(path)
+    assert "Timestamp in ms" in " ".join(store.manifest["time"]["sentences"])
+    np.testing.assert_array_equal(rows_of(store, "Acc").columns[1], list(range(8)) * N)
+
+
 def test_samples_that_name_their_sensor_are_tables_of_their_own(tmp_path: Path) -> None:
     path = tmp_path / "a.jsonl"
     kinds = ("accelerometer", "gyroscope")
