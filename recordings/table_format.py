@@ -159,6 +159,8 @@ def _format(name: str, lines: list[str]) -> TableFormat:
             above[is_comment].append(cells)
     if first == len(lines) and above[False]:  # without a row of numbers, the first line that can be the heading is it
         first, above[False] = heading_at + 1, above[False][:1]
+    if count == 1 and first < len(lines):
+        raise RecordingError(f"{name} has one column of numbers.", "Give a table that has their times, too.")
     if count < 2 or first == len(lines):
         raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
     rows = [split(line, separator) for line in lines[first:] if line.strip()]

@@ -18,6 +18,7 @@ class KnownFile:
         marks: first bytes, any of them.
         offset: of the marks.
         suffixes: of its files, if they have no marks.
+        frame: first byte of its frames, and their length, if they are all of one.
     """
 
     name: str
@@ -25,8 +26,20 @@ class KnownFile:
     marks: tuple[bytes, ...] = ()
     offset: int = 0
     suffixes: tuple[str, ...] = ()
+    frame: tuple[int, int] | None = None
+
+    def has_frames(self, head: bytes) -> bool:
+        """Whether the first bytes of a file are several frames of this format."""
+        if self.frame is None:
+            return False
+        first, length = self.frame
+        begins = head[::length]
+        return len(begins) >= FEWEST_FRAMES and begins == bytes([first]) * len(begins)
 
 
+FEWEST_FRAMES = 8
+WITMOTION = "a binary log of WitMotion"
+AS_TEXT = "Give the text file that its program makes of it."
 FILES = (
     KnownFile("a PNG image", OTHER, (b"\x89PNG\r\n\x1a\n",)),
     KnownFile("a JPEG image", OTHER, (b"\xff\xd8\xff",)),
@@ -79,6 +92,9 @@ FILES = (
     ),
     KnownFile("a FIT file", "Convert it to CSV, with a column for each field.", (b".FIT",), 8),
     KnownFile("a text in brackets, but not JSON", "Give its samples as JSON or as a CSV file.", (b"{", b"[{", b"[\n")),
+    KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 11)),
+    KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 20)),
+    KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 28)),
     KnownFile("an Excel workbook", "Save it as CSV.", suffixes=(".xlsx", ".xls", ".ods")),
 )
 
@@ -89,7 +105,9 @@ def known_file(head: bytes, suffix: str = "") -> KnownFile | None:
         (
             one
             for one in FILES
-            if any(head.startswith(mark, one.offset) for mark in one.marks) or suffix in one.suffixes
+            if any(head.startswith(mark, one.offset) for mark in one.marks)
+            or suffix in one.suffixes
+            or one.has_frames(head)
         ),
         None,
     )

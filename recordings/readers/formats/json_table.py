@@ -26,7 +26,7 @@ from imuscope.recordings.readers.formats.typed_rows import KEY, TypedTables, csv
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_format import LONGEST_LINE, MAX_COLUMNS, is_number
-from imuscope.recordings.table_names import JSON_NAMES, JSON_RATES, words_of
+from imuscope.recordings.table_names import JSON_NAMES, JSON_RATES, TIME, TIMES, words_of
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
@@ -35,11 +35,13 @@ LARGEST = 64 << 20  # bytes of a file that is one value, which is read as a whol
 DEEPEST = 32  # brackets in brackets
 FEWEST = 2  # samples
 MOST_CELLS = 64  # of a list in a sample
-UNITS = ("unit", "units")
+UNITS = ("unit", "units", "SIUN")
 HINT = "Give its samples as a list of objects, as JSON lines, or as a CSV file with a row for each."
 _HEAD = re.compile(r'\s*(?:\{\s*["}]|\[\s*(?:\{\s*["}]|\[\s*[\[\]{"\d-]|-?\d[\d.eE+-]*\s*,))')
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]', re.DOTALL)
 _NUMBERS = re.compile(r"\s*\[([-+\d.eE,\s]+)\]\s*")  # an array of NumPy as text
+_INDEX = re.compile(r"(.+)\[([012])\]")
+_ORDER = re.compile(r"\(([xyz]), ?([xyz]), ?([xyz])\)")
 _CLOSING = {"[": "]", "{": "}"}
 
 Sample = dict[str, Any]
@@ -80,7 +82,8 @@ def _written(path: Path, unpacked: UnpackedFolder, damage: list[FileDamage]) -> 
     tables = TypedTables(path, unpacked)
     for (name, _), sample in samples():
         names = columns[name]
-        heading = csv_line([f"{key} ({unit})" if unit else key for key, unit in names.items()])
+        titles = {key: _by_axis(key, heads[name]) for key in names}
+        heading = csv_line([f"{titles[key]} ({unit})" if unit else titles[key] for key, unit in names.items()])
         tables.add(name, csv_line([_cell(sample.get(key)) for key in names]), _comments(heads[name]) + heading)
     damage[:] = list(dict.fromkeys(damage))
     files = tables.files()
@@ -187,8 +190,12 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
         beside: members of the object that holds it.
     """
     if isinstance(value, list):
-        for one in value if len(value) >= FEWEST and not _is_plain(value) else ():
-            if isinstance(one, dict):
+        for one in value:
+            if isinstance(one, dict) and (len(value) < FEWEST or _holds_samples(one)):
+                yield from _samples(one, "", one)
+            elif len(value) < FEWEST or _is_plain(value):
+                break
+            elif isinstance(one, dict):
                 yield from (((_name(one, name), beside), _flat(inner)) for inner in _of_batch(one))
             elif isinstance(one, list):
                 yield (name, beside), _row(one, _names(beside))
@@ -200,7 +207,13 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
         held = [key for key, one in value.items() if isinstance(one, (list, dict))]
         tables = [key for key in held if key not in JSON_NAMES]
         for key in tables:
-            yield from _samples(value[key], key if len(tables) > 1 else name, value)
+            yield from _samples(value[key], key if len(tables) > 1 or not name else name, value)
+
+
+def _holds_samples(value: Mapping[str, Any]) -> bool:
+    """Whether an object has a list of objects with times of their own."""
+    lists = (one for one in value.values() if isinstance(one, list) and len(one) >= FEWEST and isinstance(one[0], dict))
+    return any(TIME.match(words_of(key)) or TIMES.match(words_of(key)) for one in lists for key in one[0])
 
 
 def _of_batch(sample: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
@@ -264,6 +277,14 @@ def _name(sample: Mapping[str, Any], otherwise: str) -> str:
     ]
     named = [one for key, one in (*sample.items(), *inner) if isinstance(one, str) and KEY.match(words_of(key))]
     return " ".join(one[:40] for one in named if not is_number(one)) or otherwise
+
+
+def _by_axis(key: str, beside: Mapping[str, Any]) -> str:
+    """A column with the axis in place of its number, if a text beside the samples has the order: (z,x,y)."""
+    index = _INDEX.fullmatch(key)
+    order = next((one for text in beside.values() if isinstance(text, str) and (one := _ORDER.search(text))), None)
+    is_axis = index is not None and order is not None and len({*order.groups()}) == len(order.groups())
+    return f"{index[1]}.{order[int(index[2]) + 1]}" if is_axis and index is not None and order is not None else key
 
 
 def _unit(sample: Mapping[str, Any]) -> str:

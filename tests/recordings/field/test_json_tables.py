@@ -44,6 +44,7 @@ COLUMNS = {"times": SECONDS, "ax": [n % 7 for n in range(N)], "ay": [0] * N, "az
 OF_PANDAS = {name: dict(enumerate(column)) for name, column in COLUMNS.items()}
 PHONE = [[int(one * 1000), [n % 7, 0, 9]] for n, one in enumerate(SECONDS)]
 OF_ROWS = {"desc": ["ax", "ay", "az"], "unit": "m/s²", "data": PHONE}
+STREAM = {"SIUN": "m/s2", "ACCL": [{"value": [n % 7, 0, 9], "date": one} for n, one in enumerate(TIMES)]}
 SENSORS = [{"name": f"acc{axis}", "units": "m/s2"} for axis in "XYZ"]
 EDGE = {"payload": {"interval_ms": 20, "sensors": SENSORS, "values": [[n % 7, 0, 9] for n in range(N)]}}
 
@@ -67,6 +68,7 @@ EDGE = {"payload": {"interval_ms": 20, "sensors": SENSORS, "values": [[n % 7, 0,
         (json.dumps(OF_PANDAS), "a", ""),
         (json.dumps(OF_ROWS), "a", "m/s²"),
         (json.dumps(EDGE), "acc", "m/s²"),
+        (json.dumps({"1": {"DEVC": [{"name": "a", "STRM": [STREAM, {"GYRO": STREAM["ACCL"]}]}]}}), "value", "m/s²"),
     ],
 )
 def test_samples_in_json_are_a_table(text: str, name: str, unit: str, tmp_path: Path) -> None:
@@ -75,12 +77,21 @@ def test_samples_in_json_are_a_table(text: str, name: str, unit: str, tmp_path: 
     store = opened(path)
     info = next(one for one in store.manifest["channels"] if one["name"] == name)
     assert [column["axis"] for column in info["columns"]] == ["x", "y", "z"]
+    assert info["kind"] == "vector"
     assert info["unit"] == unit
     rows = rows_of(store, name)
     np.testing.assert_array_equal(rows.columns[0], np.arange(N) % 7)
     np.testing.assert_allclose(np.diff(rows.time), 0.02, atol=1e-6)
     assert rows.time[0] == START or "interval_ms" in text
-    assert not store.manifest["damage"] or '"right"' in text
+    assert not store.manifest["damage"]
+
+
+def test_a_text_beside_samples_has_the_order_of_their_axes(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"DEVC": [{"STRM": [STREAM | {"STNM": "Accelerometer (z,x,y)"}]}]}))
+    rows = rows_of(opened(path), "value")
+    assert [column[0] for column in rows.columns] == [0, 9, 0]
+    np.testing.assert_array_equal(rows.columns[2], np.arange(N) % 7)
 
 
 def test_batches_of_samples_have_the_time_of_their_batch(tmp_path: Path) -> None:

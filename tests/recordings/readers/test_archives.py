@@ -153,6 +153,10 @@ def test_a_file_that_is_not_known_is_named(tmp_path: Path) -> None:
                 open_file(path)
             assert refused.value.message == f"{path.name} is {known.name}, which imuscope does not read."
             assert refused.value.hint == known.remedy
+    for length in (11, 20, 28):
+        (tmp_path / "a.TXT").write_bytes((b"\x55\x51" + bytes(range(length - 2))) * 60)
+        with pytest.raises(RecordingError, match="a binary log of WitMotion"):
+            open_file(tmp_path / "a.TXT")
     (tmp_path / "a.csv").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
     with pytest.raises(RecordingError, match="a PNG image"):
         open_file(tmp_path / "a.csv")
