@@ -28,10 +28,13 @@ def main() -> int:
     if settings.stay:
         return run(settings, lambda: None)
     reader, writer = os.pipe()
-    if os.fork():  # the server must not be the parent of what outlives it
+    if holder := os.fork():  # the server must not be the parent of what outlives it
         os.close(writer)
         with os.fdopen(reader, "rb") as end:
-            return 0 if end.read() == READY else 1
+            if end.read() == READY:
+                return 0
+        os.waitpid(holder, 0)  # until it has let go of the port, which may be opened again at once
+        return 1
     os.close(reader)
 
     def ready() -> None:
