@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -88,9 +89,9 @@ def marks_of(lines: Sequence[str], separator_of: Callable[[list[str]], str]) -> 
 
 
 def _widths(rows: Sequence[str]) -> Sequence[int]:
-    """Numbers in each cell of rows with lists in their cells, the same in all; none of other rows."""
+    """Numbers in each cell of rows with lists in their cells, the same in most; none of other rows."""
     cells = [row.strip().split(LIST) for row in rows]
-    widths = {tuple(cell.count(",") + 1 for cell in row) for row in cells}
-    one = widths.pop() if len(widths) == 1 else ()
-    is_list = len(one) > 1 and max(one) >= FEWEST and 2 not in one
-    return one if is_list and all(_NUMBERS.fullmatch(cell) for row in cells for cell in row) else ()
+    widths = Counter(tuple(cell.count(",") + 1 for cell in row) for row in cells)
+    one, count = widths.most_common(1)[0] if widths else ((), 0)
+    is_list = len(one) > 1 and max(one) >= FEWEST and 2 not in one and count > MOST * len(cells)
+    return one if is_list and all(_NUMBERS.fullmatch(cell) for row in cells[:-1] for cell in row) else ()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import codecs
-from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imuscope.recordings.readers.formats.compressed import temporary_source
@@ -15,7 +13,6 @@ from imuscope.recordings.regular_file import open_regular
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
 
-PIECE = 1 << 16
 MOST_ZERO = 0.8  # of every other byte, in text with few letters beyond ASCII
 MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -26,28 +23,11 @@ def is_utf16(head: bytes) -> bool:
     return head.startswith(MARKS) and high.count(0) > MOST_ZERO * len(high)
 
 
-class _Utf8:
-    """The text of a file in UTF-8, piece by piece."""
-
-    def __init__(self, path: Path) -> None:
-        self._pieces = self._decoded(path)
-
-    def _decoded(self, path: Path) -> Iterator[bytes]:
-        decoder = codecs.getincrementaldecoder("utf-16")("replace")
-        with open_regular(path) as file:
-            while data := file.read(PIECE):
-                if text := decoder.decode(data):
-                    yield text.encode("utf-8", "replace")
-        yield decoder.decode(b"", True).encode("utf-8", "replace")
-
-    def read(self, size: int) -> bytes:
-        return next(self._pieces, b"")
-
-
 def _open_utf16(request: OpenRequest) -> Source:
     unpacked = UnpackedFolder(request.path)
-    name = request.path.name
-    return temporary_source(unpacked, request, lambda: [unpacked.write(name, _Utf8(request.path))])
+    with open_regular(request.path) as file:
+        text = codecs.EncodedFile(file, "utf-8", "utf-16", "replace")
+        return temporary_source(unpacked, request, lambda: [unpacked.write(request.path.name, text)])
 
 
 register_reader(FileReader("utf16", "Text in UTF-16", (), _open_utf16, order=85, recognises=is_utf16))

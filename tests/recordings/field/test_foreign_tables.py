@@ -244,6 +244,9 @@ def test_names_stand_above_their_cells_if_one_name_has_two(row: str, tmp_path: P
 def test_cells_with_lists_of_numbers_are_a_column_for_each(head: str, inner: str, tmp_path: Path) -> None:
     row = "{s}\t1,{x},0,0.5\t0.1,0.2,0.3,-4e-2"
     store = opened(written(f"{head}endheader\ntime\ttorso_imu\tfemur_imu\n", row, "a.sto", tmp_path))
+    path = tmp_path / "cut.sto"
+    path.write_bytes((tmp_path / "a.sto").read_bytes()[:-9])  # in the middle of the last row
+    assert len(opened(path).exact(1, 0, 1000).time) == N - 1
     torso, femur = store.manifest["channels"]
     assert (torso["name"], femur["name"]) == ("torso_imu", "femur_imu")
     assert [column["name"] for column in torso["columns"]] == [*inner]
