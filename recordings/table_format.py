@@ -104,8 +104,11 @@ def split(line: str, separator: str) -> list[str]:
         return line.split(separator)
 
 
-def format_of(path: Path) -> TableFormat:
+def format_of(path: Path, *, may_be_narrow: bool = False) -> TableFormat:
     """Form of the table in a file.
+
+    Args:
+        may_be_narrow: whether one column of numbers is a table; else it lacks a time.
 
     Raises:
         RecordingError: it is none.
@@ -118,7 +121,7 @@ def format_of(path: Path) -> TableFormat:
             size += len(line)
         if len(lines) > 2 and not lines[-1].endswith(("\n", "\r")) and file.read(1):
             lines.pop()
-    return _format(path.name, [line.rstrip("\r\n") for line in lines])
+    return _format(path.name, [line.rstrip("\r\n") for line in lines], may_be_narrow=may_be_narrow)
 
 
 def has_rows(path: Path) -> bool:
@@ -133,7 +136,7 @@ def has_rows(path: Path) -> bool:
     return len(form.sample) >= FEWEST_ROWS and all(map(_is_data, form.sample[:FEWEST_ROWS]))
 
 
-def _format(name: str, lines: list[str]) -> TableFormat:
+def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     forced = next((match[1] for line in lines[:MAX_HEAD_LINES] if (match := _SEP.match(line)) is not None), "")
     marks = marks_of(lines, lambda rows: forced or _separator(rows))
     lines = [marks.removed(marks.headings(line)) for line in lines] if marks else lines
@@ -159,12 +162,15 @@ def _format(name: str, lines: list[str]) -> TableFormat:
             above[is_comment].append(cells)
     if first == len(lines) and above[False]:  # without a row of numbers, the first line that can be the heading is it
         first, above[False] = heading_at + 1, above[False][:1]
-    if count == 1 and first < len(lines):
-        raise RecordingError(f"{name} has one column of numbers.", "Give a table that has their times, too.")
-    if count < 2 or first == len(lines):
-        raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
     rows = [split(line, separator) for line in lines[first:] if line.strip()]
-    if not any(above.values()) and (start := _empatica_start(rows[:2])):
+    start = 0.0 if any(above.values()) else _empatica_start(rows[:2])
+    may_be_narrow = may_be_narrow or start > 0
+    if count == 1 and first < len(lines) and not may_be_narrow:
+        hint = "Give a table that has their times, too, or their rate: --rate 100."
+        raise RecordingError(f"{name} has one column of numbers.", hint)
+    if count < 2 - may_be_narrow or first == len(lines):
+        raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
+    if start:
         metadata |= {"start time": utc_text(start), "rate": rows[1][0]}
         first, rows = first + 2, rows[2:]
     sample = [row for row in rows if len(row) == count]

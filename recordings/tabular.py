@@ -141,8 +141,8 @@ class CsvSource(TableSource):
 
     def __init__(self, path: Path, options: TableOptions | None = None) -> None:
         super().__init__(path, "csv")
-        self.form = self._form_of_file()
         self._options = options = options or TableOptions()
+        self.form = self._form_of_file()
         texts, self.left_out = _renamed(self.form, options)
         self.headings = [ColumnHeading.of(text) for text in texts]
         by_name = {one.name.lower(): i for i, one in reversed([*enumerate(self.headings)])}
@@ -196,7 +196,7 @@ class CsvSource(TableSource):
 
     def _form_of_file(self) -> TableFormat:
         """Form and first rows of the table."""
-        return format_of(self.path)
+        return format_of(self.path, may_be_narrow=self._options.rate > 0)
 
     def _sample_times(self, clock: TableClock) -> Floats:
         """Times of the first rows."""

@@ -273,6 +273,15 @@ def test_the_unit_of_a_table_without_a_heading_can_be_given(tmp_path: Path) -> N
     np.testing.assert_allclose(np.diff(store.exact(1, 0, 1000).time), STEP, atol=1e-6)
 
 
+@each_row(("head", "rate"), [("", 50.0), ("acc_z\n", 50.0), ("1700000000.0\n64.0\n", 0.0)])
+def test_one_column_is_a_table_if_its_rate_is_known(head: str, rate: float, tmp_path: Path) -> None:
+    path = written(head, "{x}.5", "BVP.csv", tmp_path)
+    store = decode(open_file(path, "", TableOptions(rate=rate)), tmp_path / "c", protocol_set.all_protocols())
+    found = store.exact(1, 0, 1000)
+    np.testing.assert_array_equal(found.columns[0], np.arange(N) % 7 + 0.5)
+    np.testing.assert_allclose(np.diff(found.time), 1 / (rate or 64), atol=1e-6)
+
+
 @each_row("name", ["a.dat", "a.raw", "a.log", "a.tsv", "a.unheard-of"])
 def test_a_table_is_one_whatever_its_suffix(name: str, tmp_path: Path) -> None:
     path = written("", "{s} 0 NaN 30.375 {x}", name, tmp_path)
