@@ -34,7 +34,8 @@ class KnownFile:
             return False
         first, length = self.frame
         begins = head[::length]
-        return len(begins) >= FEWEST_FRAMES and begins == bytes([first]) * len(begins)
+        is_mark = head.count(first) < 2 * len(begins)  # not what all bytes are
+        return is_mark and len(begins) >= FEWEST_FRAMES and begins == bytes([first]) * len(begins)
 
 
 FEWEST_FRAMES = 8
