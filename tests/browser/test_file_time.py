@@ -101,7 +101,9 @@ def test_another_clock_is_used_and_stays(server: ServerProcess, open_page: Calla
     until(page, ADDRESS)
     page.reload()
     until(page, is_open((ROWS - 1) / 50))
+    until(page, DRAWN)
     until(page, f"{AXIS} === 'TimeUS'")
+    until(page, ADDRESS)  # the panels are in their places: a button that moves takes no click
     page.locator(PANEL).get_by_role("button", name="Automatic").click()
     until(page, is_open((ROWS - 1) / 100))
     page.locator(PANEL).get_by_role("button", name="Read otherwise").click()
