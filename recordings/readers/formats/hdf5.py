@@ -30,6 +30,7 @@ from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_l
 from imuscope.recordings.readers.formats.matlab import NUMBERS
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.time_units import FACTORS, LONG, SPELLINGS
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 MATLAB = b"MATLAB 7.3 MAT-file"
@@ -41,16 +42,8 @@ MOST_READS = 300_000  # of the structure: a damaged one can lead back to itself
 DEFLATE, SHUFFLE, CHECKSUM = 1, 2, 3
 UNREAD = "in a form that is not read"
 RESAVE = "Save its arrays as .npz, Parquet or CSV; in MATLAB with save(..., '-v7')."
-SINCE = re.compile(r"(day|hour|minute|second|millisecond|microsecond|nanosecond)s?\s+since\s+(.+)", re.I)
-NANOSECONDS = {
-    "day": 86_400 * 10**9,
-    "hour": 3600 * 10**9,
-    "minute": 60 * 10**9,
-    "second": 10**9,
-    "millisecond": 10**6,
-    "microsecond": 1000,
-    "nanosecond": 1,
-}
+UNIT_NAMES = {**SPELLINGS, **LONG}
+SINCE = re.compile(rf"({'|'.join(sorted(UNIT_NAMES))})\s+since\s+(.+)", re.I)
 
 
 class EndlessError(ValueError):
@@ -292,7 +285,7 @@ def _dated(array: Array, unit: str) -> Array:
         begin = int(np.datetime64(text.removesuffix("+00:00").strip(), "ns").astype(np.int64))
     except ValueError:
         return array
-    step = NANOSECONDS[counted[1].lower()]
+    step = round(FACTORS[UNIT_NAMES[counted[1].lower()]] * 1e9)
     if array.dtype.kind == "f":
         whole, part = np.divmod(array.astype(np.float64), 1.0)
         if not np.isfinite(whole).all() or np.abs(whole).max(initial=0) > 2**62 / step:
