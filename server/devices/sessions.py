@@ -74,7 +74,7 @@ class Sessions:
         self._bus = bus
         self._scheduler = DecodeScheduler(sample_interval)
         self._open_link = open_link
-        self._replaced: Callable[[Link], Link] = lambda link: link
+        self._replacements: list[Callable[[Link], Link]] = []
         self._protocols = protocol_set
         self._settings = settings
         self._wall_ns = wall_ns
@@ -94,9 +94,9 @@ class Sessions:
         self.scan_lock = asyncio.Lock()
         self._shedding, self._processor = shedding or Shedding(), ProcessorUse()
 
-    def open_through(self, replaced: Callable[[Link], Link]) -> None:
-        """Open sources with the link that an extension gives in place of theirs."""
-        self._replaced = replaced
+    def open_through(self, replacement: Callable[[Link], Link]) -> None:
+        """Open sources with the link that an extension gives in place of theirs, one extension after the other."""
+        self._replacements.append(replacement)
 
     def memory_of(self, device: str) -> LinkMemory | None:
         """The last bytes of the link of a device; None if none are kept."""
@@ -135,7 +135,9 @@ class Sessions:
         if len(self._sessions) >= MAX_DEVICES:
             raise LinkError("full", f"The maximum of {MAX_DEVICES} devices is open.", "Remove one first.")
         settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
-        link = self._replaced(self._open_link(source, settings))
+        link = self._open_link(source, settings)
+        for replacement in self._replacements:
+            link = replacement(link)
         device = self.names.id_of(source, self._used)
         self._used.add(device)
         session = self._sessions[device] = Session(
