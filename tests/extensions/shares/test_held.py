@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import signal
 import socket
 import termios
@@ -262,16 +263,21 @@ async def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePor
         ("tcp://127.0.0.1:{taken}", "address already in use"),
     ],
 )
-def test_a_share_that_cannot_be_offered_says_why(port: DevicePort, tmp_path: Path, share: str, words: str) -> None:
+def test_a_share_that_cannot_be_offered_says_why(tmp_path: Path, share: str, words: str) -> None:
+    port = DevicePort()  # of this row alone
     (tmp_path / "file").write_text("mine")
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        address = share.format(folder=tmp_path, taken=taken.getsockname()[1])
-        link = link_to(port, address)
-        with pytest.raises(LinkError, match=words) as raised:
-            asyncio.run(link.open())
-    assert raised.value.hint
-    assert (tmp_path / "file").read_text() == "mine"
-    assert not socket_of(port.path).exists(), "no holder stays behind"
+    try:
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            address = share.format(folder=tmp_path, taken=taken.getsockname()[1])
+            link = link_to(port, address)
+            with pytest.raises(LinkError) as raised:
+                asyncio.run(link.open())
+        assert re.search(words, str(raised.value)), Path("/proc/locks").read_text()
+        assert raised.value.hint
+        assert (tmp_path / "file").read_text() == "mine"
+        assert not socket_of(port.path).exists(), "no holder stays behind"
+    finally:
+        port.unplug()
 
 
 async def test_a_terminal_has_the_permissions_that_were_given(port: DevicePort, tmp_path: Path) -> None:
