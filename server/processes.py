@@ -66,6 +66,27 @@ def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str,
     return programs
 
 
+def session_on(path: str, root: Path = ROOT) -> Program | None:
+    """The program whose session a terminal controls, a login prompt or a shell; None if there is none.
+
+    Source: proc_pid_stat(5), fields 6 and 7.
+    """
+    try:
+        terminal = os.stat(path).st_rdev
+    except OSError:
+        return None
+    for folder in process_folders(root):
+        try:
+            fields = (folder / "stat").read_text(errors="replace").rpartition(")")[2].split()
+        except OSError:
+            continue
+        session, number = int(fields[3]), int(fields[4]) & 0xFFFFFFFF
+        if number and os.makedev(number >> 8 & 0xFFF, number >> 12 & 0xFFF00 | number & 0xFF) == terminal:
+            leader = root / "proc" / str(session)
+            return program_of(leader if leader.exists() else folder)
+    return None
+
+
 def unblock_steps(place: str, name: str) -> tuple[str, ...]:
     """Instructions for viewing a port that another program holds open: the program keeps it, through a share.
 

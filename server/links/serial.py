@@ -46,8 +46,8 @@ from imuscope.server.links.reader_thread import (
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
-from imuscope.server.processes import OWN, programs_with, unblock_steps
-from imuscope.server.terminals import may_be_terminal
+from imuscope.server.processes import OWN, Program, programs_with, session_on, unblock_steps
+from imuscope.server.terminals import may_be_terminal, pseudo_terminal
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")
@@ -103,10 +103,13 @@ class SerialLink(ThreadedLink):
         self._port: Any = None  # serial.Serial, which has no types
         self._empty_reads = self._received = 0
         self._adapter = ""  # persistent name of the adapter found there first
+        self._ended_terminal: object = None
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         where = port_now(self.place, self._adapter, self.settings.by_id)
+        if self._ended_terminal is not None and pseudo_terminal(where) == self._ended_terminal:
+            raise terminal_ended(self.place)
         # Opening queries the adapter over USB, which may take long, so not on the loop.
         self._port = await asyncio.to_thread(open_port, where, self.line)
         try:
@@ -179,6 +182,8 @@ class SerialLink(ThreadedLink):
     async def _release(self) -> None:
         port, self._port = self._port, None
         if port is not None:
+            if hung_up(port.fd):
+                self._ended_terminal = pseudo_terminal(self.place)
             await asyncio.to_thread(port.close)  # waits until the last bytes are out
 
 
@@ -197,6 +202,9 @@ def open_port(place: str, line: SerialSettings) -> Any:
     try:
         if not may_be_terminal(place):
             raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+        session = session_on(place)
+        if session is not None:
+            raise taken_by_session(place, session)
         return serial.Serial(
             place,
             line.baud or 115_200,
@@ -294,6 +302,27 @@ def busy(place: str) -> LinkError:
         return LinkError("busy", f"{place} is in use by {programs[0]}.", "Open the page of that one, or stop it.")
     hint = f"Close the program that has it (minicom, ModemManager?). As root, `fuser {place}` shows it."
     return LinkError("busy", f"{place} is in use by another program.", f"{hint} {SHARE_FIRST}")
+
+
+def taken_by_session(place: str, program: Program) -> LinkError:
+    """Error for the terminal of a shell or a login prompt: its input would be read as a sensor's."""
+    if place.startswith("/dev/pts/"):
+        hint = "Choose the port of the sensor."
+    else:
+        hint = (
+            "`systemctl list-units 'serial-getty@*' 'nvgetty*'` shows a login prompt, `sudo systemctl disable --now "
+            "NAME` ends it. Or choose another port."
+        )
+    return LinkError("busy", f"{place} is the terminal of {program}.", hint)
+
+
+def terminal_ended(place: str) -> LinkError:
+    """Error for a pseudo-terminal that was closed, whose number belongs to whatever was opened next."""
+    hint = (
+        "Give a link to it as the source, which is followed (imuscope simulate --pty PATH, socat's link=PATH), or add "
+        "the source again."
+    )
+    return LinkError("gone", f"{place} was closed, and may now be the terminal of another program.", hint)
 
 
 def holder(place: str) -> str:

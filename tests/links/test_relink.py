@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
+import subprocess
+import sys
 import termios
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from imuscope.server.links import LinkError, open_link
 from imuscope.server.links.serial import SerialLink, try_rate
 from imuscope.server.links.simulator import SimulatorLink
-from tests.links.link_fixtures import dies, fails, gather, joined, settings
+from tests.each_row import each_row
+from tests.links.link_fixtures import Pty, dies, fails, gather, joined, settings
+from tests.waiting import block_until
 
 
 async def test_a_serial_link_takes_another_rate_and_keeps_it() -> None:
@@ -41,17 +48,87 @@ async def test_a_pseudo_terminal_that_reuses_the_name_is_left_alone() -> None:
     await dies(link)
     assert link._serial is not None
     await link._serial.close()
-    others = [os.openpty()]
-    while os.ttyname(others[-1][1]) != name:  # the first free one; another test may have been quicker
-        others.append(os.openpty())
-        assert len(others) < 50
-    await link.reopen(115_200)
-    fcntl.flock(others[-1][1], fcntl.LOCK_EX | fcntl.LOCK_NB)
-    assert link._simulator.slave != name
-    await gather(link, until=lambda data: b"\xfa\xff\x36" in data)
+    with terminals_up_to(name) as others:
+        await link.reopen(115_200)
+        fcntl.flock(others[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)
+        assert link._simulator.slave != name
+        await gather(link, until=lambda data: b"\xfa\xff\x36" in data)
+        await link.close()
+
+
+@each_row("through_link", [False, True])
+async def test_a_terminal_with_the_number_of_a_closed_one_is_left_alone(tmp_path: Path, through_link: bool) -> None:
+    """Regression: a server whose port had been closed took the next terminal of that number, of another test or of a
+    person's shell, locked it and read what was typed.
+    """
+    port = Pty()
+    place = str(tmp_path / "imu0") if through_link else port.path
+    if through_link:
+        os.symlink(port.path, place)
+    link = open_link(f"{place}?baud=115200", settings())
+    await link.open()
     await link.close()
-    for end in sum(others, ()):
-        os.close(end)
+    await link.open()  # the same terminal, which was closed at this end alone
+    port.pull()
+    await dies(link)
+    await link.close()
+    with terminals_up_to(port.path) as others:
+        error = await fails(link.open())
+        assert error.kind == "gone"
+        assert f"{place} was closed, and may now be the terminal of another program." in error.message
+        fcntl.flock(others[-1], fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(others[-1], fcntl.LOCK_UN)
+        if through_link:  # made again by the program of the port
+            os.unlink(place)
+            os.symlink(port.path, place)
+            await link.open()
+            await link.close()
+        other = open_link(f"{place}?baud=115200", settings())
+        await other.open()  # a source that a person has added
+        await other.close()
+
+
+async def test_a_terminal_of_a_shell_is_not_opened_as_a_port() -> None:
+    master, terminal = os.openpty()
+    place = os.ttyname(terminal)
+    words = [sys.executable, "-c", f"import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); {READY}"]
+    with subprocess.Popen(words, stdin=terminal, stdout=subprocess.PIPE, start_new_session=True) as shell:
+        assert shell.stdout is not None
+        assert shell.stdout.readline() == b"ready\n"
+        try:
+            error = await fails(open_link(f"{place}?baud=115200", settings()).open())
+        finally:
+            os.write(master, b"\n")
+    assert error.kind == "busy"
+    assert error.message == f"{place} is the terminal of {Path(sys.executable).name} (process {shell.pid})."
+    link = open_link(f"{place}?baud=115200", settings())
+    await link.open()  # its session has ended
+    await link.close()
+    os.close(terminal)
+    os.close(master)
+
+
+READY = "print('ready', flush=True); input()"
+
+
+@contextlib.contextmanager
+def terminals_up_to(name: str) -> Iterator[list[int]]:
+    """New pseudo-terminals, the last one at `name`, which is that of one that was closed."""
+    ends: list[int] = []
+
+    def is_reached() -> bool:
+        ends.extend(os.openpty())
+        if len(ends) > 100 and os.ttyname(ends[-1]) != name:  # another test has it, which was quicker
+            os.close(ends.pop())
+            os.close(ends.pop())
+        return os.ttyname(ends[-1]) == name
+
+    try:
+        block_until(is_reached, "the number of a terminal that was closed")
+        yield ends
+    finally:
+        for end in ends:
+            os.close(end)
 
 
 class FakeAdapter:

@@ -8,7 +8,6 @@ import fcntl
 import os
 import select
 import socket
-import stat
 import struct
 import termios
 import time
@@ -16,7 +15,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from imuscope.server.terminals import may_be_terminal
+from imuscope.server.terminals import may_be_terminal, pseudo_terminal
 
 READ_BYTES = 1 << 12  # a terminal gives no more at once, and each read allocates as much
 CONNECT_S = 5.0
@@ -75,7 +74,7 @@ class Port:
                 return
 
     def _open(self) -> None:
-        terminal = _terminal_of(self._source.get("place", ""))
+        terminal = pseudo_terminal(self._source.get("place", ""))
         if terminal is not None and terminal == self._ended_terminal:
             raise PortError("its terminal was closed", errno.ENOENT)
         try:
@@ -132,7 +131,7 @@ class Port:
         """Close it, at once, whatever the device does not take. Idempotent."""
         handle, self._handle, fd, self.fd = self._handle, None, self.fd, -1
         if fd >= 0 and _hung_up(fd):
-            self._ended_terminal = _terminal_of(self._source.get("place", ""))
+            self._ended_terminal = pseudo_terminal(self._source.get("place", ""))
         if self._source["kind"] == "serial" and fd >= 0:
             with contextlib.suppress(OSError, termios.error):
                 termios.tcflush(fd, termios.TCOFLUSH)  # the driver would wait for up to 30 s
@@ -212,22 +211,6 @@ class Port:
         self.set_baud(baud)
         if before is not None:
             self.set_baud(before)
-
-
-def _terminal_of(place: str) -> object:
-    """Identity of the name of a pseudo-terminal; None for other ports.
-
-    The kernel gives the number of one that was closed to the next: that may be a user's shell. So a name leads to the
-    same port again only if it is a link that was recreated.
-    """
-    real = os.path.realpath(place)
-    if not real.startswith("/dev/pts/"):
-        return None
-    try:
-        about = os.stat(place, follow_symlinks=False)
-    except FileNotFoundError:
-        return real  # it is gone, and was not a link
-    return (real, about.st_ino, about.st_ctime_ns) if stat.S_ISLNK(about.st_mode) else real
 
 
 def _hung_up(fd: int) -> bool:
