@@ -10,6 +10,7 @@ from pathlib import Path
 
 OWN = "imuscope"
 ROOT = Path("/")
+PTS = "/dev/pts/"
 MOST_COMM = 15  # characters of a program's name that the kernel keeps
 SHARED_PATH = "/run/imuscope/imu0"  # an example
 MODULE = re.compile(r" -m imuscope(\.server\.(cli|[\w.]+\.holder))?( |$)")
@@ -64,6 +65,38 @@ def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str,
         for place in filter(is_wanted, places):
             programs.setdefault(place, []).append(program_of(folder))
     return programs
+
+
+def readers_of(path: str, root: Path = ROOT) -> list[Program]:
+    """Other programs that read a serial port or a terminal: what one of them reads, nobody else gets.
+
+    Left out are what only writes to it, the device's side of a pseudo-terminal, and imuscope, which locks its ports.
+    """
+    place = os.path.realpath(path)
+    index = place.removeprefix(PTS) if place.startswith(PTS) else ""
+    readers = []
+    for folder in process_folders(root):
+        reads = is_device = False
+        try:
+            for link in (folder / "fd").iterdir():
+                target = os.readlink(link)
+                if target == place:
+                    flags = _fdinfo(folder, link.name, "flags")
+                    reads = reads or int(flags or "0", 8) & os.O_ACCMODE != os.O_WRONLY
+                elif index and target.endswith("/ptmx"):
+                    is_device = is_device or _fdinfo(folder, link.name, "tty-index") == index
+        except OSError:
+            continue  # it has ended, or is another user's
+        if reads and not is_device and int(folder.name) != os.getpid():
+            program = program_of(folder)
+            readers += [program] if program.name != OWN else []
+    return readers
+
+
+def _fdinfo(folder: Path, fd: str, name: str) -> str:
+    """A field of a descriptor, see proc_pid_fdinfo(5); "" if it has none."""
+    lines = (folder / "fdinfo" / fd).read_text().splitlines()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
 
 
 def session_on(path: str, root: Path = ROOT) -> Program | None:

@@ -1,4 +1,4 @@
-"""Paths that may be serial ports."""
+"""Paths of terminals: which may be serial ports, and which lead to the same one again."""
 
 from __future__ import annotations
 

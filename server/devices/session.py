@@ -33,6 +33,7 @@ from imuscope.server.devices.device_state import DeviceState, short_source
 from imuscope.server.devices.dropped_bytes import DroppedBytes
 from imuscope.server.devices.identify import IdentifyRequest
 from imuscope.server.devices.link_access import LinkAccess
+from imuscope.server.devices.other_readers import OtherReaders
 from imuscope.server.devices.outage import Outage
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sequence_restarts import Restarts
@@ -117,6 +118,7 @@ class Session:
         self._connection = Connection()
         self._opened_at = 0.0  # unix s, while it is open
         self._outage = Outage()
+        self._other_readers = OtherReaders(link)
         self._decode_watchdog = DecodeWatchdog()
         self._left_out = DroppedBytes(self._reporter, self._stats, link.source)
         self._stalled = False
@@ -411,12 +413,13 @@ class Session:
             self._fell_silent(*silence)
 
     def _watch(self, now: float) -> None:
-        """Check an open link for stalls and silence."""
+        """Check an open link for stalls, silence and other programs that read it."""
         last, stream = self._stats.last_arrival, self._pipeline.stream
         if self._notices != self.info.notices:  # a link may learn later who is connected, or which bytes were lost
             self._set(notices=self._notices)
         self._ticks_since_bytes, is_due = self._ticks_since_bytes + 1, self._ticks_since_bytes + 1 >= STALL_TICKS
         quiet = self._silence.silence(now, max(last or 0.0, self._opened_at))
+        self._other_readers.tick(now, self._stats, is_silent=self.info.status != "live" and quiet > SILENT_S)
         if stream is None and self._pipeline.detector:
             self._pipeline.mark_dirty()
             self._scheduler.request()

@@ -212,6 +212,10 @@ class Link(ABC):
         """
         return ""
 
+    def other_reader(self) -> LinkError | None:
+        """The error that names another program which takes bytes of this link; None without one. May take 0.1 s."""
+        return None
+
     def fail(self, error: LinkError) -> None:
         """Make `read` end with this error, as after a lost connection, if the link supports it; it is then reopened."""
         return

@@ -27,6 +27,7 @@ import asyncio
 import errno
 import os
 import termios
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,7 @@ from imuscope.server.links.reader_thread import (
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
-from imuscope.server.processes import OWN, Program, programs_with, session_on, unblock_steps
+from imuscope.server.processes import OWN, Program, programs_with, readers_of, session_on, unblock_steps
 from imuscope.server.terminals import may_be_terminal, pseudo_terminal
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
@@ -144,6 +145,11 @@ class SerialLink(ThreadedLink):
                 self.line = before
             raise
 
+    def other_reader(self) -> LinkError | None:
+        port = self._port
+        readers = readers_of(port.name) if port is not None else []
+        return busy(self.place, readers) if readers else None
+
     async def check_rate(self, baud: int) -> None:
         if self._port is None:
             raise closed(self.source)
@@ -197,7 +203,8 @@ def open_port(place: str, line: SerialSettings) -> Any:
         serial.Serial, non-blocking; at 115 200 Bd if `line` has no rate.
 
     Raises:
-        LinkError: with cause and remedy.
+        LinkError: with cause and remedy. A port that another program reads is not opened: even without its lock, each
+            would get a part of the bytes, and the other may be the robot's driver.
     """
     try:
         if not may_be_terminal(place):
@@ -205,6 +212,8 @@ def open_port(place: str, line: SerialSettings) -> Any:
         session = session_on(place)
         if session is not None:
             raise taken_by_session(place, session)
+        if readers := readers_of(place):
+            raise busy(place, readers)
         return serial.Serial(
             place,
             line.baud or 115_200,
@@ -289,9 +298,13 @@ def lock_of(place: str) -> tuple[str, str, str]:
     return f"it belongs to the group {group}", join, group
 
 
-def busy(place: str) -> LinkError:
-    """Error for a port that another program has, and how both can use it."""
-    programs = programs_with(place)
+def busy(place: str, programs: Sequence[Program] = ()) -> LinkError:
+    """Error for a port that another program has, and how both can use it.
+
+    Args:
+        programs: those that have it, if they are known.
+    """
+    programs = programs or programs_with(place)
     other = next((one for one in programs if one.name != OWN and one.pid != os.getpid()), None)
     if other is not None:
         return LinkError("busy", f"{place} is in use by {other}.", " ".join(unblock_steps(place, other.name)))

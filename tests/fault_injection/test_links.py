@@ -10,6 +10,7 @@ garbage for a minute                    counted, two events a second at most, me
 half a frame, then silence              given up after a quarter of a second and counted; the next frame is whole
 half a frame while we were held up      no byte is given up for a silence that was ours
 port held by another process            its name and number are told; opened as soon as that one lets go
+another program opens the port later    left to it, with its name, when bytes are missing; opened again when it ends
 TCP: peer gone without a word           told lost within a second, found dead by keep-alive, connected again
 UDP: nothing for a while                told lost; the same port hears the next datagram
 """
@@ -24,7 +25,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
@@ -201,36 +202,65 @@ async def test_half_a_frame_while_the_server_was_held_up() -> None:
 HOLDER = """
 import fcntl, os, sys, termios
 port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
-fcntl.flock(port, fcntl.LOCK_EX)
+if "lock" in sys.argv:
+    fcntl.flock(port, fcntl.LOCK_EX)
 print("held", flush=True)
 sys.stdin.read()
 """
 
 
-async def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
-    with pty() as port:
-        command = tied([sys.executable, "-c", HOLDER, port.path])
-        other = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        assert other.stdin
+@contextlib.asynccontextmanager
+async def program_with(path: str, *how: str) -> AsyncIterator[subprocess.Popen[bytes]]:
+    """Another program that has a port open, until its input is closed."""
+    command = tied([sys.executable, "-c", HOLDER, path, *how])
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout
         try:
             assert await asyncio.to_thread(other.stdout.readline) == b"held\n"
+            yield other
+        finally:
+            other.kill()
+
+
+def end(other: subprocess.Popen[bytes]) -> None:
+    """End it as a person does."""
+    assert other.stdin
+    other.stdin.close()
+    other.wait(PATIENCE_S)
+
+
+async def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
+    with pty() as port:
+        async with program_with(port.path, "lock") as other:
             port.let_go()
             async with stage(f"serial://{port.path}?baud=115200") as here:
                 await until(lambda: "in use" in here.info.message, "it is told")
                 words, hint = told(here.info)
                 assert f"(process {other.pid})" in words
                 assert "--share" in hint
-                other.stdin.close()
-                other.wait(PATIENCE_S)
+                end(other)
                 await until(lambda: "open" in here.info.message, "it is opened without being asked")
                 port.write(frames(0, 20))
                 await until(lambda: here.samples == 20, "it streams")
-        finally:
-            other.kill()
-            other.wait()
-            other.stdin.close()
-            other.stdout.close()
+
+
+async def test_a_port_that_another_program_opens_later_is_left_to_it() -> None:
+    """Regression: each of the two got a part of the bytes, and nobody knew why."""
+    with pty() as port:
+        async with stage(f"serial://{port.path}?baud=115200") as here:
+            await until(lambda: "open" in here.info.message, "it is opened")
+            port.write(frames(0, 20))
+            await until(here.status("live"), "it streams")
+            async with program_with(port.path) as other:
+                port.write(frames(30, 40))  # the other program took ten frames
+                await until(lambda: "in use" in here.info.message, "the port is left to the other program")
+                words, hint = told(here.info)
+                assert f"(process {other.pid})" in words
+                assert "--share" in hint
+                end(other)
+            await until(lambda: here.info.is_open, "it is opened again")
+            port.write(frames(50, 60))
+            await until(lambda: here.samples == 40, "it streams again")
 
 
 async def test_a_tcp_peer_that_vanishes_silently() -> None:

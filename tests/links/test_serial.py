@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import os
 import subprocess
 import sys
+import termios
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -148,25 +151,45 @@ async def test_a_port_in_use_names_its_owner() -> None:
 
 
 HAVING = """
-import fcntl, sys
-port = open(sys.argv[1], "rb+", buffering=0)
-fcntl.flock(port, fcntl.LOCK_EX)
+import fcntl, os, sys
+port = os.open(sys.argv[1], getattr(os, sys.argv[2]) | os.O_NOCTTY)
+if "lock" in sys.argv:
+    fcntl.flock(port, fcntl.LOCK_EX)
 print("ready", flush=True)
 sys.stdin.read()
 """
 
 
-async def test_a_port_of_another_program_says_how_both_can_use_it() -> None:
-    with pty() as port:
-        words = [sys.executable, "-c", HAVING, port.path]
-        with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
-            assert program.stdout is not None
-            assert program.stdout.readline() == b"ready\n"
-            error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
+@contextlib.contextmanager
+def program_with(path: str, *how: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Another program that has a port open."""
+    words = [sys.executable, "-c", HAVING, path, *how]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == b"ready\n"
+        try:
+            yield program
+        finally:
             program.communicate()
+
+
+@each_row("how", [("O_RDWR", "lock"), ("O_RDWR",), ("O_RDONLY",)])
+async def test_a_port_of_another_program_says_how_both_can_use_it(how: tuple[str, ...]) -> None:
+    """Regression: most drivers ask for no lock, and lost half of their bytes to a server that was started later."""
+    with pty() as port, program_with(port.path, *how) as program:
+        before = termios.tcgetattr(port._slave)
+        error = await fails(open_link(f"{port.path}?baud=57600", settings()).open())
         assert error.kind == "busy"
         assert f"(process {program.pid})" in error.message
         assert f"imuscope serve {port.path} --share /run/imuscope/imu0" in error.hint
+        assert termios.tcgetattr(port._slave) == before, "the other program's settings stay"
+
+
+async def test_a_port_can_be_opened_beside_a_program_that_only_writes_to_it() -> None:
+    with pty() as port, program_with(port.path, "O_WRONLY"):
+        async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
+            port.write(b"x")
+            assert joined(await link.read()) == b"x"
 
 
 @each_row("number", [errno.EACCES, errno.EPERM])

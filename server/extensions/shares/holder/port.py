@@ -93,8 +93,12 @@ class Port:
     def _open_serial(self) -> Any:
         import serial
 
+        from imuscope.server.processes import readers_of
+
         if not may_be_terminal(self._source["place"]):
             raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+        if readers := readers_of(self._source["place"]):
+            raise PortError(f"it is in use by {readers[0]}", errno.EBUSY)
 
         line = self._source
         return serial.Serial(
