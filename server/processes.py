@@ -68,7 +68,7 @@ def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str,
 
 
 def readers_of(path: str, root: Path = ROOT) -> list[Program]:
-    """Other programs that read a serial port or a terminal: what one of them reads, nobody else gets.
+    """Other programs that read a serial port or a terminal: what one of them reads, the others do not get.
 
     Left out are what only writes to it, the device's side of a pseudo-terminal, and imuscope, which locks its ports.
     """

@@ -11,7 +11,7 @@ import asyncio
 from imuscope.server.devices.link_stats import LinkStatistics
 from imuscope.server.links.base import Link
 
-LOOK_S, SILENT_S = 5.0, 30.0  # between two looks at all programs, which take some milliseconds
+SEARCH_S, SILENT_SEARCH_S = 5.0, 30.0  # between two searches of all programs, which take some milliseconds
 
 
 class OtherReaders:
@@ -21,16 +21,16 @@ class OtherReaders:
         self._link = link
         self._faults = 0
         self._due = self._silent_due = 0.0
-        self._look: asyncio.Task[None] | None = None
+        self._search: asyncio.Task[None] | None = None
 
     def tick(self, now: float, stats: LinkStatistics, *, is_silent: bool) -> None:
-        """Look for other programs if bytes were lost since the last look, or none come."""
+        """Look for other programs if bytes were lost since the last search, or none come."""
         faults = stats.rejects + stats.lost
         if now < self._due or (faults <= self._faults and not (is_silent and now >= self._silent_due)):
             return
-        self._faults, self._due, self._silent_due = faults, now + LOOK_S, now + SILENT_S
-        if self._look is None or self._look.done():
-            self._look = asyncio.get_running_loop().create_task(self._find(), name="other readers")
+        self._faults, self._due, self._silent_due = faults, now + SEARCH_S, now + SILENT_SEARCH_S
+        if self._search is None or self._search.done():
+            self._search = asyncio.get_running_loop().create_task(self._find(), name="other readers")
 
     async def _find(self) -> None:
         error = await asyncio.to_thread(self._link.other_reader)
