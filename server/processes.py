@@ -133,8 +133,8 @@ def unblock_steps(place: str, name: str) -> tuple[str, ...]:
     setting = next((words for head, words in known if name.startswith(head[:MOST_COMM])), "its setting of the port")
     return (
         f"Stop {name}.",
-        f"Start imuscope first, with the port shared: imuscope serve {place} --share {path}",
-        f"Give {name} {path} in place of {place} ({setting}) and start it again: both work then.",
+        f"Share the port: `imuscope serve {place} --share {path}`, or Share port on the page.",
+        f"Start {name} with {path} in place of {place} ({setting}): both work then.",
     )
 
 

@@ -7,7 +7,7 @@ import { Message } from "../ui/message";
 import { shortSource } from "../ui/page-state";
 import { deviceInLink, fullName, writeName } from "../wire/device-name";
 import { capabilities } from "../wire/capabilities";
-import type { DeviceInfo, Attempt } from "../wire/types";
+import type { DeviceInfo } from "../wire/types";
 import { type App, connect, linkOf, run, scanPorts } from "./app-state";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
@@ -85,7 +85,7 @@ export function Connecting({ app, device }: DeviceProps) {
       <p>
         <Message text={device.message || TEXT.attemptsFollow} />
       </p>
-      <Attempts attempts={device.attempts} />
+      <Attempts device={device} />
       {device.hint !== "" && (
         <p class="hint">
           <Message text={device.hint} />
@@ -108,7 +108,7 @@ export function Denied({ app, device }: DeviceProps) {
       <p class="hint">
         <Message text={device.hint || TEXT.grantPortAccess} />
       </p>
-      <Attempts attempts={device.attempts} />
+      <Attempts device={device} />
       <Choices app={app} device={device} />
     </Card>
   );
@@ -125,7 +125,7 @@ export function Unreached({ app, device }: DeviceProps) {
           <Message text={device.hint} />
         </p>
       )}
-      <Attempts attempts={device.attempts} />
+      <Attempts device={device} />
       <Choices app={app} device={device} />
     </Card>
   );
@@ -167,7 +167,7 @@ export function Silent({ app, device }: DeviceProps) {
       <p class="hint">
         <Message text={device.hint || TEXT.silentHint} />
       </p>
-      <Attempts attempts={device.attempts} />
+      <Attempts device={device} />
       <Choices app={app} device={device} />
     </Card>
   );
@@ -191,11 +191,13 @@ function Choices({ app, device, stop = false }: DeviceProps & { readonly stop?: 
   );
 }
 
-function Attempts({ attempts }: { readonly attempts: readonly Attempt[] }) {
+/** The last attempts, but for those of which the message of the device says the same. */
+function Attempts({ device }: { readonly device: DeviceInfo }) {
+  const attempts = device.attempts.filter(({ outcome }) => outcome !== device.message).slice(-12);
   if (attempts.length === 0) return null;
   return (
     <ol class="attempts" aria-label={TEXT.attempts} aria-live="polite" tabIndex={0}>
-      {attempts.slice(-12).map((one) => (
+      {attempts.map((one) => (
         <li key={`${one.time} ${one.what}`}>
           <b>{one.what}</b>
           <span>
