@@ -8,22 +8,23 @@ from dataclasses import replace
 import numpy as np
 
 from imuscope.protocols.registry import unit_flag
-from imuscope.recordings.clock_search import ClockSearch
+from imuscope.recordings.clock_search import clocks_of
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
 from imuscope.recordings.table_names import FEWEST, WEEK
 from imuscope.recordings.table_options import NO_COLUMN
+from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import CLOSE, UNITS, is_dated, rate_text, usual_step
 
 MOST_NAMED = 4
 
 
-def _hint_without_heading(search: ClockSearch) -> str:
+def _hint_without_heading(sample: TableSample) -> str:
     """The remedy for a table without names, by what its columns look like."""
-    width = len(search.headings)
-    rising = [column for column in range(width) if search.rises(column)]
+    width = len(sample.headings)
+    rising = [column for column in range(width) if sample.rises(column)]
     for week in (column - 1 for column in rising):
-        numbers, seconds = search.numbers(week) if week >= 0 else np.zeros(0), search.numbers(week + 1)
-        if len(numbers) and search.is_gps_week(numbers) and seconds.min() >= 0 and seconds.max() < WEEK:
+        numbers, seconds = sample.numbers(week) if week >= 0 else np.zeros(0), sample.numbers(week + 1)
+        if len(numbers) and sample.is_gps_week(numbers) and seconds.min() >= 0 and seconds.max() < WEEK:
             names = f'"{week + 1} = week" and "{week + 2} = tow (s)"'
             likeness = f"columns {week + 1} and {week + 2} look like a GPS week and the seconds of it"
             return (
@@ -36,48 +37,48 @@ def _hint_without_heading(search: ClockSearch) -> str:
     return "name its sampling rate with --rate, and the columns with --columns."
 
 
-def axis_of_table(search: ClockSearch) -> tuple[TableClock, list[TableClock]]:
+def axis_of_table(sample: TableSample) -> tuple[TableClock, list[TableClock]]:
     """The clock that is the axis, and the others.
 
     Raises:
         RecordingError: there is none, or its unit is open.
     """
-    clocks = search.clocks()
+    clocks = clocks_of(sample)
     if not clocks:
-        there = ", ".join(one.text for one in search.headings)[:300]
-        if search.form.headings:
+        there = ", ".join(one.text for one in sample.headings)[:300]
+        if sample.form.headings:
             hint = f"Name one time, with its unit: time (s), or give --time-column or --rate. There are: {there}."
         else:
-            hint = f"It has no heading either: {_hint_without_heading(search)}"
-        raise AmbiguousTableError(f"{search.file} has no column of times.", hint, "time")
+            hint = f"It has no heading either: {_hint_without_heading(sample)}"
+        raise AmbiguousTableError(f"{sample.file} has no column of times.", hint, "time")
     axis, *others = clocks
     if axis.is_open:
-        axis = _by_another(search, axis, others) or axis
-    if axis.is_open and not search.options.time_column:
+        axis = _by_another(sample, axis, others) or axis
+    if axis.is_open and not sample.options.time_column:
         for one in others:
             if not one.is_open and one.rank <= 3:
                 return one, [axis, *(other for other in others if other is not one)]
     if axis.is_open:
-        raise _open_unit(search.file, axis)
-    if search.options.rate and axis.kind in ("number", "parts"):
-        _check_rate(search, axis)
+        raise _open_unit(sample.file, axis)
+    if sample.options.rate and axis.kind in ("number", "parts"):
+        _check_rate(sample, axis)
     return axis, others
 
 
-def _by_another(search: ClockSearch, axis: TableClock, others: Sequence[TableClock]) -> TableClock | None:
+def _by_another(sample: TableSample, axis: TableClock, others: Sequence[TableClock]) -> TableClock | None:
     """The axis with the unit in which it runs like another clock."""
-    values = search.numbers(axis.columns[0])
+    values = sample.numbers(axis.columns[0])
     for other in others:
         if other.is_open or other.kind not in ("number", "counter") or len(values) < FEWEST:
             continue
-        theirs = search.numbers(other.columns[0])
+        theirs = sample.numbers(other.columns[0])
         if len(theirs) != len(values) or not np.ptp(values):
             continue
         ratio = float(np.ptp(theirs)) * other.factors[0] / float(np.ptp(values))
         fitting = [unit for unit, factor in UNITS.items() if abs(ratio / factor - 1) < CLOSE]
         if fitting:
             unit = fitting[0]
-            epoch: Epoch = "1970" if is_dated(float(values[0]) * UNITS[unit], search.newest) else "start"
+            epoch: Epoch = "1970" if is_dated(float(values[0]) * UNITS[unit], sample.newest) else "start"
             why = f"so it runs like {other.name}"
             return replace(axis, unit=unit, factors=(UNITS[unit],), epoch=epoch, sure="inferred", why=why, readings=())
     return None
@@ -95,13 +96,13 @@ def _open_unit(file: str, axis: TableClock) -> AmbiguousTableError:
     return AmbiguousTableError(f"{file}: the unit of {axis.name} can be {listed}.", hint, "unit", axis)
 
 
-def _check_rate(search: ClockSearch, axis: TableClock) -> None:
+def _check_rate(sample: TableSample, axis: TableClock) -> None:
     values = sum(
-        (search.numbers(column) * factor for column, factor in zip(axis.columns, axis.factors, strict=True)),
-        start=np.zeros(len(search.numbers(axis.columns[0]))),
+        (sample.numbers(column) * factor for column, factor in zip(axis.columns, axis.factors, strict=True)),
+        start=np.zeros(len(sample.numbers(axis.columns[0]))),
     )
     step = usual_step(values) if len(values) > 1 else 0.0
-    if step and abs(1 / step - search.options.rate) > CLOSE * search.options.rate:
-        words = f"{search.file}: {axis.name} in {axis.unit} has {rate_text(1 / step)}, not {search.options.rate:g} Hz."
+    if step and abs(1 / step - sample.options.rate) > CLOSE * sample.options.rate:
+        words = f"{sample.file}: {axis.name} in {axis.unit} has {rate_text(1 / step)}, not {sample.options.rate:g} Hz."
         hint = f"Leave --rate out, or give --time-column {NO_COLUMN} to count the rows instead."
         raise AmbiguousTableError(words, hint, "rate")

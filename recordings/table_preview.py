@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from imuscope.recordings.clock_search import ClockSearch
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.readers.registry import READERS
 from imuscope.recordings.sources import Source
@@ -22,6 +21,7 @@ from imuscope.recordings.table_clock import AmbiguousTableError, OpenQuestion, T
 from imuscope.recordings.table_format import has_rows
 from imuscope.recordings.table_headings import axis_of, grouped
 from imuscope.recordings.table_options import NO_COLUMN, TableOptions
+from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.tabular import NOW_S, CsvSource, TableSource
 from imuscope.recordings.time_units import UNITS, mean_step, usual_step
 
@@ -212,7 +212,7 @@ def _units(table: CsvSource, clock: TableClock | None, options: TableOptions) ->
     if clock is None or clock.kind != "number" or len(clock.columns) != 1:
         return []
     newest = table.path.stat().st_mtime + NOW_S
-    values = ClockSearch(table.path.name, table.form, table.headings, options, newest).numbers(clock.columns[0])
+    values = TableSample(table.path.name, table.form, table.headings, options, newest).numbers(clock.columns[0])
     step = (mean_step(values) or usual_step(values)) if len(values) > 1 else 0.0
     plausible = {one.unit for one in clock.readings} or {clock.unit}
     return [UnitChoice(unit, 1 / (step * s) if step else None, unit in plausible) for unit, s in UNITS.items()]

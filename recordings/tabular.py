@@ -5,7 +5,7 @@
 
     table_format.py      where the table begins, separator, decimal sign
     table_headings.py    names, units, vectors
-    clock_search.py      the column of times and its unit; the others stay columns
+    clock_search.py      the column of times and its unit (clock_dates, clock_weeks, clock_numbers); the others stay
     clock_steps.py       a first pass over the times: steps, repeats, wraps
 
 Times that are not since 1970 are counted from the date in the file's name, else from when it was last written. A column
@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.plural import counted, plural
 from imuscope.recordings.axis_choice import axis_of_table
-from imuscope.recordings.clock_search import ClockSearch
 from imuscope.recordings.clock_steps import ClockWatch, periods_of
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
@@ -40,6 +39,7 @@ from imuscope.recordings.table_format import TableFormat, format_of
 from imuscope.recordings.table_headings import ColumnHeading, unique
 from imuscope.recordings.table_lines import NO_MARKS, LineMarks
 from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import SPELLINGS, UNITS
 
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
@@ -158,9 +158,9 @@ class CsvSource(TableSource):
         self._segment = names.index(SEGMENT) if self.arrival_column is not None and SEGMENT in names else None
         newest = path.stat().st_mtime + NOW_S
         rate = options.rate or _head_rate(self.form)
-        search = ClockSearch(path.name, self.form, self.headings, options, newest, rate)
+        head = TableSample(path.name, self.form, self.headings, options, newest, rate)
         try:
-            clock, others = axis_of_table(search)
+            clock, others = axis_of_table(head)
         except RecordingError as error:
             if "no column of times" in error.message:
                 raise

@@ -1,0 +1,107 @@
+"""First rows of a table, in which its clocks are searched: cells and numbers of a column, and their possible units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuscope.recordings import table_names as names
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.table_clock import Epoch, TableClock
+from imuscope.recordings.table_dates import are_dates, are_packed, cells_of, is_moment
+from imuscope.recordings.table_format import TableFormat, is_number
+from imuscope.recordings.table_headings import ColumnHeading
+from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.time_units import Floats, UnitReading, possible_units
+
+
+@dataclass(frozen=True)
+class TableSample:
+    """First rows of one table, and other information on its times.
+
+    Args:
+        newest: no sample is later than that, unix s.
+        rate: of --rate, else of the head, Hz; 0 if unknown.
+    """
+
+    file: str
+    form: TableFormat
+    headings: Sequence[ColumnHeading]
+    options: TableOptions
+    newest: float
+    rate: float = 0.0
+
+    @property
+    def is_inertial(self) -> bool:
+        return any(map(names.INERTIAL.search, (self.file, *(one.name for one in self.headings))))
+
+    def numbers(self, column: int) -> Floats:
+        """Numbers of a column in the sample."""
+        cells = cells_of(self.form.sample, column)
+        plain = [cell.replace(",", ".") if self.form.decimal == "," else cell for cell in cells]
+        matches = np.array([float(cell) for cell in plain if "," not in cell and is_number(cell)], np.float64)
+        return matches[np.isfinite(matches)]
+
+    def cells(self, column: int) -> list[str]:
+        """Cells of a column in the sample."""
+        return cells_of(self.form.sample, column)
+
+    def is_text(self, column: int) -> bool:
+        """Whether the cells of a column are dates or times of day."""
+        cells = self.cells(column)
+        if len(cells) and all(map(is_number, cells[: names.FEWEST])):
+            words = names.words_of(self.headings[column].name)
+            if words == "date":  # 140214 is a day, not 14:02:14
+                return are_dates(cells)
+            named = "utc" in words or any(names.IS_GNSS.match(names.words_of(one.name)) for one in self.headings)
+            is_named = not words or any(one.match(words) for one in (names.TIME, names.TIMES))
+            return is_named and are_packed(cells, named=named)
+        return bool(cells) and sum(map(is_moment, cells)) > len(cells) / 2
+
+    def rises(self, column: int) -> bool:
+        """Whether the numbers of a column rise in every row."""
+        values = self.numbers(column)
+        return len(values) >= max(names.FEWEST, len(self.form.sample)) and bool((np.diff(values) > 0).all())
+
+    def advances(self, columns: Sequence[int]) -> bool:
+        """Whether the numbers of a stamp are more than zeros."""
+        return any(len(values := self.numbers(column)) and bool(np.ptp(values)) for column in columns) or not (
+            len(self.form.sample) >= names.FEWEST
+        )
+
+    def is_gps_week(self, values: Floats) -> bool:
+        """Whether numbers can be that of the GPS week: one, or it and the next."""
+        weeks = {*values.tolist()}
+        newest = (self.newest - names.GPS_EPOCH) / names.WEEK
+        return len(weeks) <= 2 and all(one == round(one) and names.FIRST_WEEK <= one <= newest for one in weeks)
+
+    def name(self, column: int) -> str:
+        return self.headings[column].name or f"column {column + 1}"
+
+    def readings(self, column: int) -> list[UnitReading]:
+        values, has_decimals = self.numbers(column), any(map(names.DECIMALS.search, self.cells(column)))
+        rate = self.options.rate
+        return possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=rate, fraction=has_decimals)
+
+    def column_named(self, name: str) -> int:
+        """Place of a column by its heading or number from 1.
+
+        Raises:
+            RecordingError: there is none.
+        """
+        for there in ([one.text for one in self.headings], [one.name for one in self.headings]):
+            if name in there:
+                return there.index(name)
+        if name.isdecimal() and 1 <= int(name) <= len(self.headings):
+            return int(name) - 1
+        hint = f"There are: {', '.join(one.text for one in self.headings)[:300]}."
+        raise RecordingError(f"{self.file} has no column {name!r:.60}.", hint)
+
+    def open_clock(self, column: int, rank: int, epoch: Epoch = "start") -> TableClock:
+        """A clock whose unit is open."""
+        readings = tuple(self.readings(column))
+        return TableClock(
+            self.name(column), (column,), "number", "", (), epoch, "assumed", "", readings=readings, rank=rank
+        )
