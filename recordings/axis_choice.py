@@ -10,12 +10,13 @@ import numpy as np
 from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.clock_search import clocks_of
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
-from imuscope.recordings.table_names import FEWEST, WEEK
+from imuscope.recordings.table_names import FEWEST, WEEK, is_plain
 from imuscope.recordings.table_options import NO_COLUMN
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import CLOSE, UNITS, is_dated, rate_text, usual_step
 
 MOST_NAMED = 4
+EVEN = 1.5  # longest of nearly all steps, in shortest ones
 
 
 def _hint_without_heading(sample: TableSample) -> str:
@@ -46,7 +47,10 @@ def axis_of_table(sample: TableSample) -> tuple[TableClock, list[TableClock]]:
     clocks = clocks_of(sample)
     if not clocks:
         there = ", ".join(one.text for one in sample.headings)[:300]
-        if sample.form.headings:
+        empty = [one.text for place, one in enumerate(sample.headings) if is_plain(one) and not sample.cells(place)]
+        if empty:
+            hint = f"{empty[0]} is empty in all rows. Give --rate, or another column with --time-column."
+        elif sample.form.headings:
             hint = f"Name one time, with its unit: time (s), or give --time-column or --rate. There are: {there}."
         else:
             hint = f"It has no heading either: {_hint_without_heading(sample)}"
@@ -59,10 +63,18 @@ def axis_of_table(sample: TableSample) -> tuple[TableClock, list[TableClock]]:
             if not one.is_open and one.rank <= 3:
                 return one, [axis, *(other for other in others if other is not one)]
     if axis.is_open:
-        raise _open_unit(sample.file, axis)
+        width = () if sample.form.headings else range(len(sample.headings))
+        also = [str(one + 1) for one in width if one not in axis.columns and _runs_evenly(sample, one)]
+        raise _open_unit(sample.file, axis, f"column {', '.join(also[:MOST_NAMED])}" if also else "")
     if sample.options.rate and axis.kind in ("number", "parts"):
         _check_rate(sample, axis)
     return axis, others
+
+
+def _runs_evenly(sample: TableSample, column: int) -> bool:
+    """Whether the numbers of a column rise in nearly equal steps."""
+    steps = np.diff(sample.numbers(column)) if sample.rises(column) else np.zeros(0)
+    return len(steps) > 0 and float(np.quantile(steps, 0.9)) < EVEN * float(np.quantile(steps, 0.1))
 
 
 def _by_another(sample: TableSample, axis: TableClock, others: Sequence[TableClock]) -> TableClock | None:
@@ -84,7 +96,7 @@ def _by_another(sample: TableSample, axis: TableClock, others: Sequence[TableClo
     return None
 
 
-def _open_unit(file: str, axis: TableClock) -> AmbiguousTableError:
+def _open_unit(file: str, axis: TableClock, also: str) -> AmbiguousTableError:
     units = [one.unit for one in axis.readings]
     if not units:
         words = f"{file}: the times in {axis.name} fit no unit."
@@ -93,6 +105,8 @@ def _open_unit(file: str, axis: TableClock) -> AmbiguousTableError:
     listed = " or ".join(one.words() for one in axis.readings)
     flags = " or ".join(f"{unit_flag()} {'us' if unit == 'µs' else unit}" for unit in units)
     hint = f"Name it: {flags}, or --rate, or in the heading: {axis.name} ({units[0]})."
+    if also:
+        hint += f" Rising from row to row, too: {also}, with --time-column."
     return AmbiguousTableError(f"{file}: the unit of {axis.name} can be {listed}.", hint, "unit", axis)
 
 

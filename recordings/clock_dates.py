@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from imuscope.recordings import table_names as names
 from imuscope.recordings.table_cells import leap_seconds
@@ -13,17 +14,13 @@ from imuscope.recordings.time_units import SPELLINGS, UNITS, is_dated
 
 
 def stamp_clocks(sample: TableSample) -> list[TableClock]:
-    """Pairs of seconds and parts of a second."""
+    """Pairs of seconds and parts of a second: stamp.secs and stamp.nsecs, stamp_sec_imu and stamp_nanosec_imu."""
     by_words = {names.words_of(one.name): column for column, one in enumerate(sample.headings)}
     matches = []
     for words, column in by_words.items():
-        stem, _, last = words.rpartition("_")
-        if SPELLINGS.get(last) != "s":
-            continue
-        for part, other in by_words.items():
-            head, _, tail = part.rpartition("_")
-            unit = SPELLINGS.get(tail, "s")
-            if head == stem and unit != "s" and _is_fraction(sample, other, unit):
+        for stem, unit, part in _parts_of(words):
+            other = by_words.get(part)
+            if other is not None and _is_fraction(sample, other, unit):
                 name = f"{sample.headings[column].name} + {sample.headings[other].name}"
                 seconds = sample.numbers(column)
                 epoch: Epoch = "1970" if len(seconds) and is_dated(float(seconds[0]), sample.newest) else "start"
@@ -32,6 +29,16 @@ def stamp_clocks(sample: TableSample) -> list[TableClock]:
                 matches.append(TableClock(name, (column, other), "parts", "s", factors, epoch, "known", why, rank=rank))
                 break
     return [one for one in matches if sample.advances(one.columns)]
+
+
+def _parts_of(words: str) -> Iterator[tuple[str, str, str]]:
+    """Of a heading in seconds: the words before the unit, the unit of a part, and the heading of that part."""
+    parts = words.split("_")
+    for place in reversed(range(len(parts))):
+        if SPELLINGS.get(parts[place]) == "s":
+            for spelling, unit in SPELLINGS.items():
+                if unit != "s":
+                    yield "_".join(parts[:place]), unit, "_".join((*parts[:place], spelling, *parts[place + 1 :]))
 
 
 def _is_fraction(sample: TableSample, column: int, unit: str) -> bool:

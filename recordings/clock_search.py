@@ -62,11 +62,28 @@ def _all(sample: TableSample) -> list[TableClock]:
             matches += [text_clock(sample, column, 4)] if order_of(cells, sample.newest)[0] or not matches else []
     matches += counter_clocks(sample)
     matches = matches or unnamed_clocks(sample)
-    if not matches and sample.rate:
+    if sample.rate and all(_is_constant(sample, one) for one in matches):
         matches = [row_clock(sample)]
-    return sorted(
-        (of_gps(sample, one) for one in matches), key=lambda one: (_stands(sample, one), one.rank, one.columns)
-    )
+    dated = [of_gps(sample, one) for one in matches]
+    filled = {one.columns: _filled(sample, one) for one in dated}
+    most = max(filled.values(), default=0)
+
+    def order(one: TableClock) -> tuple[bool, bool, bool, int, tuple[int, ...]]:
+        is_sparse = 2 * filled[one.columns] < most
+        return _is_constant(sample, one), is_sparse, _stands(sample, one), one.rank, one.columns
+
+    return sorted(dated, key=order)
+
+
+def _filled(sample: TableSample, clock: TableClock) -> int:
+    """Rows with a time of a clock."""
+    return sum(all(row[column].strip() for column in clock.columns) for row in sample.form.sample)
+
+
+def _is_constant(sample: TableSample, clock: TableClock) -> bool:
+    """Whether all rows have one time, as where a program had none to write."""
+    rows = sample.form.sample
+    return len(rows) >= names.FEWEST and len({tuple(row[column] for column in clock.columns) for row in rows}) == 1
 
 
 def _stands(sample: TableSample, clock: TableClock) -> bool:

@@ -260,7 +260,7 @@ def open_file(
     log_format = vendor_logs.marked_format(head)
     if log_format is None:
         reader, log_format = suffix_reader(suffix), vendor_logs.suffix_format(suffix)
-        if (reader or log_format) and not protocol and known_file(head) is not None:
+        if (reader or log_format) and not protocol and _is_no_table(path, head):
             raise _unknown(path, head)  # the first bytes say more than the suffix
     if reader is not None:
         return _read(reader, request)
@@ -268,15 +268,21 @@ def open_file(
         log = _log(path, *log_format, protocol)
         return log if log.protocol or not is_table(path) else _table(request)
     if suffix in TABLES:
-        if not protocol and known_file(head) is not None:
+        if not protocol and _is_no_table(path, head):
             raise _unknown(path, head)
         return CaptureSource([path], "bin", protocol) if protocol else _table(request)
     source = CaptureSource([path], "bin", protocol)
     if not source.protocol:
-        if known_file(head) is None and is_table(path):
+        if not _is_no_table(path, head) and is_table(path):
             return _table(request)
         raise _unknown(path, head)
     return source
+
+
+def _is_no_table(path: Path, head: bytes) -> bool:
+    """Whether the first bytes of a file are of a format that is not read."""
+    known = known_file(head)
+    return known is not None and not (known.may_be_table and is_table(path))
 
 
 def is_table(path: Path) -> bool:

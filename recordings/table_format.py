@@ -13,14 +13,16 @@ import io
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.table_dates import is_moment, is_time_of_day, order_of, unix_seconds, utc_text
+from imuscope.recordings.table_dates import Order, is_moment, is_time_of_day, order_of, unix_seconds, utc_text
+from imuscope.recordings.table_labels import CELLS, RowLabels, labels_of
 from imuscope.recordings.table_lines import NO_MARKS, LineMarks, marks_of
 from imuscope.recordings.time_units import FASTEST_FRACTION, is_dated
 
@@ -28,8 +30,11 @@ LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV fil
 SAMPLE_BYTES, SAMPLE_ROWS = 1 << 18, 2000
 FEWEST_ROWS = 3  # of numbers, in a file whose name does not say that it is a table
 MAX_COLUMNS = 500
+LONGEST_CELL = 10_000  # characters of a row with line breaks in it: else a quotation mark is only an inch
 MAX_HEAD_LINES = 200
 START_NAMES = ("start time", "start", "start_time", "starttime", "recording start", "logging started", "time", "date")
+START_PAIRS = (("start date", "start time"), ("date", "time"), ("recording date", "recording time"))
+ORDERS: Mapping[str, Order] = {"m": "mdy", "d": "dmy"}  # first letter of a date format
 GPS_NAMES, GPS_PARTS = ("gpst", "gps time"), ("GPS week", "tow (s)")
 MOST = 0.8  # of the lines have as many cells as there are columns
 SEPARATORS = "\t;|, "
@@ -42,6 +47,8 @@ _UNIT = re.compile(
 _SEP = re.compile(r"^\s*\"?sep=(.)\"?\s*$", re.IGNORECASE)
 _PAIR = re.compile(r"^\s*(?P<name>[^:=,;\t{}]{1,60})(?:[:=]\s*[,;\t]?|[,;\t])\s*(?P<value>.{1,200}?)\s*$")
 _EQUAL = re.compile(r"\w+ ?= ?[^,;=\t]+")
+_FORMAT = re.compile(r"\bdate format ([MdyMD]{1,4}[./-][MdyMD]{1,4}[./-][MdyMD]{1,4})")
+_START = re.compile(r"^\s*(start (?:date|time))\s+(\d\S*)\s*$", re.IGNORECASE)
 _AT_RATE = re.compile(r"\bat (\d+(?:\.\d+)? ?Hz)\b")
 _COMMENTS = ("#", "//", "% ", "%%", "@")
 _MARKS = "#/%@ \t"
@@ -66,6 +73,8 @@ class TableFormat:
         columns: their number.
         marks: around the cells of a row.
         is_ragged: whether many rows have another number of cells.
+        has_lines: whether a cell in quotation marks may have several lines.
+        unused: names in the heading behind those of the columns.
     """
 
     skip: int
@@ -77,12 +86,20 @@ class TableFormat:
     metadata: Mapping[str, str] = field(default_factory=dict)
     marks: LineMarks = NO_MARKS
     is_ragged: bool = False
+    has_lines: bool = False
+    unused: int = 0
 
     @property
     def started(self) -> float | None:
         """Start time in the head, unix s; None without one, or if its day may be its month."""
-        texts = [text for name in START_NAMES if ":" in (text := self.metadata.get(name, ""))]
-        return next((at for one in texts if order_of([one], np.inf)[0] and (at := unix_seconds(one)) is not None), None)
+        pairs = [f"{self.metadata.get(date, '')} {self.metadata.get(clock, '')}" for date, clock in START_PAIRS]
+        texts = [*(text for name in START_NAMES if ":" in (text := self.metadata.get(name, ""))), *pairs]
+        stated = self.metadata.get("date format", "")
+        for one in texts:
+            order = ORDERS.get(stated[:1].lower()) or order_of([one], np.inf)[0]
+            if order is not None and (at := unix_seconds(one, order)) is not None:
+                return at
+        return None
 
 
 def is_number(text: str) -> bool:
@@ -97,7 +114,7 @@ def is_number(text: str) -> bool:
 def split(line: str, separator: str) -> list[str]:
     """Cells of a line."""
     if separator == " ":
-        return line.split()
+        return [cell.strip('"') for cell in line.split()]
     try:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error:  # a cell of more than 128 kB
@@ -121,7 +138,27 @@ def format_of(path: Path, *, may_be_narrow: bool = False) -> TableFormat:
             size += len(line)
         if len(lines) > 2 and not lines[-1].endswith(("\n", "\r")) and file.read(1):
             lines.pop()
-    return _format(path.name, [line.rstrip("\r\n") for line in lines], may_be_narrow=may_be_narrow)
+    plain = [line.rstrip("\r\n") for line in lines]
+    joined = _joined(plain)
+    form = _format(path.name, joined, may_be_narrow=may_be_narrow)
+    has_lines = len(joined) < len(plain) and form.separator != " "
+    return replace(form, has_lines=has_lines) if has_lines else form
+
+
+def _joined(lines: list[str]) -> list[str]:
+    """Lines, in which one goes on while a quotation mark is open; as they are if one never closes."""
+    if not any(line.count('"') % 2 for line in lines):
+        return lines
+    out: list[str] = []
+    is_open = False
+    for line in lines:
+        if is_open:
+            out[-1] += f" {line}"
+        else:
+            out.append(line)
+        is_open ^= line.count('"') % 2 == 1
+    longest = max(map(len, out))
+    return lines if longest > LONGEST_CELL else out[:-1] if is_open else out
 
 
 def has_rows(path: Path) -> bool:
@@ -137,6 +174,8 @@ def has_rows(path: Path) -> bool:
 
 
 def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
+    if (labels := labels_of(lines)) is not None:
+        return _labelled(lines, labels)
     forced = next((match[1] for line in lines[:MAX_HEAD_LINES] if (match := _SEP.match(line)) is not None), "")
     marks = marks_of(lines, lambda rows: forced or _separator(rows))
     lines = [marks.removed(marks.headings(line)) for line in lines] if marks else lines
@@ -145,6 +184,9 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         raise RecordingError(f"{name} has {count} columns; {MAX_COLUMNS} are read.", "Leave some out.")
     metadata: dict[str, str] = {}
     above: dict[bool, list[list[str]]] = {False: [], True: []}  # whether a comment → lines of as many cells as the rows
+    longer: list[str] = []  # the last line above with more names than the rows have cells
+    shorter: list[str] = []  # the last one with a name too few
+    index = ""  # the only name in a line below the others, as pandas writes that of its index
     first = heading_at = len(lines)
     for at, line in enumerate(lines[:MAX_HEAD_LINES]):
         is_comment = _is_comment(line)
@@ -157,6 +199,12 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         if marks.separator and is_moment(cells[0]):
             cells[0] = "time"
         _note(metadata, line.strip(_MARKS))
+        if len(cells) == count - 1 and separator == " " and not is_comment and not _is_data(cells):
+            shorter = cells
+        if len(cells) == count > 2 and not is_comment and above[False] and cells[0] and not any(cells[1:]):
+            index = cells[0]
+        if not is_comment and count > 2 and len(cells) > count and not _is_data(cells):
+            longer = cells
         if len(cells) == count and not _is_data(cells) and sum(map(bool, map(_LETTER.search, cells))) > (count > 2):
             heading_at = at if not above[False] and not is_comment else heading_at
             above[is_comment].append(cells)
@@ -175,8 +223,42 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         first, rows = first + 2, rows[2:]
     sample = [row for row in rows if len(row) == count]
     headings = _headings(above[False] or above[True])
+    unused = 0
+    if not headings and longer and not any(map(_is_bare, longer[:count])):
+        headings, unused = longer[:count], len(longer) - count
     decimal, is_ragged = _decimal(sample, separator), len(sample) < MOST * len(rows)
-    return TableFormat(first, separator, decimal, headings, sample, count, metadata, marks, is_ragged)
+    if headings and not headings[-1] and _numbers_rows(sample):
+        headings = ["", *headings[:-1]]
+    if not headings and shorter and _numbers_rows(sample):
+        headings = ["", *shorter]
+    if headings and index and not headings[0]:
+        headings = [index, *headings[1:]]
+    return TableFormat(first, separator, decimal, headings, sample, count, metadata, marks, is_ragged, unused=unused)
+
+
+def _is_bare(cell: str) -> bool:
+    """Whether a cell of a heading is empty or a number."""
+    return not cell.strip() or is_number(cell)
+
+
+def _numbers_rows(sample: Sequence[Sequence[str]]) -> bool:
+    """Whether the first cell of each row is its number, and the last one is not empty: R writes no name above it."""
+    first = [row[0].strip().strip('"') for row in sample[:SAMPLE_ROWS]]
+    is_counted = all(one.isdecimal() for one in first) and len(first) >= FEWEST_ROWS
+    steps = {int(after) - int(before) for before, after in pairwise(first)} if is_counted else set()
+    return steps == {1} and int(first[0]) <= 1 and all(row[-1].strip() for row in sample)
+
+
+def _labelled(lines: Sequence[str], labels: RowLabels) -> TableFormat:
+    """Form of a table with a name beside each number."""
+    first = next(at for at, line in enumerate(lines) if labels.cells(line) != line)
+    metadata: dict[str, str] = {}
+    for line in lines[:first]:
+        _note(metadata, line.strip(_MARKS))
+    rows = [labels.cells(line).split(CELLS) for line in lines[first:]]
+    sample = [row for row in rows if len(row) == len(labels.names)]
+    marks = LineMarks(labels=labels)
+    return TableFormat(first, CELLS, ".", labels.names, sample, len(labels.names), metadata, marks)
 
 
 def _empatica_start(rows: Sequence[Sequence[str]]) -> float:
@@ -238,9 +320,25 @@ def _with_time(cells: list[str], row: Sequence[str]) -> list[str]:
 def _headings(lines: Sequence[list[str]]) -> list[str]:
     """Headings of the lines above the rows: the last with the most names, with the units of a line of units."""
     units = lines[-1] if len(lines) > 1 and all(map(_UNIT.fullmatch, lines[-1])) else []
-    names = max(reversed(lines[:-1] if units else lines), key=_distinct_names, default=[])
+    lines = lines[:-1] if units else lines
+    names = max(reversed(lines), key=_distinct_names, default=[])
+    names = _under(lines[lines.index(names) - 1], names) if lines and lines.index(names) else names
     plain = [unit[1:-1] if unit[:1] in ("(", "[") else unit for unit in units or [""] * len(names)]
     return [f"{name} ({unit})" if unit and name else name for name, unit in zip(names, plain, strict=True)]
+
+
+def _under(groups: list[str], names: list[str]) -> list[str]:
+    """Names with those of the groups above them, if they occur again without: x, y, z of accel and of gyro. A group
+    may stand above its first column only.
+    """
+    filled = list(filter(None, names))
+    if len({*filled}) == len(filled):
+        return names
+    runs: list[str] = []
+    for cell in groups:
+        runs.append(cell or (runs[-1] if runs else ""))
+    joined = [f"{group}.{name}" if group and name else name or group for group, name in zip(runs, names, strict=True)]
+    return joined if len({*joined}) > len({*names}) else names
 
 
 def _distinct_names(cells: Sequence[str]) -> int:
@@ -254,6 +352,10 @@ def _note(metadata: dict[str, str], line: str) -> None:
             metadata.setdefault(match["name"].strip().lower(), match["value"].strip("\"',; \t"))
     if (rate := _AT_RATE.search(line)) is not None:
         metadata.setdefault("rate", rate[1])
+    if (start := _START.match(line)) is not None:
+        metadata.setdefault(start[1].lower(), start[2])
+    if (stated := _FORMAT.search(line)) is not None:
+        metadata.setdefault("date format", stated[1])
 
 
 def _is_data(cells: Sequence[str]) -> bool:

@@ -3,6 +3,7 @@
 10:15:00.000 -> 1,2,3           the stamp of Arduino's serial monitor: it becomes the first cell
 33,Jogging,491059,-0.6,0.5;     a mark at the end of each row, as in WISDM: it is left out
 0.01<tab>0.5,0.4,-0.6,0.2       numbers of a quaternion in one cell, as in OpenSim: a cell of its own for each
+ax: 0.1, ay: 0.2                names beside the numbers (table_labels.py)
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+from imuscope.recordings.table_labels import RowLabels
 
 _STAMP = re.compile(r"^([ \t]*\d{1,2}:\d\d:\d\d(?:[.,]\d+)?) -> ?", re.MULTILINE)
 _END = re.compile(r";[ \t]*(?=\r?$)", re.MULTILINE)
@@ -32,15 +35,17 @@ class LineMarks:
         has_end: whether rows end with a semicolon that separates nothing.
         widths: numbers in each cell of a row with lists in them; none in other tables.
         is_quaternion: whether the head of the file says that a list of four is one, with w first.
+        labels: names in the rows; None in other tables.
     """
 
     separator: str = ""
     has_end: bool = False
     widths: Sequence[int] = ()
     is_quaternion: bool = False
+    labels: RowLabels | None = None
 
     def __bool__(self) -> bool:
-        return self.has_end or bool(self.separator) or bool(self.widths)
+        return self.has_end or bool(self.separator) or bool(self.widths) or self.labels is not None
 
     def headings(self, line: str) -> str:
         """A line above the rows with a name for each number of their lists."""
@@ -60,6 +65,8 @@ class LineMarks:
 
     def removed(self, text: str) -> str:
         """Whole lines without them."""
+        if self.labels is not None:
+            return "".join(map(self.labels.cells, text.splitlines(keepends=True)))
         if self.has_end:
             text = _END.sub("", text)
         if self.widths:

@@ -37,7 +37,7 @@ _STEMS = "times?|gpst|gpstime|stamps?|time_?stamps?|date_?time|t|ts|clock|elapse
 _BEFORE = (
     "sensor|system|sys|device|dev|host|unix|gps|gnss|ins|utc|log|logging|local|elapsed|relative|rel|boot|sample|rec|"
     "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start|"
-    "offset|clock"
+    "offset|clock|pc|computer|test|run|experiment"
 )
 _AFTER = (
     "(?:in_)?(?:"

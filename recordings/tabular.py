@@ -284,7 +284,9 @@ class CsvSource(TableSource):
         reading = pa.csv.ReadOptions(
             block_size=BLOCK_BYTES, skip_rows=self.form.skip, column_names=self.names, use_threads=False
         )
-        parsing = pa.csv.ParseOptions(delimiter=self.form.separator, invalid_row_handler=skip)
+        parsing = pa.csv.ParseOptions(
+            delimiter=self.form.separator, invalid_row_handler=skip, newlines_in_values=self.form.has_lines
+        )
         types = pa.csv.ConvertOptions(column_types=dict.fromkeys(self.names, pa.string()), include_columns=list(names))
         try:
             with (
@@ -360,6 +362,9 @@ class CsvSource(TableSource):
         if odd:
             lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(self.names), 'field')}"
             self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))
+        if self.form.unused:
+            there = f"The heading has {self.form.columns + self.form.unused} names, the rows {self.form.columns} cells"
+            self.damage.append(FileDamage(-1, f"{there}: the first names are taken."))
         if self._timeless and self.axis is not None:
             rows = counted(self._timeless, "row has no time and is", "rows have no time and are")
             self.damage.append(FileDamage(-1, f"{rows} left out ({self.axis.name})."))

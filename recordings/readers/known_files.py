@@ -19,6 +19,7 @@ class KnownFile:
         offset: of the marks.
         suffixes: of its files, if they have no marks.
         frame: first byte of its frames, and their length, if they are all of one.
+        may_be_table: whether a table can begin like that.
     """
 
     name: str
@@ -27,6 +28,7 @@ class KnownFile:
     offset: int = 0
     suffixes: tuple[str, ...] = ()
     frame: tuple[int, int] | None = None
+    may_be_table: bool = False
 
     def has_frames(self, head: bytes) -> bool:
         """Whether the first bytes of a file are several frames of this format."""
@@ -92,7 +94,12 @@ FILES = (
         suffixes=(".tlog",),
     ),
     KnownFile("a FIT file", "Convert it to CSV, with a column for each field.", (b".FIT",), 8),
-    KnownFile("a text in brackets, but not JSON", "Give its samples as JSON or as a CSV file.", (b"{", b"[{", b"[\n")),
+    KnownFile(
+        "a text in brackets, but not JSON",
+        "Give its samples as JSON or as a CSV file.",
+        (b"{", b"[{", b"[\n"),
+        may_be_table=True,
+    ),
     KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 11)),
     KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 20)),
     KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 28)),

@@ -36,15 +36,16 @@ class _Tables:
         self.first, self.last = np.inf, -np.inf
         self.segments: dict[float, float] = {}  # number → its begin, of those that a file numbers
         self._writer = writer
-        self._plans: dict[str, list[tuple[int, list[str]]]] = {}
+        self._plans: dict[tuple[str, ...], list[tuple[int, list[str]]]] = {}  # by table and columns
 
     def add(self, rows: TableRows) -> None:
         """Add a block of rows."""
         if not len(rows.time):
             return
-        plan = self._plans.get(rows.table)
+        form = (rows.table, *rows.columns)
+        plan = self._plans.get(form)
         if plan is None:
-            plan = self._plans[rows.table] = self._begin(rows)
+            plan = self._plans[form] = self._begin(rows)
         for number, headings in plan:
             self._writer.append(number, [rows.arrival, rows.time, *(rows.columns[name][0] for name in headings)])
         if rows.segment is not None:

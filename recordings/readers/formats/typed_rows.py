@@ -30,6 +30,7 @@ from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_clock import AmbiguousTableError
 from imuscope.recordings.table_dates import is_moment
 from imuscope.recordings.table_format import LONGEST_LINE, MOST, SAMPLE_BYTES, TableFormat, format_of, is_number, split
+from imuscope.recordings.table_labels import labels_of
 from imuscope.recordings.table_names import SENSOR, words_of
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource, TableSource
@@ -76,6 +77,8 @@ def has_typed_rows(path: Path) -> bool:
     if _names_column(path) is not None:
         return True
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
+    if labels_of(lines) is not None:  # the numbers have names, not the rows
+        return False
     if any(map(_DECLARED.match, lines)):
         return True
     rows = [row for line in lines if (row := _row(line)) is not None]
