@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+import numpy as np
+
 from imuscope.recordings import table_names as names
 from imuscope.recordings.table_cells import leap_seconds
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
-from imuscope.recordings.table_dates import Order, is_time_of_day, order_of, unix_seconds
+from imuscope.recordings.table_dates import Order, is_of_hour, is_time_of_day, order_of, unix_seconds
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import SPELLINGS, UNITS, is_dated
 
@@ -29,6 +31,33 @@ def stamp_clocks(sample: TableSample) -> list[TableClock]:
                 matches.append(TableClock(name, (column, other), "parts", "s", factors, epoch, "known", why, rank=rank))
                 break
     return [one for one in matches if sample.advances(one.columns)]
+
+
+def unnamed_stamps(sample: TableSample) -> list[TableClock]:
+    """Two columns without names that are seconds and parts of one, as ros2 topic echo --csv writes a stamp."""
+    for column in range(len(sample.headings) - 1):
+        seconds, parts = sample.numbers(column), sample.numbers(column + 1)
+        rows = len(sample.form.sample)
+        if not len(seconds) == len(parts) == rows or rows < names.FEWEST or (np.diff(seconds) < 0).any():
+            continue
+        is_whole = all(bool((one == np.round(one)).all()) for one in (seconds, parts))
+        unit = next((one for one in ("ms", "µs", "ns") if float(parts.max()) * UNITS[one] < 1), "")
+        if not is_whole or not unit or parts.min() < 0 or not np.ptp(parts):
+            continue
+        steps = np.diff(seconds + parts * UNITS[unit])
+        wraps = np.diff(parts) < 0
+        is_stamp = bool((steps > 0).all()) and bool((np.diff(seconds)[wraps] > 0).all()) and bool(wraps.any())
+        if (
+            is_stamp
+            and float(parts.max()) * UNITS[unit] > 0.5
+            and np.quantile(steps, 0.9) < 2 * np.quantile(steps, 0.1)
+        ):
+            epoch: Epoch = "1970" if is_dated(float(np.median(seconds)), sample.newest) else "start"
+            name = f"column {column + 1} + column {column + 2}"
+            why = f"they rise together, as seconds and {unit} do"
+            factors = (1.0, UNITS[unit])
+            return [TableClock(name, (column, column + 1), "parts", "s", factors, epoch, "inferred", why, rank=5)]
+    return []
 
 
 def _parts_of(words: str) -> Iterator[tuple[str, str, str]]:
@@ -76,6 +105,9 @@ def part_clocks(sample: TableSample) -> list[TableClock]:
 
 def text_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     name, is_day = sample.name(column), all(map(is_time_of_day, sample.cells(column)[: names.FEWEST]))
+    if is_day and all(map(is_of_hour, sample.cells(column))):
+        why = "minutes and seconds, without the hour"
+        return TableClock(name, (column,), "text", "", (1.0,), "start", "known", why, rank=rank)
     if is_day:
         return TableClock(name, (column,), "text", "", (1.0,), "day", "known", "times of day", rank=rank)
     order, zone = _order(sample, column), names.ZONE.match(sample.headings[column].unit)

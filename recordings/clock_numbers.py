@@ -13,12 +13,15 @@ from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import (
     CLOSE,
     FACTORS,
+    FASTEST,
+    RECENT,
     SPELLINGS,
     UNITS,
     Floats,
     UnitReading,
     decided,
     is_dated,
+    mean_step,
     rate_text,
     usual_step,
 )
@@ -46,7 +49,8 @@ def number_clock(sample: TableSample, column: int, rank: int) -> TableClock:
 
 def _epoch(sample: TableSample, column: int, factor: float) -> Epoch:
     values = sample.numbers(column)
-    return "1970" if len(values) and is_dated(float(values[0]) * factor, max(sample.newest, 1.9e9)) else "start"
+    usual = float(np.median(values)) if len(values) else 0.0  # the first may be of before the clock was set
+    return "1970" if is_dated(usual * factor, max(sample.newest, 1.9e9)) else "start"
 
 
 def _serial_days(sample: TableSample, column: int, rank: int) -> TableClock | None:
@@ -55,6 +59,20 @@ def _serial_days(sample: TableSample, column: int, rank: int) -> TableClock | No
         if any(is_dated(float(one) * FACTORS["d"] + zero, sample.newest) for one in sample.numbers(column)[:1]):
             clock = TableClock(sample.name(column), (column,), "number", "d", (FACTORS["d"],), "1970", "inferred", "")
             return replace(clock, why=f"as days of {name}, they are dates", rank=rank, zero_s=zero)
+    return None
+
+
+def _of_another_zero(sample: TableSample, column: int, rank: int) -> TableClock | None:
+    """Numbers that are recent dates only by the zero and the unit of one program; None for others."""
+    values = sample.numbers(column)
+    usual, step = float(np.median(values)), mean_step(values)
+    for name, (unit, factor, zero) in names.ZEROS.items():
+        date = usual * factor + zero
+        is_recent = is_dated(date, sample.newest) and date > sample.newest - RECENT
+        if is_recent and step and FACTORS["h"] > step * factor > 1 / FASTEST:
+            why = f"as {unit} of {name}, they are dates"
+            clock = TableClock(sample.name(column), (column,), "number", unit, (factor,), "1970", "assumed", why)
+            return replace(clock, rank=rank, zero_s=zero)
     return None
 
 
@@ -67,6 +85,8 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     is_date = names.words_of(sample.headings[column].name) in ("date", *names.DAYS)
     if (not readings or is_date) and (serial := _serial_days(sample, column, rank)) is not None:
         return serial
+    if not readings and (counted := _of_another_zero(sample, column, rank)) is not None:
+        return counted
     chosen = decided(readings, values, inertial=sample.is_inertial, newest=sample.newest)
     sure: Sure = "inferred"
     by_head = [one for one in readings if sample.rate and abs(one.rate - sample.rate) <= CLOSE * sample.rate]
@@ -137,15 +157,22 @@ def unnamed_clocks(sample: TableSample) -> list[TableClock]:
     for column in range(len(sample.headings)):
         values = sample.numbers(column)
         if len(values) >= max(names.FEWEST, len(sample.form.sample)) and (np.diff(values) >= 0).mean() > names.RISING:
-            one = number_clock(sample, column, 5) if sample.options.unit else inferred_clock(sample, column, 5)
+            is_stated = sample.options.unit or sample.headings[column].unit
+            one = number_clock(sample, column, 5) if is_stated else inferred_clock(sample, column, 5)
             rising |= {column: one} if one.epoch == "1970" or (np.diff(values) > 0).all() else {}
     clock = next((one for one in rising.values() if one.epoch == "1970"), None)
     if clock is None and rising and sample.form.headings:
-        named = (one for i, one in rising.items() if names.TIMELIKE.search(sample.headings[i].name.lower()))
+        named = (one for i, one in rising.items() if _is_of_time(sample, i))
         clock = next((one for one in named if not one.is_open), None)
     elif clock is None and rising and len(sample.headings) > names.FEWEST:
         clock = rising.get(next(i for i in range(len(sample.headings)) if len(sample.numbers(i))))
     return [] if clock is None else [replace(clock, why=f"it rises from row to row, and {clock.why}")]
+
+
+def _is_of_time(sample: TableSample, column: int) -> bool:
+    """Whether a heading sounds like a time, or has the unit of one: X[s]."""
+    heading = sample.headings[column]
+    return bool(names.TIMELIKE.search(heading.name.lower())) or heading.unit.strip().lower() in SPELLINGS
 
 
 def row_clock(sample: TableSample) -> TableClock:

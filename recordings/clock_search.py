@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from imuscope.recordings import table_names as names
-from imuscope.recordings.clock_dates import date_clocks, part_clocks, stamp_clocks, text_clock
+from imuscope.recordings.clock_dates import date_clocks, part_clocks, stamp_clocks, text_clock, unnamed_stamps
 from imuscope.recordings.clock_numbers import counter_clocks, fine_clock, number_clock, row_clock, unnamed_clocks
 from imuscope.recordings.clock_weeks import of_gps, week_clocks
 from imuscope.recordings.mcap_writer import RecordingError
@@ -29,6 +29,7 @@ from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import order_of
 from imuscope.recordings.table_options import NO_COLUMN
 from imuscope.recordings.table_sample import TableSample
+from imuscope.recordings.time_units import SPELLINGS
 
 
 def clocks_of(sample: TableSample) -> list[TableClock]:
@@ -61,6 +62,7 @@ def _all(sample: TableSample) -> list[TableClock]:
         if column not in used and sample.is_text(column) and len(cells := {*sample.cells(column)}) > 1:
             matches += [text_clock(sample, column, 4)] if order_of(cells, sample.newest)[0] or not matches else []
     matches += counter_clocks(sample)
+    matches = matches or (unnamed_stamps(sample) if not sample.form.headings else [])
     matches = matches or unnamed_clocks(sample)
     if sample.rate and all(_is_constant(sample, one) for one in matches):
         matches = [row_clock(sample)]
@@ -113,7 +115,9 @@ def _of_name(sample: TableSample, column: int) -> TableClock | None:
     last = names.words_of(heading.name.rpartition(".")[2])  # of a structure: ref.t
     is_inner = "." in heading.name and names.TIMES.match(last) is not None and sample.rises(column)
     is_named = is_ros or is_inner or names.TIME.match(words) or names.ELAPSED.match(words) or names.TIMES.match(words)
-    if not is_named or (words == "t" and names.has_odd_unit(heading)):  # a temperature
+    if not (is_named or (words in SPELLINGS and sample.rises(column))) or (
+        words == "t" and names.has_odd_unit(heading)
+    ):  # a temperature
         return None
     rank = 1 if words.endswith("header_stamp") else 2 if names.is_plain(heading) or is_ros else 3
     rank += bool(names.OF_HOST.match(words))

@@ -167,6 +167,8 @@ def periods_of(factor: float, kind: str, epoch: str) -> tuple[float, ...]:
         return (DAY,)
     if epoch == "week":
         return (7 * DAY,)
+    if kind == "text" and epoch == "start":
+        return (3600.0,)
     if kind == "counter":
         return tuple(count * factor for count in WRAPS)
     return tuple(count * factor for count in WRAPS[1:]) if kind == "number" and epoch == "start" else ()

@@ -18,11 +18,13 @@ from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, s
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import DAY, dated_name
 from imuscope.recordings.table_format import TableFormat
-from imuscope.recordings.time_units import CLOSE, in_order, rate_text, usual_step
+from imuscope.recordings.time_units import CLOSE, UNSORTED, in_order, rate_text, usual_step
 
 AHEAD, AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
 LAST_CHANGE = "the file's last change"
+FEWEST_STEPS = 8  # in a sample, to speak of an order
+EVENLY = 0.5  # of the steps ahead are nearly equal: not of rows without order
 NEARLY_ALL = 0.9  # of the steps: a logger that writes in bursts has some long ones
 EPOCHS = {
     "1970": "since 1970 (UTC)",
@@ -50,6 +52,7 @@ class TimeAxis:
         head_rate: sampling rate in the head of the file, Hz; 0 if there is none.
         decimal: sign of its numbers.
         options: name of a clock → option that makes it the axis.
+        order: of the rows in the file: "" ascending, else the words on it; they are read by their times.
     """
 
     clock: TableClock
@@ -61,6 +64,7 @@ class TimeAxis:
     decimal: str = "."
     options: Mapping[str, str] = field(default_factory=dict)
     watch: ClockWatch | None = None
+    order: str = ""
 
     @property
     def keeps_clock(self) -> bool:
@@ -99,6 +103,8 @@ class TimeAxis:
             texts.append(f"Its date is that of {self.dated_by}.")
         if self.others:
             texts.append(f"Other clocks are columns: {', '.join(one.name for one in self.others)}.")
+        if self.order:
+            texts.append(f"The rows {self.order}; they are read in the order of their times.")
         if self.watch is not None:
             texts += filter(None, [repeats_words(self.watch, self.name)])
             if self.watch.out_of_order:
@@ -124,6 +130,20 @@ class TimeAxis:
             "out_of_order": watch.out_of_order if watch is not None else 0,
             "sentences": self.sentences(),
         }
+
+
+def order_words(times: Floats) -> str:
+    """Words on the order of rows with these times; "" if they ascend. A clock that wraps or is set goes back, too, but
+    runs evenly between, and has each time often.
+    """
+    steps = np.diff(times)
+    back, forward = steps < 0, steps[steps > 0]
+    if len(steps) < FEWEST_STEPS or back.mean() <= UNSORTED:
+        return ""
+    if back.mean() > NEARLY_ALL:
+        return "run backwards"
+    is_even = bool((np.abs(forward - np.median(forward)) <= np.median(forward) / 2).mean() > EVENLY)
+    return "" if is_even or len(np.unique(times)) < len(times) / 2 else "are out of order"
 
 
 def step_limits(times: Floats) -> tuple[float, float]:

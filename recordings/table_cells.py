@@ -62,7 +62,7 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
     if clock.kind == "rows":
         raise ValueError("rows have no columns")
     if clock.kind == "text":
-        texts = _texts(columns[0], clock.order, of_day=clock.epoch == "day")
+        texts = _texts(columns[0], clock.order, of_day=clock.epoch in ("day", "start"))
         return Cells(texts.values - clock.zone, texts.odd)
     if clock.kind == "date+time":
         import pyarrow.compute as pc
@@ -70,7 +70,7 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
         texts = _texts(pc.binary_join_element_wise(columns[0], columns[1], " "), clock.order)
         return Cells(texts.values - clock.zone, texts.odd)
     if clock.kind == "number" and clock.factors == (1e-9,) and (ns := _integers(columns[0])) is not None:
-        return Cells(ns // S + ns % S / S, np.empty(0, np.int64))  # more digits than a float64 has
+        return Cells(_known(clock, ns // S + ns % S / S), np.empty(0, np.int64))  # more digits than a float64 has
     cells = [numbers(column, decimal) for column in columns]
     odd = np.unique(np.concatenate([one.odd for one in cells]))
     if clock.kind == "utc":
@@ -81,7 +81,13 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
     if clock.kind == "week":
         values = values + GPS_EPOCH
         values = values - _leap(values)
-    return Cells(values, odd)
+    return Cells(_known(clock, values), odd)
+
+
+def _known(clock: TableClock, values: Floats) -> Floats:
+    """Times without zeros where the others are dates: they are of before the clock was set."""
+    is_date = clock.epoch == "1970" and clock.kind in ("number", "parts") and not clock.zero_s
+    return np.where(values == 0, np.nan, values) if is_date else values
 
 
 def _integers(column: pa.Array) -> NDArray[np.int64] | None:

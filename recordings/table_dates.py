@@ -5,7 +5,7 @@
 01.02.2026 10:30           day first, as dates with points are
 01/02/2026 10:30:25 PM     day or month first: `order` decides, or the cells themselves (`order_of`)
 10:30:25.010               time of day; the date comes from elsewhere
-14-Jul-2026 10:30:25       English month; 13-May-21
+14-Jul-2026 10:30:25       English month; 13-May-21; Tue Jul 14 10:30:25 2026; July 14, 2026 10:30:25
 20260101_103025010000      packed; hhmmss.sss of GNSS programs is `packed_clock`
 """
 
@@ -24,12 +24,30 @@ Order = Literal["mdy", "dmy"]
 DAY = 86400.0
 OLD_YEARS = 70  # from which on a year of two digits is one of the last century
 _DATE = re.compile(r"^\s*(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})(?!\d)")
+ZONES = {
+    **dict.fromkeys(("UTC", "GMT", "WET"), "+00"),
+    **dict.fromkeys(("CET", "WEST"), "+01"),
+    **dict.fromkeys(("CEST", "EET"), "+02"),
+    **dict.fromkeys(("EEST", "MSK"), "+03"),
+    **dict.fromkeys(("JST", "KST"), "+09"),
+    **{"AEST": "+10", "AEDT": "+11", "EDT": "-04", "EST": "-05", "MDT": "-06", "PDT": "-07", "PST": "-08"},
+}
+"""Names of zones that have one meaning."""
+ZONE = "|".join(ZONES)
 _CLOCK = re.compile(
-    r"^\s*(\d{1,2}):(\d{2})(?::(\d{2})(?:(?:[.,]|:(?=\d{3}\b))(\d{1,12}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$"
+    rf"^\s*(\d{{1,2}}):(\d{{2}})(?::(\d{{2}})(?:(?:[.,]|:(?=\d{{3}}\b))(\d{{1,12}}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|(?:UTC|GMT)?[+-]\d{{1,2}}(?::?\d{{2}})?|{ZONE})?\s*$"
 )
 _PACKED = re.compile(r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T _-]?([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d*)\s*$")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _IN_WORDS = re.compile(rf"^\s*(\d{{1,2}})[- ]({'|'.join(_MONTHS)})[a-z]*[- ](\d{{4}}|\d\d)\b", re.IGNORECASE)
+_WEEKDAY = re.compile(r"^\s*(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*\.?,?\s+(?=\w)", re.IGNORECASE)
+_MONTH_FIRST = re.compile(
+    rf"^\s*(?P<month>{'|'.join(_MONTHS)})[a-z]*\.?\s+(?P<day>\d{{1,2}})(?:,\s*(?P<year>\d{{4}})\b)?(?P<clock>[^a-z]*?)\s*"
+    rf"(?:\b(?P<zone>{ZONE})\b)?\s*(?P<last>(?<=\s)(?:19|20)\d\d)?\s*(?P<half>[ap]m)?\s*$",
+    re.IGNORECASE,
+)
+_DASHED = re.compile(r"^(\s*\d{4}-\d\d-\d\d)_(\d\d)[-:](\d\d)[-:](\d\d)[-_.](\d{3})\b")  # of a DOT
+_MINUTES = re.compile(r"^\s*([0-5]?\d):([0-5]\d)[.,](\d{1,6})\s*$")  # of a spreadsheet, which leaves out the hour
 _PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d+)?\s*$")
 
 
@@ -44,12 +62,25 @@ class _Date:
 
 def is_moment(text: str) -> bool:
     """Whether a cell looks like a date, a time of day, or both."""
-    return any(pattern.match(text) for pattern in (_DATE, _CLOCK, _PACKED, _IN_WORDS))
+    if any(pattern.match(text) for pattern in (_DATE, _CLOCK, _PACKED, _IN_WORDS, _MINUTES)):
+        return True
+    match = _MONTH_FIRST.match(_plain(text)) if text.lstrip()[:1].isalpha() else None
+    return match is not None and (match["year"] or match["last"]) is not None
+
+
+def _plain(text: str) -> str:
+    """A date without the name of its day."""
+    return _WEEKDAY.sub("", text)
 
 
 def is_time_of_day(text: str) -> bool:
     """Whether a cell is a time of day alone."""
-    return _CLOCK.match(text) is not None or _PACKED_CLOCK.match(text) is not None
+    return is_of_hour(text) or _CLOCK.match(text) is not None or _PACKED_CLOCK.match(text) is not None
+
+
+def is_of_hour(text: str) -> bool:
+    """Whether a cell is minutes and seconds, without the hour."""
+    return _MINUTES.match(text) is not None
 
 
 def are_packed(cells: Sequence[str], *, named: bool) -> bool:
@@ -125,6 +156,8 @@ def order_of(cells: Iterable[str], newest: float) -> tuple[Order | None, bool]:
 
 def seconds_of_day(text: str) -> float | None:
     """Seconds since midnight UTC of a time of day; negative or above a day with an offset from UTC."""
+    if (match := _MINUTES.match(text)) is not None:
+        return int(match[1]) * 60 + int(match[2]) + float(f"0.{match[3]}")
     match = _CLOCK.match(text)
     if match is None:
         packed = _PACKED_CLOCK.match(text)
@@ -142,9 +175,12 @@ def seconds_of_day(text: str) -> float | None:
 
 
 def _offset(zone: str | None) -> float:
+    zone = re.sub(f"^(?:{ZONE})", "", ZONES.get(zone or "", zone or ""), flags=re.IGNORECASE)
     if not zone or zone[0] not in "+-":
         return 0.0
-    seconds = int(zone[1:3]) * 3600 + int(zone[-2:]) * 60
+    digits = zone[1:].replace(":", "")
+    hours, minutes = (digits[:-2], digits[-2:]) if len(digits) > 2 else (digits, "0")
+    seconds = int(hours) * 3600 + int(minutes) * 60
     return float(seconds if zone[0] == "+" else -seconds)
 
 
@@ -152,6 +188,10 @@ def unix_seconds(text: str, order: Order = "dmy") -> float | None:
     """A date, with or without a time of day, as unix s; None if it is neither."""
     if (packed := _PACKED.match(text)) is not None:
         text = "{}-{}-{}T{}:{}:{}.{:0<6.6}".format(*packed.groups())
+    text = _DASHED.sub(r"\1 \2:\3:\4.\5", _plain(text))
+    if (match := _MONTH_FIRST.match(text)) is not None and (year := match["year"] or match["last"]):
+        day = f"{year}-{_MONTHS.index(match['month'].lower()[:3]) + 1:02}-{match['day']:0>2}"
+        text = f"{day} {match['clock'].strip(' ,')}{match['half'] or ''}{match['zone'] or ''}".strip()
     if (match := _IN_WORDS.match(text)) is not None:
         text = f"{_year(match[3])}-{_MONTHS.index(match[2].lower()) + 1:02}-{match[1]:0>2}{text[match.end() :]}"
     matches = _date(text)

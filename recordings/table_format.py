@@ -33,7 +33,7 @@ MAX_COLUMNS = 500
 LONGEST_CELL = 10_000  # characters of a row with line breaks in it: else a quotation mark is only an inch
 MAX_HEAD_LINES = 200
 START_NAMES = ("start time", "start", "start_time", "starttime", "recording start", "logging started", "time", "date")
-START_PAIRS = (("start date", "start time"), ("date", "time"), ("recording date", "recording time"))
+START_PAIRS = tuple((f"{of}date", f"{of}time") for of in ("start ", "", "recording ", "log "))
 ORDERS: Mapping[str, Order] = {"m": "mdy", "d": "dmy"}  # first letter of a date format
 GPS_NAMES, GPS_PARTS = ("gpst", "gps time"), ("GPS week", "tow (s)")
 MOST = 0.8  # of the lines have as many cells as there are columns
@@ -47,6 +47,7 @@ _UNIT = re.compile(
 _SEP = re.compile(r"^\s*\"?sep=(.)\"?\s*$", re.IGNORECASE)
 _PAIR = re.compile(r"^\s*(?P<name>[^:=,;\t{}]{1,60})(?:[:=]\s*[,;\t]?|[,;\t])\s*(?P<value>.{1,200}?)\s*$")
 _EQUAL = re.compile(r"\w+ ?= ?[^,;=\t]+")
+_IS_TIMED = re.compile(r":|\d_\d\d-\d\d-\d\d")
 _FORMAT = re.compile(r"\bdate format ([MdyMD]{1,4}[./-][MdyMD]{1,4}[./-][MdyMD]{1,4})")
 _START = re.compile(r"^\s*(start (?:date|time))\s+(\d\S*)\s*$", re.IGNORECASE)
 _AT_RATE = re.compile(r"\bat (\d+(?:\.\d+)? ?Hz)\b")
@@ -93,7 +94,7 @@ class TableFormat:
     def started(self) -> float | None:
         """Start time in the head, unix s; None without one, or if its day may be its month."""
         pairs = [f"{self.metadata.get(date, '')} {self.metadata.get(clock, '')}" for date, clock in START_PAIRS]
-        texts = [*(text for name in START_NAMES if ":" in (text := self.metadata.get(name, ""))), *pairs]
+        texts = [*(text for name in START_NAMES if _IS_TIMED.search(text := self.metadata.get(name, ""))), *pairs]
         stated = self.metadata.get("date format", "")
         for one in texts:
             order = ORDERS.get(stated[:1].lower()) or order_of([one], np.inf)[0]
@@ -347,9 +348,13 @@ def _distinct_names(cells: Sequence[str]) -> int:
 
 def _note(metadata: dict[str, str], line: str) -> None:
     """Note pairs of a name and a value, of the whole line and of its pieces, and a rate in words."""
+    quoted = split(line, ",") if '"' in line else []
+    for name, value in pairwise(quoted):
+        if name and value:
+            metadata.setdefault(name.strip().lower(), value)
     for piece in (*re.split("[,;\t]", line), line, *_EQUAL.findall(line)):
-        if (match := _PAIR.match(piece)) is not None:
-            metadata.setdefault(match["name"].strip().lower(), match["value"].strip("\"',; \t"))
+        if (match := _PAIR.match(piece)) is not None and match["value"].strip():
+            metadata.setdefault(match["name"].strip(' "').lower(), match["value"].strip("\"',; \t"))
     if (rate := _AT_RATE.search(line)) is not None:
         metadata.setdefault("rate", rate[1])
     if (start := _START.match(line)) is not None:

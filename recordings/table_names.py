@@ -16,9 +16,19 @@ SERIAL_DAYS = {
     "JD, since 4713 BC": -2_440_587.5 * 86_400,
 }
 """Counts of days that some programs write for a date → their zero, unix s."""
-TIMES = re.compile(
-    "^(?:t|time_?(?:stamp)?|date|date_?time|utc|epoch?|zeit|temps|tiempo|tempo|czas|时间|" + "|".join(DAYS) + ")$"
+ZEROS = {
+    "Windows, since 1601": ("100 ns", 1e-7, -11_644_473_600.0),
+    ".NET, since the year 1": ("100 ns", 1e-7, -62_135_596_800.0),
+    "LabVIEW, since 1904": ("s", 1.0, -2_082_844_800.0),
+    "Apple, since 2001": ("s", 1.0, 978_307_200.0),
+}
+"""Programs that count from another zero → unit, s per number, and the zero, unix s."""
+WORLD = (
+    "zeit(?:stempel|punkt)?|uhrzeit|laufzeit|messzeit|temps|heure|horodatage|tiempo|hora|tempo|ora|czas|tijd|tijdstip|tid|"
+    "aika|čas|idő|zaman|время|час|时间|时间戳|時間|時刻|タイムスタンプ|시간"
 )
+"""A time in other languages."""
+TIMES = re.compile("^(?:t|time_?(?:stamp)?|date|date_?time|utc|epoch?|" + WORLD + "|" + "|".join(DAYS) + ")$")
 RISING = 0.9  # of the steps, of dates in a column that no heading names
 FINE, FINE_S, FINE_DOT_S = "sample_time_fine", 1e-4, 1e-6  # of an MTi, and of a DOT
 COUNTERS = re.compile("^(?:packet|sample)_(?:counter|number)$|^(?:counter|samples?|count)$")
@@ -33,7 +43,9 @@ FIRST_WEEK = 1024.0  # the GPS week of 1999: logs of before are rare, small numb
 NO_UNIT = re.compile(r"utc|gps|gnss|local|unix|epoch|boot|ros|iso|rfc|:|date|time|since")  # in the brackets of a time
 DECIMALS = re.compile(r"[.,]\d")
 FEWEST = 3  # rows whose steps say something
-_STEMS = "times?|gpst|gpstime|stamps?|time_?stamps?|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
+_STEMS = (
+    f"{WORLD}|timers?|times?|gpst|gpstime|stamps?|time_?stamps?|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
+)
 _BEFORE = (
     "sensor|system|sys|device|dev|host|unix|gps|gnss|ins|utc|log|logging|local|elapsed|relative|rel|boot|sample|rec|"
     "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start|"

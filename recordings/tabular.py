@@ -18,7 +18,7 @@ import codecs
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -32,7 +32,7 @@ from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock, SourceDevice
-from imuscope.recordings.table_axis import TimeAxis, origin_of, step_limits
+from imuscope.recordings.table_axis import TimeAxis, order_words, origin_of, step_limits
 from imuscope.recordings.table_cells import numbers, times_of
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_format import TableFormat, format_of
@@ -50,12 +50,15 @@ Floats = NDArray[np.float64]
 DEVICE = "1"
 SEGMENT = "segment"
 BLOCK_BYTES = 4 << 20
+SORTED_BYTES = 64 << 20  # of a table whose rows are sorted by their times
 NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
 MOST_CELLS_NAMED = 4
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
 _RETURN, _RETURN_INSIDE = re.compile(r"\r(?!\n)"), re.compile(r"\r(?!\n|\Z)")  # of an old Mac
 _RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
+_INTERVAL = re.compile(r"^\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*(s|sec|seconds|ms|us|µs)\s*$", re.IGNORECASE)
+_INTERVAL_NAME = re.compile(r"^(sampl(e|ing)|data|log(ging)?|measurement)[ _]?(interval|period|time)$|^dt$|^interval$")
 _RATE_NAME = re.compile(
     r"^((update|output|sampl(e|ing)|data|log(ging)?|measurement)[ _]?)?(rate|frequency|freq)$|^fs$|^odr$"
 )
@@ -186,6 +189,7 @@ class CsvSource(TableSource):
             {one.name: self.option_of(one) for one in (clock, *others) if one.columns},
         )
         self._ahead = ahead
+        self.axis.order = order_words(sample) if path.stat().st_size <= SORTED_BYTES else ""
         self.timed = not dated_by
 
     def option_of(self, clock: TableClock) -> str:
@@ -217,12 +221,18 @@ class CsvSource(TableSource):
         self._timeless = 0
         size, done = max(self.path.stat().st_size, 1), 0
         parsed = known = 0
+        held: list[TableRows] = []
         try:
             for batch in self._batches(self.names, odd):
                 done += batch.nbytes
                 rows, count = self._converted(batch, axis, parsed, known, min(done / size, 1.0))
                 parsed, known = parsed + count, known + len(rows.time)
-                yield rows
+                if axis.order:
+                    held.append(rows)
+                else:
+                    yield rows
+            if held:
+                yield _sorted(held)
         finally:
             self._report(odd)
 
@@ -251,14 +261,18 @@ class CsvSource(TableSource):
         if clock.kind == "rows":
             return watch
         names = [self.names[column] for column in clock.columns]
-        first_odd = ""
+        first_odd, held = "", list[Floats]()
         for batch in self._batches(names, [], list[FileDamage]()):
             columns = [batch.column(i) for i in range(len(names))]
             cells = times_of(clock, columns, self.form.decimal)
             if len(cells.odd) and not first_odd:
                 row = int(cells.odd[0])
                 first_odd = " ".join(str(column[row].as_py()) for column in columns)
-            watch.feed(cells.values[np.isfinite(cells.values)])
+            times = cells.values[np.isfinite(cells.values)]
+            held += [times] if axis.order else []
+            watch.feed(times if not axis.order else times[:0])
+        if held:
+            watch.feed(np.sort(np.concatenate(held)))
         watch.end()
         if not watch.rows and first_odd:
             hint = "Name its times: --time-column, or --rate for a table without any."
@@ -384,6 +398,21 @@ class CsvSource(TableSource):
         return f"{cells} left empty: {', '.join(named)}."
 
 
+def _sorted(blocks: Sequence[TableRows]) -> TableRows:
+    """The rows of all blocks as one, by their times."""
+    last = blocks[-1]
+    order = np.argsort(np.concatenate([one.time for one in blocks]), kind="stable")
+
+    def joined(pieces: Sequence[Floats]) -> Floats:
+        values: Floats = np.concatenate(pieces)[order]
+        return values
+
+    columns = {name: (joined([one.columns[name][0] for one in blocks]), last.columns[name][1]) for name in last.columns}
+    segment = None if last.segment is None else joined([one.segment for one in blocks if one.segment is not None])
+    time, arrival = joined([one.time for one in blocks]), joined([one.arrival for one in blocks])
+    return replace(last, time=time, arrival=arrival, columns=columns, segment=segment)
+
+
 def _renamed(form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
     """Headings of the columns, with those of the user in place of the file's; and columns to leave out."""
     texts = list(form.headings) or [""] * form.columns
@@ -404,6 +433,9 @@ def _head_rate(form: TableFormat) -> float:
         match = _RATE.match(text) if _RATE_NAME.match(name) else None
         if match is not None and (number := float(match[1])) > 0:
             return 1000 / number if match[2] == "ms" else number
+        match = _INTERVAL.match(text) if _INTERVAL_NAME.match(name) else None
+        if match is not None and (number := float(match[1])) > 0:
+            return 1 / (number * UNITS[SPELLINGS[match[2].lower()]])
     return 0.0
 
 

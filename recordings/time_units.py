@@ -117,7 +117,7 @@ def possible_units(
     """
     step = mean_step(times)
     each = len(times) / max(len(np.unique(times)), 1)  # rows of one time: several samples, by a clock that is coarse
-    first, last = float(times[0]), float(np.abs(times).max())
+    first, last = float(np.median(times)), float(np.abs(times).max())  # the first may be of before the clock was set
     fraction |= bool((times != np.round(times)).any())
     matches = []
     for unit, factor in UNITS.items():
@@ -152,10 +152,11 @@ def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, n
     dated = [one for one in readings if one.dated]
     if len(dated) != 1:
         return None
-    recent = float(times[0]) * dated[0].factor > newest - RECENT
+    usual = float(np.median(times))
+    recent = usual * dated[0].factor > newest - RECENT
     others = [one for one in readings if not one.dated]
     if recent and not inertial:  # rather a date than a device that has run for weeks, whatever the rate
-        others = [one for one in others if float(times[0]) * one.factor < WEEKS]
+        others = [one for one in others if usual * one.factor < WEEKS]
     steps = np.diff(in_order(times)) * dated[0].factor
     best = 1 / float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     least = SLOW_OLD if not recent else SLOW_DATED if inertial else np.inf

@@ -3,6 +3,7 @@
 ACCE;0.012;100.012;0.1;0.2;9.8;3             GetSensorData; a comment has the columns: % ACCE;AppTimestamp(s);…
 Raw,72065123,10084000000,…                   GnssLogger
 %RAWIMUSA,2167,144140.000;2167,…*59b7864b    NovAtel: week and time of week in the header, columns by the message
+IMU 1624426287.2 0.01 0.02 0.03 0 0 9.8      as GNSS and ODOM rows between them
 gyroscope,411480,-0.28,0.04,0.14             several sensors of one form, without a heading
 $COL,IMU,time,wx,wy,wz                       FlySight: columns and units in rows of their own, then $IMU,603389.4,15.1,…
 4000,imu,-0.19,0.22,-9.9                     the time before the name, as in replays of PX4
@@ -43,12 +44,14 @@ FEWEST_ROWS = 2  # of a name
 MOST_NAMES = 64
 NUMBERS = 0.5  # share of the cells behind a name that are numbers: a network has a name, too
 _ROW = re.compile(
-    r"^[#%$]?\s*(?:(?P<time>-?\d+(?:\.\d+)?)[,;\t|])?(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|])(?P<rest>.*)$"
+    r"^[#%$]?\s*(?:(?P<time>-?\d+(?:\.\d+)?)[,;\t|])?"
+    r"(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|]| +)(?P<rest>.*)$"
 )
 _COLUMNS = re.compile(r"(?:^|[\s'\"#%:])(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|])(?P<rest>[^'\"]*)")
 KEY = re.compile(
     r"^(?:sensor|device|imu|node)(?:_?(?:type|name|id|address))?$|^attribute$|^mac(?:_?address)?$|^address$"
 )
+NUMBERED = re.compile(r"^(?:sensor|device|imu|node)_?(?:id|nr|no|num|number|index)$")
 _DECLARED = re.compile(r"^\$(?P<what>COL|UNIT),(?P<name>[A-Za-z]\w{0,40}),(?P<rest>.*)$")
 _NOVATEL = re.compile(r"^[#%](?P<name>[A-Z0-9]+A),(?P<head>[^;]*);(?P<body>[^*]*)\*[0-9A-Fa-f]{8}\s*$")
 _LONG_HEAD = "port,sequence,idle,time status,week,time of week (s),receiver status,reserved,version"
@@ -107,7 +110,11 @@ def _names_column(path: Path) -> tuple[TableFormat, int] | None:
     for column, heading in enumerate(form.headings):
         names = {row[column].strip() for row in form.sample}
         most = min(MOST_NAMES, len(form.sample) // FEWEST_ROWS)  # so that one has rows enough
-        if not 2 <= len(names) <= most or any(is_number(one) or is_moment(one) or not one for one in names):
+        if not 2 <= len(names) <= most or any(is_moment(one) or not one for one in names):
+            continue
+        if any(map(is_number, names)):
+            if NUMBERED.match(words_of(heading)) and all(map(str.isdecimal, names)):
+                return form, column
             continue
         if column == 0 and names & described:  # each name has columns of its own
             continue
@@ -155,10 +162,12 @@ def _row(line: str) -> tuple[str, str, list[str]] | None:
     match = _ROW.match(line)
     if match is None:
         return None
-    cells = [*([match["time"]] if match["time"] else []), *match["rest"].split(match["separator"])]
+    separator = match["separator"].strip(" ")
+    cells = [*([match["time"]] if match["time"] else []), *match["rest"].split(separator or None)]
     filled = [cell for cell in cells if cell.strip()]
     numbers = sum(is_number(cell) or is_moment(cell) for cell in filled)
-    return (match["name"], match["separator"], cells) if numbers > NUMBERS * len(filled) else None
+    enough = len(filled) - 1 if not separator else NUMBERS * len(filled)  # words between blanks are a sentence
+    return (match["name"], separator or " ", cells) if numbers > enough else None
 
 
 def _heading(line: str, row: tuple[str, str, list[str]] | None, columns: dict[str, str]) -> None:
@@ -206,8 +215,9 @@ def _written_by_column(path: Path, unpacked: UnpackedFolder, form: TableFormat, 
     with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in islice(iter(lambda: file.readline(LONGEST_LINE), ""), form.skip, None):
             cells = split(form.marks.removed(line.rstrip("\r\n")), form.separator)
-            if len(cells) == form.columns and cells[column].strip():
-                tables.add(cells[column].strip(), _line(cells, column, form.separator), heading)
+            if len(cells) == form.columns and (name := cells[column].strip()):
+                name = f"{form.headings[column].strip()} {name}" if name.isdecimal() else name
+                tables.add(name, _line(cells, column, form.separator), heading)
     return tables.files()
 
 

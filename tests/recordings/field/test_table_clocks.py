@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import tempfile
 from pathlib import Path
 
@@ -226,3 +227,104 @@ def test_every_step_is_reported_with_its_size(parts: list[tuple[int, float]], ra
             assert steps[row] > 0
         else:
             assert steps[row] == pytest.approx(clock[row + 1] - clock[row], abs=2e-6)
+
+
+RECENT = 1_780_000_000
+
+
+@each_row(
+    ("heading", "cell", "start", "words"),
+    [
+        ("time", "f'Thu May 28 20:26:{40 + n // 100} 2026'", RECENT, "dates and times"),
+        ("time", "f'Thu May 28 20:26:{40 + n // 100} UTC 2026'", RECENT, "dates and times"),
+        ("time", "f'\"May 28, 2026 20:26:{40 + n / 100:05.2f}\"'", RECENT, "dates and times"),
+        ("time", "f'2026-05-28 22:26:{40 + n / 100:05.2f} CEST'", RECENT, "dates and times"),
+        ("time", "f'2026-05-29 04:26:{40 + n / 100:05.2f} GMT+8'", RECENT, "dates and times"),
+        ("Time", "f'10:{n / 100:06.3f}'", None, "minutes and seconds, without the hour"),
+        ("time", f"f'{{{RECENT + 2_082_844_800} + n / 100:.2f}}'", RECENT, "as s of LabVIEW, since 1904"),
+        ("timestamp", f"f'{{{RECENT - 978_307_200} + n / 100:.2f}}'", RECENT, "as s of Apple, since 2001"),
+        ("timestamp", f"({RECENT} + 11644473600) * 10**7 + n * 10**5", RECENT, "as 100 ns of Windows, since 1601"),
+        ("ticks", f"({RECENT} + 62135596800) * 10**7 + n * 10**5", RECENT, "as 100 ns of .NET, since the year 1"),
+        ("X[s]", "f'{n / 100:.2f}'", None, "X in s"),
+        ("Sec", "f'{n / 100:.2f}'", None, "Sec in s"),
+        ("Zeitstempel", "f'{n / 100:.2f}'", None, "Zeitstempel in s"),
+        ("タイムスタンプ", "n * 10", None, "タイムスタンプ in ms"),
+        ("timer_us", "n * 10000", None, "timer_us in µs"),
+        ("timestamp", f"{RECENT * 1000} + n * 10 if n > 20 else 0", RECENT + 0.21, "in ms, since 1970"),
+    ],
+)
+def test_more_ways_to_write_a_time(heading: str, cell: str, start: float | None, words: str, tmp_path: Path) -> None:
+    text = table(heading, cell)
+    source, rows = read(tmp_path / "a.csv", text)
+    assert source.axis is not None
+    assert words in source.axis.sentences()[0]
+    assert start is None or rows.time[0] == pytest.approx(start, abs=2e-5)
+    fine = [one for one in np.diff(rows.time) if one]
+    np.testing.assert_allclose(fine, 0.01 if len(fine) > 9 else 1.0, rtol=0, atol=2e-5)
+
+
+@each_row("reverse", [True, False])
+def test_rows_that_do_not_ascend_are_read_in_the_order_of_their_times(reverse: bool, tmp_path: Path) -> None:
+    lines = table("time (s)", f"f'{{{EPOCH} + n / 100:.2f}}'").splitlines()
+    rows = lines[:0:-1] if reverse else random.Random(1).sample(lines[1:], N)
+    source, found = read(tmp_path / "a.csv", "\n".join([lines[0], *rows]) + "\n")
+    np.testing.assert_allclose(found.time, EPOCH + np.arange(N) / 100, atol=2e-6)
+    np.testing.assert_array_equal(found.columns["gx"][0], np.arange(N) % 5)
+    assert source.axis is not None
+    assert source.axis.watch is not None
+    assert source.axis.watch.steps == []
+    assert f"The rows {'run backwards' if reverse else 'are out of order'}" in " ".join(source.axis.sentences())
+
+
+@each_row("cell", ["f'{n % 20 / 100:.2f}'", "n * 10 % 256 / 1000", "f'{n % 2 * 50 + n // 2 / 100:.2f}'"])
+def test_a_clock_that_is_set_or_wraps_often_is_not_sorted(cell: str, tmp_path: Path) -> None:
+    source, rows = read(tmp_path / "a.csv", table("time (s)", cell))
+    assert source.axis is not None
+    assert not source.axis.order
+    np.testing.assert_array_equal(rows.columns["gx"][0], np.arange(N) % 5)
+
+
+@each_row(
+    ("parts", "fraction"),
+    [("{},{}", 10**7), ("{} {}", 10**4), ("{},{},imu_link", 10**7), ("7,{},{}", 10**7)],
+)
+def test_seconds_and_parts_of_one_need_no_names(parts: str, fraction: int, tmp_path: Path) -> None:
+    separator = " " if " " in parts else ","
+    lines = [
+        separator.join((parts.format(EPOCH + n // 100, n % 100 * fraction), str(n % 5), "0", "9.8")) for n in range(N)
+    ]
+    source, rows = read(tmp_path / "a.csv", "\n".join(lines) + "\n")
+    assert source.axis is not None
+    assert "they rise together, as seconds and" in source.axis.sentences()[0]
+    np.testing.assert_allclose(rows.time, EPOCH + np.arange(N) / 100, atol=2e-6)
+
+
+@each_row(
+    "head",
+    [
+        "Sample interval: 10 ms",
+        "# dt = 0.01 s",
+        '"Sample Rate","100.000",Hz,,"Duration","3.0","s"',
+    ],
+)
+def test_the_head_names_the_time_between_samples(head: str, tmp_path: Path) -> None:
+    source, rows = read(tmp_path / "a.csv", f"{head}\ngx,gy,gz\n" + "".join(f"{n % 5},0.5,1\n" for n in range(N)))
+    assert source.axis is not None
+    np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)
+    assert "the head of the file names the rate" in source.axis.sentences()[0]
+
+
+@each_row(
+    "head",
+    [
+        '"Date","Tuesday, July 14, 2017"\n"Time","2:40:00 AM"',
+        '"Log Date","14/07/2017",,,"Origin Time","0","s"\n"Log Time","02:40:00",,,"Start Time","0","s"',
+        "StartTime:,2017-07-14_02-40-00-000",
+        "StartTime: ,2017-07-14_10:40:00_000 GMT+8",
+    ],
+)
+def test_the_head_names_the_start(head: str, tmp_path: Path) -> None:
+    source, rows = read(tmp_path / "a.csv", f"{head}\n\n" + table("Time (s)", "n / 100"))
+    assert source.axis is not None
+    assert source.axis.dated_by == "the head of the file"
+    assert rows.time[0] == EPOCH

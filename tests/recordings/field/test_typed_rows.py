@@ -124,3 +124,25 @@ def test_tables_of_one_file_are_dated_by_its_name(tmp_path: Path) -> None:
     store = opened(path)
     assert {store.exact(of[0]["id"], 0, 1).time[0] for of in channels(store).values()} == {1_500_000_000.0}
     assert "the file's name" in " ".join(store.manifest["time"]["sentences"])
+
+
+def test_rows_with_blanks_between_their_cells_have_a_table_for_each_name(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    lines = [f"IMU {1_500_000_000 + n / 100:.2f} {n % 7} 0 0 0 0 9.8" for n in range(300)]
+    for n in range(0, 300, 20):
+        lines.insert(n, f"GNSS {1_500_000_000 + n / 100:.2f} 48.1 11.5 500")
+    path.write_text("\n".join(lines) + "\n")
+    store = opened(path)
+    assert set(channels(store)) == {"IMU", "GNSS"}
+    assert store.rows(channels(store)["IMU"][0]["id"]) == 300
+
+
+def test_devices_with_numbers_have_clocks_of_their_own(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{n % 2},{n // 2 * 10 + n % 2 * 50_000},{n % 7},0,9" for n in range(400)]
+    path.write_text("sensor_id,time_ms,a_x,a_y,a_z\n" + "\n".join(rows) + "\n")
+    store = opened(path)
+    found = channels(store)
+    assert list(found) == ["sensor_id 0", "sensor_id 1"]
+    for infos in found.values():
+        np.testing.assert_allclose(np.diff(store.exact(infos[0]["id"], 0, 1000).time), 0.01, atol=1e-6)
