@@ -12,6 +12,9 @@ from playwright.sync_api import Browser, Page, Playwright, sync_playwright
 
 from tests import chromium
 
+# A page of a test lives for seconds: to optimise its code takes longer than it saves, and so does a process for each.
+ARGUMENTS = [*chromium.ARGUMENTS, "--js-flags=--no-turbofan,--no-maglev", "--renderer-process-limit=1"]
+
 console: list[str] = []
 """What the pages of the running test have written to their consoles, for a report of its failure."""
 
@@ -30,7 +33,7 @@ def playwright() -> Playwright:
 def browser(path: str) -> Browser:
     """The one Chromium, started if it is not there, or not any more."""
     if not _browser or not _browser[0].is_connected():
-        _browser[:] = [playwright().chromium.launch(executable_path=path, args=chromium.ARGUMENTS)]
+        _browser[:] = [playwright().chromium.launch(executable_path=path, args=ARGUMENTS)]
     return _browser[0]
 
 

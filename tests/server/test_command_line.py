@@ -69,12 +69,12 @@ def parser_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(arguments, "parser", functools.cache(arguments.parser))
 
 
-@pytest.mark.usefixtures("parser_built_once")
 def meaning_of(words: list[str]) -> str:
     """Options of a command line, without the line itself."""
     return repr(sorted((name, value) for name, value in vars(arguments.parse(words)).items() if name != "words"))
 
 
+@pytest.mark.usefixtures("parser_built_once")
 @each_row("name", COMMANDS)
 def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
     words, given = arguments_of(COMMANDS[name])
