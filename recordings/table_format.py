@@ -46,7 +46,7 @@ _UNIT = re.compile(
 )
 _SEP = re.compile(r"^\s*\"?sep=(.)\"?\s*$", re.IGNORECASE)
 _PAIR = re.compile(r"^\s*(?P<name>[^:=,;\t{}]{1,60})(?:[:=]\s*[,;\t]?|[,;\t])\s*(?P<value>.{1,200}?)\s*$")
-_EQUAL = re.compile(r"\w+ ?= ?[^,;=\t]+")
+_EQUAL = re.compile(r"\b\w++ ?= ?[^,;=\t]+")  # a word is tried once: a note may be one of a hundred thousand letters
 _IS_TIMED = re.compile(r":|\d_\d\d-\d\d-\d\d")
 _FORMAT = re.compile(r"\bdate format ([MdyMD]{1,4}[./-][MdyMD]{1,4}[./-][MdyMD]{1,4})")
 _START = re.compile(r"^\s*(start (?:date|time))\s+(\d\S*)\s*$", re.IGNORECASE)
