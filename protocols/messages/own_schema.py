@@ -14,7 +14,7 @@ from imuscope.protocols.messages.quantities import MessageQuantity
 from imuscope.protocols.schema import Field
 
 LETTERS = str.maketrans(
-    {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_"}
+    {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_", ".": "_"}
 )
 AXES = (
     *(("x", "y", "z"), ("w", "x", "y", "z"), ("q0", "q1", "q2", "q3"), ("roll", "pitch", "yaw")),

@@ -17,6 +17,7 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
+from imuscope.protocols.messages.own_schema import letters
 from imuscope.protocols.xbus.frames import build
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, by_suffix, csv_tables, export
@@ -197,6 +198,7 @@ def test_plotjuggler_finds_one_table_of_numbers_and_its_time(tmp_path: Path) -> 
     assert '"' not in first
     head, rows = rows_of(made)
     assert head[:3] == ["__time", "arrival", "/MTi-630/Acceleration/x_m_s2"]
+    assert letters("0.1 ms") == "0_1_ms", "not the same as 1 ms"
     assert len(head) == len(set(head))
     assert all(cell == "" or math.isfinite(float(cell)) for row in rows for cell in row)
     times = numbers(rows, 0)
