@@ -103,6 +103,12 @@ FILES = (
     KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 11)),
     KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 20)),
     KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 28)),
+    KnownFile(
+        "the table of contents of a ROS 2 bag",
+        "Give its folder, or the .db3 or .mcap file beside it.",
+        (b"rosbag2_bagfile_information:",),
+    ),
+    KnownFile("a temporary file of SQLite", "Give the .db3 file beside it.", suffixes=(".db3-shm", ".db3-wal")),
     KnownFile("an Excel workbook", "Save it as CSV.", suffixes=(".xlsx", ".xls", ".ods")),
 )
 
