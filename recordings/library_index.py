@@ -52,6 +52,7 @@ def completed(known: RecordingProbe, index: dict[str, Any], file: str) -> Record
         duration=index["duration"] if index["duration"] is not None else known.duration,
         devices=[RecordedDevice(**{**one, "name": one["name"] or file}) for one in index["devices"]] or known.devices,
         damaged=known.damaged or index["damaged"],  # the words stay those that the list had before it was opened
+        remark=index["remark"],
     )
 
 

@@ -96,11 +96,18 @@ class FileDamage:
 
     Args:
         torn: only an unfinished record follows, as after a killed writer or a power cut.
+        is_remark: nothing is damaged: what of the file is left out, or how it was read.
     """
 
     offset: int
     words: str
     torn: bool = False
+    is_remark: bool = False
+
+
+def remark(words: str) -> FileDamage:
+    """What of a whole file is left out, or how it was read."""
+    return FileDamage(-1, words, is_remark=True)
 
 
 class McapReader:

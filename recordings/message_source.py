@@ -12,7 +12,7 @@ from typing import Any
 
 from imuscope.protocols.messages.decoder import reader_of
 from imuscope.protocols.messages.family import NAME
-from imuscope.recordings.mcap_reader import FileDamage, McapChannel, McapReader
+from imuscope.recordings.mcap_reader import FileDamage, McapChannel, McapReader, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.messages import MessageBlocks, channel_of, preamble
 from imuscope.recordings.sources import ChunkBlock, SourceDevice
@@ -92,7 +92,7 @@ class MessageSource(MessageFile):
             for device, data, ends, times in blocks.of(block):
                 yield ChunkBlock(device, "rx", data, ends, times, block.done / max(recording.size, 1))
         left_out = {_left_out(topic) for topic in recording.topics.values() if not self._device_of(topic)}
-        self.damage[:] = [*recording.damage, *(FileDamage(-1, words) for words in sorted(left_out))]
+        self.damage[:] = [*recording.damage, *(remark(words) for words in sorted(left_out))]
         self.segments = segments_in(recording.meta("export").get("segments", ""))
 
     def preamble(self, device: str) -> bytes:

@@ -47,6 +47,7 @@ class RecordingProbe:
     Args:
         started: unix s; None if unknown. So is `duration`, s.
         damaged: one sentence, "" if no damage is known.
+        remark: sentences on what is left out and how the file was read; "" before it was opened.
         edits: changes made by the user, as stored in the file itself.
     """
 
@@ -56,6 +57,7 @@ class RecordingProbe:
     duration: float | None = None
     devices: list[RecordedDevice] = field(default_factory=list)
     damaged: str = ""
+    remark: str = ""
     edits: sidecar.Edits = field(default_factory=sidecar.Edits)
     markers: int = 0
 
@@ -138,8 +140,8 @@ def _recording(recording: McapReader) -> RecordingProbe:
     probe.devices = list(devices.values())
     if not recording.whole:
         probe.damaged = TORN
-    elif recording.damage:
-        probe.damaged = recording.damage[0].words
+    else:
+        probe.damaged = next((one.words for one in recording.damage if not one.is_remark), "")
     return probe
 
 

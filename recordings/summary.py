@@ -19,6 +19,7 @@ from imuscope.recordings.column_store import ColumnStore, ExactRows
 BUCKETS = 64
 FINE = 32  # summaries for each bucket
 MAX_LOSSES = 200
+MOST_REMARKS = 5
 _PREFERRED = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",), ("acceleration",), ("acc",))
 
 
@@ -80,12 +81,14 @@ def summarize(columns: ColumnStore) -> dict[str, Any]:
         messages = sum(counted.get("messages", {}).values())
         devices.append({**words, "messages": messages, "lost": counted.get("lost", 0)})
         devices[-1]["rejects"] = counted.get("rejects", 0)
-    damage = [one["words"] for one in manifest.get("damage", ())]
+    damage = [one["words"] for one in manifest.get("damage", ()) if not one.get("is_remark")]
+    remarks = [one["words"] for one in manifest.get("damage", ()) if one.get("is_remark")]
     return {
         "started": start,
         "duration": end - start if start is not None and end is not None else None,
         "devices": devices,
         "damaged": damage[0] if damage else "",
+        "remark": " ".join(remarks[:MOST_REMARKS]),
         "markers": [marker["text"] for marker in manifest.get("markers", ())],
         "thumbnail": thumbnail(columns),
         "losses": losses(manifest),
@@ -106,7 +109,7 @@ def is_summary(summary: dict[str, Any]) -> bool:
         for one in summary["devices"]
         for name, value in one.items()
     )
-    return numbers and lists and devices and isinstance(summary["damaged"], str)
+    return numbers and lists and devices and all(isinstance(summary[name], str) for name in ("damaged", "remark"))
 
 
 def _moving(columns: ColumnStore) -> int | None:

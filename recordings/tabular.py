@@ -41,6 +41,7 @@ from imuscope.recordings.table_lines import NO_MARKS, LineMarks
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import SPELLINGS, UNITS
+from imuscope.recordings.unreadable_cells import UnreadableCells
 
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
     import pyarrow as pa
@@ -52,7 +53,6 @@ SEGMENT = "segment"
 BLOCK_BYTES = 4 << 20
 SORTED_BYTES = 64 << 20  # of a table whose rows are sorted by their times
 NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
-MOST_CELLS_NAMED = 4
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
 _RETURN, _RETURN_INSIDE = re.compile(r"\r(?!\n)"), re.compile(r"\r(?!\n|\Z)")  # of an old Mac
@@ -124,6 +124,10 @@ class TableSource:
         """A sentence on unreadable cells, by column and row; "" if there are none."""
         return ""
 
+    def texts(self) -> Mapping[str, str]:
+        """The first text of each column that has nothing but texts."""
+        return {}
+
 
 class CsvSource(TableSource):
     """One text table.
@@ -154,7 +158,7 @@ class CsvSource(TableSource):
             self.headings[pair[0]], self.headings[pair[1]] = self.headings[pair[1]], self.headings[pair[0]]
         self.names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self.headings)])
         self.refusal: RecordingError | None = None
-        self._bad: dict[str, tuple[int, int, str]] = {}  # column → cells, first row, its text
+        self._unreadable = UnreadableCells(lambda i: self.headings[i].text or self.names[i])
         self._timeless = 0  # rows with numbers but without a time
         self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
         names = [one.text for one in self.headings]  # a column of this name beside the arrival is that of our exports
@@ -217,7 +221,7 @@ class CsvSource(TableSource):
     def rows(self) -> Iterator[TableRows]:
         axis = self._checked_axis()
         odd: list[Any] = []
-        self._bad.clear()
+        self._unreadable.clear()
         self._timeless = 0
         size, done = max(self.path.stat().st_size, 1), 0
         parsed = known = 0
@@ -326,7 +330,7 @@ class CsvSource(TableSource):
             cells = times_of(clock, [batch.column(column) for column in clock.columns], decimal)
             raw = cells.values
             for column in clock.columns[:1]:
-                self._note(column, batch.column(column), cells.odd, parsed)
+                self._unreadable.note(column, batch.column(column), cells, parsed)
         known = np.isfinite(raw)
         is_filled = np.zeros(np.count_nonzero(~known), np.bool_)
         columns: dict[str, tuple[Floats, str]] = {}
@@ -342,7 +346,7 @@ class CsvSource(TableSource):
                     columns[of_clock.name] = (times_of(of_clock, others, decimal).values[known], "s")
                 continue
             matches = numbers(batch.column(i), decimal)
-            self._note(i, batch.column(i), matches.odd, parsed)
+            self._unreadable.note(i, batch.column(i), matches, parsed)
             columns[name] = (matches.values[known], heading.unit)
             is_filled |= np.isfinite(matches.values[~known])
         self._timeless += int(np.count_nonzero(is_filled))
@@ -365,13 +369,6 @@ class CsvSource(TableSource):
 
     # -- what cannot be read -------------------------------------------------------------------------------------------
 
-    def _note(self, column: int, cells: pa.Array, odd: NDArray[np.int64], before: int) -> None:
-        if not len(odd):
-            return
-        name = self.headings[column].text or self.names[column]
-        count, row, text = self._bad.get(name, (0, before + int(odd[0]) + 1, str(cells[int(odd[0])].as_py())))
-        self._bad[name] = count + len(odd), row, text
-
     def _report(self, odd: Sequence[Any]) -> None:
         if odd:
             lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(self.names), 'field')}"
@@ -387,15 +384,10 @@ class CsvSource(TableSource):
 
     def unreadable(self) -> str:
         """A sentence on unreadable cells, by column and row; "" if there are none."""
-        if not self._bad:
-            return ""
-        wrong = sum(count for count, _, _ in self._bad.values())
-        cells = counted(wrong, "cell was not a number and was", "cells were not numbers and were")
-        named = [
-            f"{name} in row {row} ({text!r:.40})" + (f" and {count - 1} more" if count > 1 else "")
-            for name, (count, row, text) in list(self._bad.items())[:MOST_CELLS_NAMED]
-        ]
-        return f"{cells} left empty: {', '.join(named)}."
+        return self._unreadable.sentence(self.axis.clock.columns if self.axis is not None else ())
+
+    def texts(self) -> Mapping[str, str]:
+        return {self.names[i]: text for i, text in self._unreadable.texts().items()}
 
 
 def _sorted(blocks: Sequence[TableRows]) -> TableRows:

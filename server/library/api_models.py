@@ -33,6 +33,7 @@ class RecordingInfo:
     recording: bool = False  # still being recorded
     opened: bool = False  # already decoded, so it opens at once
     damaged: str = ""  # one sentence; "" if undamaged
+    remark: str = ""  # sentences: what of it is left out, and how it was read
     markers: int = 0
     thumbnail: list[list[float]] = field(default_factory=list)  # min and max of |rate of turn| or similar, 0..1
     losses: list[float] = field(default_factory=list)  # positions of lost samples, 0..1 of the duration

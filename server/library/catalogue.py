@@ -96,6 +96,7 @@ class Catalogue:
             recording=recording,
             opened=entry.deleted is None and not recording and self._is_open(entry),
             damaged="" if recording else probe.damaged,
+            remark="" if recording else probe.remark,
             markers=entry.markers,
             thumbnail=entry.thumbnail,
             losses=entry.losses,

@@ -6,7 +6,7 @@ its heading.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from imuscope.recordings.clock_steps import StepOfClock, step_words
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.mcap_reader import remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_axis import TimeAxis
 from imuscope.recordings.table_headings import axis_of, grouped
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from imuscope.server.library.decode import ProgressPublisher
 
 MOST_EVENTS = 100  # of the steps of one clock
+MOST_NAMED = 10  # columns
 QUATERNION, EULER = ("q0", "q1", "q2", "q3"), ("roll", "pitch", "yaw")
 
 
@@ -37,6 +39,7 @@ class _Tables:
         self.segments: dict[float, float] = {}  # number → its begin, of those that a file numbers
         self._writer = writer
         self._plans: dict[tuple[str, ...], list[tuple[int, list[str]]]] = {}  # by table and columns
+        self._filled: set[int] = set()  # channels with a number
 
     def add(self, rows: TableRows) -> None:
         """Add a block of rows."""
@@ -47,7 +50,10 @@ class _Tables:
         if plan is None:
             plan = self._plans[form] = self._begin(rows)
         for number, headings in plan:
-            self._writer.append(number, [rows.arrival, rows.time, *(rows.columns[name][0] for name in headings)])
+            columns = [rows.columns[name][0] for name in headings]
+            self._writer.append(number, [rows.arrival, rows.time, *columns])
+            if number not in self._filled and any(np.isfinite(column).any() for column in columns):
+                self._filled.add(number)
         if rows.segment is not None:
             for number in np.unique(rows.segment[rows.segment > 0]).tolist():
                 begin = float(rows.time[rows.segment == number].min())
@@ -55,6 +61,17 @@ class _Tables:
         self.counts[rows.table] = self.counts.get(rows.table, 0) + len(rows.time)
         self.first = min(self.first, float(rows.arrival.min()))
         self.last = max(self.last, float(rows.arrival.max()))
+
+    @property
+    def shown(self) -> list[wire.ChannelInfo]:
+        """Channels with a number; all if there are none."""
+        return [info for info in self.infos if info.id in self._filled] or self.infos
+
+    def empty(self) -> list[str]:
+        """Headings of the columns that are not shown."""
+        shown = {info.id for info in self.shown}
+        plans = [one for plan in self._plans.values() for one in plan]
+        return [heading for number, headings in plans if number not in shown for heading in headings]
 
     def _begin(self, rows: TableRows) -> list[tuple[int, list[str]]]:
         plan = []
@@ -108,7 +125,16 @@ def decode_tables(
     if not tables.infos:
         why = source.unreadable() or "A table needs at least one row."
         raise RecordingError(f"{source.path.name} contains no numbers.", why)
+    if empty := tables.empty():
+        source.damage.append(remark(_without_numbers(empty, source.texts())))
     return writer.finish(wire_codec.to_json_safe(_manifest(source, tables)))
+
+
+def _without_numbers(headings: Sequence[str], texts: Mapping[str, str]) -> str:
+    """A sentence on columns that are left out, with what some of them have instead."""
+    named = [f"{one} ({texts[one]!r:.40})" if one in texts else one for one in headings[:MOST_NAMED]]
+    more = f" and {len(headings) - len(named)} more" if len(headings) > len(named) else ""
+    return f"Columns without numbers are left out: {', '.join(named)}{more}."
 
 
 def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
@@ -123,7 +149,7 @@ def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
         "started": tables.first,
         "ended": tables.last,
         "devices": [asdict(device)],
-        "channels": [asdict(info) for info in tables.infos],
+        "channels": [asdict(info) for info in tables.shown],
         "events": [asdict(event) for event in events],
         "events_left_out": left_out,
         "time": axis.described() if axis is not None else None,

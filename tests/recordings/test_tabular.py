@@ -14,6 +14,7 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.summary import summarize
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
@@ -93,6 +94,18 @@ def test_cells_that_are_not_numbers_are_reported(tmp_path: Path) -> None:
     assert "2 cells" in words
 
 
+def test_what_is_left_out_is_said_and_not_called_damage(tmp_path: Path) -> None:
+    """Regression: the library called a table with a column of labels damaged, as it did a bag with pictures."""
+    text = "time,label,x,note\n" + "".join(f"{1760000000 + n},walking,{n},\n" for n in range(9))
+    columns = table(tmp_path / "a.csv", text)
+    assert list(named(columns)) == ["x"]
+    words = "Columns without numbers are left out: label ('walking'), note."
+    (one,) = columns.manifest["damage"]
+    assert (one["words"], one["is_remark"]) == (words, True)
+    about = summarize(columns)
+    assert (about["damaged"], about["remark"]) == ("", words)
+
+
 @each_row("text", ["hello\n", "a,b\n1,2\n", "time,x\n", "\n\n", "time,x\n,\n", "\ufeff", "time,x\n\x00\x00"])
 def test_an_invalid_table_is_reported(text: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
@@ -134,7 +147,8 @@ def test_messages_in_json_are_tables_and_others_are_named(tmp_path: Path) -> Non
     assert columns.manifest["figures"]["1"]["rejects"] == 1
     np.testing.assert_allclose(rows.arrival, START + np.delete(np.arange(100), 50) / 100, atol=1e-6)
     assert np.isnan(rows.time).all()  # these messages have no stamp
-    assert any("/camera is cdr" in damage["words"] for damage in columns.manifest["damage"])
+    (camera,) = (damage for damage in columns.manifest["damage"] if "/camera is cdr" in damage["words"])
+    assert camera["is_remark"]
 
 
 def test_an_export_as_mcap_is_read_again(tmp_path: Path) -> None:

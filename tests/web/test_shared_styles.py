@@ -33,3 +33,14 @@ def test_no_two_style_sheets_have_the_same_rule() -> None:
     assert not twice, "share a class:\n" + "\n".join(
         " = ".join(f"{path}: {selector}" for path, selector in found) for found in twice
     )
+
+
+def test_text_is_decorated_by_properties_that_every_browser_has() -> None:
+    """Safari ignores `text-decoration` with more than a line: figures that lead somewhere were not underlined."""
+    wrong = [
+        f"{path.relative_to(SOURCES)}: {value}"
+        for path in sorted(SOURCES.rglob("*.css"))
+        for value in re.findall(r"text-decoration:\s*([^;]+);", path.read_text(encoding="utf-8"))
+        if " " in value.strip()
+    ]
+    assert not wrong, "use text-decoration-line, -style and -color:\n" + "\n".join(wrong)

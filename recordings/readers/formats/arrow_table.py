@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_format import MAX_COLUMNS, SAMPLE_ROWS, TableFormat
 from imuscope.recordings.table_options import TableOptions
@@ -49,7 +49,7 @@ class ArrowSource(CsvSource):
             words = f"{path.name} has {len(columns.headings)} columns; {MAX_COLUMNS} are read."
             raise RecordingError(words, "Leave some out.")
         self._columns = columns
-        self._left_out_words = [FileDamage(-1, words) for words in columns.left_out]
+        self._left_out_words = [remark(words) for words in columns.left_out]
         super().__init__(path, options)
         self.format = format
 

@@ -16,7 +16,7 @@ from imuscope.protocols.messages.records import (
     MessageChannel,
     definition,
 )
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import DEVICE, MessageFile
 from imuscope.recordings.readers.formats.bag_kernels import NUMBER, SIZE, TIME, copy_records
@@ -123,7 +123,7 @@ class BagSource(MessageFile):
             yield block.take(1.0)
         if odd:
             self.damage.append(FileDamage(-1, f"Messages with an impossible time or size are left out: {odd}."))
-        self.damage += [FileDamage(-1, words) for words in self.topics.left_out]
+        self.damage += map(remark, self.topics.left_out)
 
     def preamble(self, device: str) -> bytes:
         return b"".join(map(definition, self.topics.channels.values()))

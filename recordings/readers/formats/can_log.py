@@ -39,7 +39,7 @@ from imuscope.protocols.counters import TickUnwrapper
 from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER, Bytes, Ints
 from imuscope.protocols.plural import counted
 from imuscope.recordings.clock_steps import duration_text
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.formats.can_kernels import ASC, LOG, TERMINAL, read_lines, write_lines
@@ -119,7 +119,10 @@ class CanLog(MessageFile):
         self._steps = survey.back if self._since in ("1970", "start") else []
         self._origin = 0
         dated = self._dated(survey, head)
-        self.damage = [FileDamage(-1, words) for words in (*dated, *self._step_words(), *self._left_out(survey))]
+        self.damage = [remark(words) for words in (*dated, *self._step_words(), *self._left_out(survey))]
+        if survey.odd:
+            some = counted(survey.odd, "line has no frame and was", "lines have no frames and were")
+            self.damage.append(FileDamage(-1, f"{some} left out."))
         several = len(self._known) > 1
         self.devices = {
             str(number): SourceDevice(
@@ -186,9 +189,6 @@ class CanLog(MessageFile):
         others = [counted(survey.kinds[kind], *words) for kind, words in OTHER_KINDS.items() if survey.kinds[kind]]
         if others:
             yield f"Left out: {', '.join(others)}."
-        if survey.odd:
-            some = counted(survey.odd, "line has no frame and was", "lines have no frames and were")
-            yield f"{some} left out."
 
     # -- times ---------------------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, decompressed
@@ -178,7 +178,7 @@ def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
         raise RecordingError(words, "Unpack it, and give one of them.")
     if errors and len(files) > 1:
         named = ", ".join(list(errors)[:NAMED])
-        source.damage.append(FileDamage(-1, f"Of {request.path.name} these are left out: {named}."))
+        source.damage.append(remark(f"Of {request.path.name} these are left out: {named}."))
     return source
 
 

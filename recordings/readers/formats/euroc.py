@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.euroc_folder import DATA, SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.table_set import TableSet
@@ -68,7 +68,7 @@ def open_euroc_folder(folder: Path, options: TableOptions) -> TableSource:
             tables.append(EurocTable(one / DATA, options, one.name, _about(one / SENSOR)))
         except RecordingError as error:
             first = first or error
-            errors.append(FileDamage(-1, f"{one.name} is left out: {error.message} {error.hint}"))
+            errors.append(remark(f"{one.name} is left out: {error.message} {error.hint}"))
     if not tables:
         assert first is not None
         raise first

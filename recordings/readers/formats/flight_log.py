@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.framing import Ints
 from imuscope.recordings.clock_steps import ClockWatch
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.log_clock import LogClock
 from imuscope.recordings.table_axis import TimeAxis, origin_of
@@ -247,11 +247,11 @@ class FlightLog(TableSource):
                 yield TableRows(kind.title, time, time, columns, min(block.done, 1.0))
         for title, (count, by) in progress.back.items():
             words = f"{title}: {self.clock_name} goes back {count} times, by up to {-by:.6g} s."
-            self.damage.append(FileDamage(-1, words))
+            self.damage.append(remark(words))
         if odd:
             self.damage.append(FileDamage(-1, f"Records with an impossible time are left out: {odd}."))
         if self.left_out:
-            self.damage.append(FileDamage(-1, f"Left out: {', '.join(self.left_out)}."))
+            self.damage.append(remark(f"Left out: {', '.join(self.left_out)}."))
 
     def note(self, at: int, words: str) -> None:
         """Note damage."""

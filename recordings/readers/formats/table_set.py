@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_axis import LAST_CHANGE
 from imuscope.recordings.table_dates import dated_name
@@ -51,9 +51,9 @@ class TableSet(TableSource):
                 refused += 1
                 if refused == count:
                     raise  # none of them can be read
-                self.damage.append(FileDamage(-1, f"{name} is left out: {error.message} {error.hint}"))
+                self.damage.append(remark(f"{name} is left out: {error.message} {error.hint}"))
                 continue
-            self.damage += [FileDamage(one.offset, f"{name}: {one.words}") for one in table.damage]
+            self.damage += [replace(one, words=f"{name}: {one.words}") for one in table.damage]
             if number and table.axis is not None:
                 self._note_axis(table)
 
@@ -64,7 +64,10 @@ class TableSet(TableSource):
             steps = axis.watch.steps if axis.watch is not None else []
             if not steps:
                 return
-        self.damage.append(FileDamage(-1, f"{table.path.name}: {' '.join(axis.sentences())}"))
+        self.damage.append(remark(f"{table.path.name}: {' '.join(axis.sentences())}"))
 
     def unreadable(self) -> str:
         return next((words for one in self.members if (words := one.unreadable())), "")
+
+    def texts(self) -> Mapping[str, str]:
+        return {name: text for one in self.members for name, text in one.texts().items()}

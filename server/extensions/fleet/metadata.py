@@ -90,7 +90,7 @@ def arrow_rows(table: StoreTable, key: RecordingKey, rows: Sequence[Row]) -> pa.
 def _recording(
     manifest: Mapping[str, Any], probe: RecordingProbe, devices: Sequence[Row], markers: int, file: StoredFile
 ) -> Row:
-    damage = [one["words"] for one in manifest.get("damage", ())]
+    damage = [one["words"] for one in manifest.get("damage", ()) if not one.get("is_remark")]
     return {
         "title": probe.edits.title or probe.title or file.name,
         "started": moment(manifest["started"]),

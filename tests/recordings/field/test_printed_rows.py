@@ -94,12 +94,12 @@ def test_printed_rows_without_a_time_have_the_rate_that_is_given(tmp_path: Path)
 @each_row(
     ("head", "row", "names"),
     [
-        ("time_s,a_x,b,c_1,c_2\n", "{s},{x},", ["a_x", "b"]),
+        ("time_s,a_x,b,c_1,c_2\n", "{s},{x},", ["a_x"]),
         ('"time_s" "gx" "gy" "gz"\n', '"{n}" {s} {x} 0 9', ["column 1", "g"]),
         (",acc,acc,acc,gyr,gyr,gyr\n,x,y,z,x,y,z\ntime_s,,,,,,\n", "{s},{x},0,9,0,0,1", ["acc", "gyr"]),
         ("time,acc,,,gyr,,\n(s),x,y,z,x,y,z\n", "{s},{x},0,9,0,0,1", ["acc", "gyr"]),
         ("{{System 1}};;;;\ntime_s;a_x;a_y;a_z;\n".replace("{{", "{").replace("}}", "}"), "{s};{x};0;9;", ["a"]),
-        ('time_s,frame,a_x,a_y,a_z,raw\n', '{s},1,{x},0,9,"$VNYMR,{n}\r\n"', ["frame", "a", "raw"]),
+        ('time_s,frame,a_x,a_y,a_z,raw\n', '{s},1,{x},0,9,"$VNYMR,{n}\r\n"', ["frame", "a"]),
     ],
 )  # fmt: skip
 def test_the_heading_names_the_columns(head: str, row: str, names: list[str], tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
   recording: false,
   opened: true,
   damaged: "",
+  remark: "",
   markers: 0,
   thumbnail: [],
   losses: [],

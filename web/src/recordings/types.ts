@@ -49,6 +49,8 @@ export interface RecordingInfo {
   readonly opened: boolean;
   /** one sentence; "" if undamaged */
   readonly damaged: string;
+  /** sentences: what of it is left out, and how it was read */
+  readonly remark: string;
   readonly markers: number;
   /** min and max of |rate of turn| or similar, 0..1 */
   readonly thumbnail: readonly (readonly number[])[];

@@ -59,6 +59,11 @@ export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; 
         )}
         {info.deleted === null ? <Actions info={info} app={app} /> : <Deleted info={info} app={app} />}
         <Facts info={info} />
+        {info.remark !== "" && (
+          <p class="hint">
+            <Message text={info.remark} />
+          </p>
+        )}
         <Slot name="recordingDetails" with={{ app, info }} />
         {info.deleted === null && <Words library={library} info={info} />}
         <Jobs app={app} recording={info.id} />

@@ -1,0 +1,60 @@
+"""Cells of a table that are not numbers: named by column and row, or as columns of text that are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imuscope.protocols.plural import counted
+from imuscope.recordings.table_cells import Cells
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MOST_NAMED = 4
+
+
+class UnreadableCells:
+    """What one reading of a table has found.
+
+    Args:
+        name: the name of a column for people.
+    """
+
+    def __init__(self, name: Callable[[int], str]) -> None:
+        self._name = name
+        self._found: dict[int, tuple[int, int, str]] = {}  # column → cells, first row, its text
+        self._numeric: set[int] = set()  # columns with a number
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._found.clear()
+        self._numeric.clear()
+
+    def note(self, column: int, texts: pa.Array, cells: Cells, before: int) -> None:
+        """Take note of a block of a column, `before` rows of which were read before."""
+        if column not in self._numeric and np.isfinite(cells.values).any():
+            self._numeric.add(column)
+        if len(cells.odd):
+            first = int(cells.odd[0])
+            count, row, text = self._found.get(column, (0, before + first + 1, str(texts[first].as_py())))
+            self._found[column] = count + len(cells.odd), row, text
+
+    def sentence(self, clock: Collection[int] = ()) -> str:
+        """A sentence on the cells of columns of numbers and of the clock; "" if there are none."""
+        found = [(self._name(i), *one) for i, one in self._found.items() if i in self._numeric or i in clock]
+        if not found:
+            return ""
+        wrong = sum(count for _, count, _, _ in found)
+        cells = counted(wrong, "cell was not a number and was", "cells were not numbers and were")
+        named = [
+            f"{name} in row {row} ({text!r:.40})" + (f" and {count - 1} more" if count > 1 else "")
+            for name, count, row, text in found[:MOST_NAMED]
+        ]
+        return f"{cells} left empty: {', '.join(named)}."
+
+    def texts(self) -> dict[int, str]:
+        """The first text of each column that has nothing but texts."""
+        return {i: text for i, (_, _, text) in self._found.items() if i not in self._numeric}
