@@ -11,6 +11,7 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -123,9 +124,22 @@ class WireError(ExplainedError, ValueError):
     """Invalid data on the wire; `hint` describes the expected form."""
 
 
+@cache
+def _field_names(kind: type) -> tuple[str, ...] | None:
+    """Names of the fields of a dataclass; None for another class."""
+    return tuple(one.name for one in fields(kind)) if is_dataclass(kind) else None
+
+
 def to_json_safe(value: Any) -> Any:
     """`value` converted for JSON and JavaScript, by the rules in section Delivery of server/wire/."""
-    if value is None or isinstance(value, str | bool):
+    kind: Any = type(value)
+    if value is None or kind is str or kind is bool:
+        return value
+    if kind is dict:
+        return {str(key): to_json_safe(item) for key, item in value.items()}
+    if (names := _field_names(kind)) is not None:
+        return {name: to_json_safe(getattr(value, name)) for name in names}
+    if isinstance(value, str):
         return value
     if isinstance(value, int | np.integer):
         number = int(value)
@@ -143,8 +157,6 @@ def to_json_safe(value: Any) -> Any:
         return [to_json_safe(item) for item in value] if value.ndim else to_json_safe(value[()])
     if isinstance(value, Mapping):
         return {str(key): to_json_safe(item) for key, item in value.items()}
-    if is_dataclass(value):
-        return {item.name: to_json_safe(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, list | tuple | set | frozenset):
         return [to_json_safe(item) for item in value]
     return str(value)

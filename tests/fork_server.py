@@ -204,13 +204,14 @@ def _learn_to_serve() -> None:
     importlib.import_module(
         "imuscope.server.library.decoder_fingerprint"
     ).decoding_mark()  # of the sources as they are now
+    used: list[str] = []
     for name in WORKERS:
         with contextlib.suppress(ModuleNotFoundError):  # an installation without the packages of an extension
-            importlib.import_module(name)
+            used += getattr(importlib.import_module(name), "USED", ())
     importlib.import_module("imuscope.server.extension").extension_problems()
     importlib.import_module("imuscope.server.links.registry").link_kinds()
     own = [one for one in importlib.import_module("imuscope.server.extension").extensions() if not one.package]
-    _learn(*LEARNT, *(name for one in own for name in (one.parts, *one.routes) if name))
+    _learn(*LEARNT, *used, *(name for one in own for name in (one.parts, *one.routes, *one.jobs) if name))
 
 
 def _learn(*modules: str) -> None:

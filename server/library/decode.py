@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
@@ -397,18 +396,18 @@ def _manifest(
         "about": dict(source.header),
         "started": min(starts) / 1e9 if starts else None,
         "ended": max(stops) / 1e9 if stops else None,
-        "devices": [asdict(info) for info in infos],
-        "channels": [asdict(info) for info in sink.infos.values()],
-        "clocks": [asdict(info) for info in sink.clocks.values()],
+        "devices": infos,
+        "channels": list(sink.infos.values()),
+        "clocks": list(sink.clocks.values()),
         "payloads": list(sink.payloads.values()),
-        "events": [asdict(event) for event in events],
+        "events": events,
         "events_left_out": sink.left_out,
         "clock": "arrival" if sink.by_arrival else "",
         "segments": {} if sink.by_arrival else segments_of(sink.events, source),
         "time": {"sentences": [words]} if (words := axis_event(sink.events)) else None,
         "markers": markers,
         "snapshots": snapshots,
-        "damage": [asdict(damage) for damage in source.damage],
+        "damage": source.damage,
         "health": sink.health_history.names,
         "figures": {
             device: {

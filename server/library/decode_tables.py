@@ -7,7 +7,6 @@ its heading.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -148,15 +147,15 @@ def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
         "about": {},
         "started": tables.first,
         "ended": tables.last,
-        "devices": [asdict(device)],
-        "channels": [asdict(info) for info in tables.shown],
-        "events": [asdict(event) for event in events],
+        "devices": [device],
+        "channels": tables.shown,
+        "events": events,
         "events_left_out": left_out,
         "time": axis.described() if axis is not None else None,
         "segments": {DEVICE: sorted({*segments, *tables.segments.values()})},
         "markers": [],
         "snapshots": {},
-        "damage": [asdict(damage) for damage in source.damage],
+        "damage": source.damage,
         "figures": {DEVICE: {"bytes": 0, "lost": 0, "gaps": 0, "rejects": 0, "messages": tables.counts}},
     }
 
