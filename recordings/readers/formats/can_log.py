@@ -141,7 +141,7 @@ class CanLog(MessageFile):
     def _lines(self) -> Iterator[tuple[Bytes, Ints, int, float]]:
         """Blocks of the file: bytes, table of the frames in them, number of odd lines, share of the file read."""
         size, done, held = max(self.path.stat().st_size, 1), 0, b""
-        table = np.empty((LINE, BLOCK_BYTES // LEAST_LINE), np.int64)
+        table = np.empty((LINE, min(size, BLOCK_BYTES) // LEAST_LINE + 1), np.int64)
         with open_regular(self.path) as file:
             while True:
                 data = file.read(BLOCK_BYTES)
