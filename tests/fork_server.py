@@ -44,7 +44,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NoReturn
 
-from tests.nursery_modules import LEARNT, VIEWERS, WORKERS, worker_name
+from tests.nursery_modules import HEAVY, LEARNT, WORKERS, worker_name
 
 ROOT = Path(__file__).resolve().parent.parent
 PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -204,14 +204,13 @@ def _learn_to_serve() -> None:
     importlib.import_module(
         "imuscope.server.library.decoder_fingerprint"
     ).decoding_mark()  # of the sources as they are now
-    used: list[str] = []
     for name in WORKERS:
         with contextlib.suppress(ModuleNotFoundError):  # an installation without the packages of an extension
-            used += getattr(importlib.import_module(name), "USED", ())
+            importlib.import_module(name)
     importlib.import_module("imuscope.server.extension").extension_problems()
     importlib.import_module("imuscope.server.links.registry").link_kinds()
     own = [one for one in importlib.import_module("imuscope.server.extension").extensions() if not one.package]
-    _learn(*LEARNT, *used, *(name for one in own for name in (one.parts, *one.routes, *one.jobs) if name))
+    _learn(*LEARNT, *(name for one in own for name in (one.parts, *one.routes) if name))
 
 
 def _learn(*modules: str) -> None:
@@ -260,7 +259,7 @@ class _Nursery:
         self._children: dict[socket.socket, set[int]] = {}  # by the connection of who asked for them
         self._asked_by: dict[int, int] = {}  # child -> process
         self._spent_s: dict[int, float] = {}  # process -> processor time of what was forked for it
-        self._learnt: set[str] = set()  # of VIEWERS
+        self._learnt: set[str] = set()  # of HEAVY
 
     def run(self) -> _Request | None:
         """Returns in each child, with what it is asked to do, and at the end, with None."""
@@ -293,9 +292,9 @@ class _Nursery:
             return None
         *streams, end = given
         module = json.loads(asked)["module"]
-        if module in VIEWERS and module not in self._learnt:
+        if module in HEAVY and module not in self._learnt:
             self._learnt.add(module)
-            _learn(module, *VIEWERS[module])
+            _learn(module, *HEAVY[module])
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # after its process id is known
         asked_by = _peer(line)
         nursery, pid = os.getpid(), os.fork()

@@ -17,7 +17,7 @@ from typing import Any
 
 from imuscope.server.workers import Worker
 from tests.fork_server import Child, ForkServer
-from tests.nursery_modules import VIEWERS, WORKERS, worker_name
+from tests.nursery_modules import HEAVY, WORKERS, worker_name
 
 _start = Worker.create_process
 
@@ -67,7 +67,7 @@ def install(nursery: ForkServer) -> None:
     """Have the workers of this process forked by `nursery`."""
 
     async def create(python: str, flag: str, module: str, *words: str, **streams: Any) -> Any:
-        if module not in WORKERS and module not in VIEWERS:
+        if module not in WORKERS and module not in HEAVY:
             return await _start(python, flag, module, *words, **streams)
         return await _forked(nursery, module, words, **streams)
 

@@ -34,23 +34,23 @@ WORKERS = (
             "imuscope.server.extensions.evidence.worker",
             "imuscope.server.extensions.fleet.query_worker",
             "imuscope.server.extensions.fleet.upload_worker",
-            "imuscope.server.extensions.analysis.worker",
         ),
     ),
 )
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
 imuscope.recordings.compaction, which imports little and may have little memory.
 """
-_FEEDING: dict[str, tuple[str, ...]] = {
+_HEAVY: dict[str, tuple[str, ...]] = {
+    "imuscope.server.extensions.analysis.worker": ("scipy.fft", "scipy.ndimage", "scipy.signal"),
     "imuscope.server.extensions.foxglove.worker": (),
     "imuscope.server.extensions.rerun.worker": (),
     "imuscope.server.extensions.ros2.worker": ("zenoh",),
     "imuscope.server.extensions.rerun.stream_worker": ("imuscope.server.extensions.rerun.rrd.writer",),
     "imuscope.server.extensions.viser.worker": ("imuscope.server.extensions.viser.scene",),
 }
-VIEWERS = {module: late for module, late in _FEEDING.items() if _is_there(module)}
-"""Processes that feed viewers of others, and what they import late. Their libraries take a second each to import, which
-the nursery does when the first one is asked for.
+HEAVY = {module: late for module, late in _HEAVY.items() if _is_there(module)}
+"""Processes of large libraries, most of them of viewers of others, and what they import late. These take a second each
+to import, which the nursery does when the first one is asked for.
 """
 
 

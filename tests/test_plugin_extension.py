@@ -113,33 +113,30 @@ def test_only_files_of_the_package_are_passed_on(url: str) -> None:
         assert status_of(f"{url}{path}") == status, path
 
 
-@pytest.mark.parametrize("broken", ["counter.py", "routes.py", "command.py"])
-def test_one_that_fails_when_it_is_used_stops_nothing(site: Path, tmp_path: Path, broken: str) -> None:
+def renamed(site: Path, folder: Path, name: str) -> Path:
+    """A copy of the package, by another name in all that it is called."""
+    for path in site.rglob("*"):
+        if path.is_file() and path.suffix != ".pyc":
+            copy = folder / str(path.relative_to(site)).replace("total", name)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.write_text(path.read_text().replace("total", name).replace("the counter", f"the counter of {name}"))
+    return folder / f"imuscope_{name}"
+
+
+def test_those_that_fail_when_they_are_used_stop_nothing(site: Path, tmp_path: Path) -> None:
     """An import error in a package of others ended every command."""
-    shutil.copytree(site, tmp_path / "site")
-    (tmp_path / "site" / "imuscope_total" / broken).write_text("raise RuntimeError('of the package')\n")
-    with (
-        finding(tmp_path / "site"),
-        ServerProcess("sim:xbus", data=tmp_path / "data", fresh=True) as server,
-    ):
-        block_until(lambda: "cannot be used" in server.log, "it is said")
-        assert server.ask("GET", "/api/devices")
-        said = next(line for line in server.lines if "cannot be used" in line)
-    assert "The extension 'total' of imuscope-total 1.0 cannot be used: RuntimeError: of the package." in said
-
-
-def test_a_route_that_anyone_could_use_without_a_token_is_refused(site: Path, tmp_path: Path) -> None:
-    shutil.copytree(site, tmp_path / "site")
-    routes = tmp_path / "site" / "imuscope_total" / "routes.py"
+    said = {"open": "its route /figures/open needs no token; put it below /api"}
+    for name, broken in (("one", "counter.py"), ("two", "routes.py"), ("three", "command.py")):
+        (renamed(site, tmp_path / "site", name) / broken).write_text("raise RuntimeError('of the package')\n")
+        said[name] = "RuntimeError: of the package."
+    routes = renamed(site, tmp_path / "site", "open") / "routes.py"
     routes.write_text(routes.read_text().replace('prefix="/api"', 'prefix="/figures"'))
-    with (
-        finding(tmp_path / "site"),
-        ServerProcess("sim:xbus", data=tmp_path / "data", fresh=True) as server,
-    ):
-        block_until(lambda: "cannot be used" in server.log, "it is said")
-        said = next(line for line in server.lines if "cannot be used" in line)
-        assert status_of(f"{server.url}/figures/total") == 404
-    assert "cannot be used: its route /figures/total needs no token; put it below /api" in said
+    with finding(tmp_path / "site"), ServerProcess("sim:xbus", data=tmp_path / "data", fresh=True) as server:
+        for name, words in said.items():
+            sentence = f"The extension '{name}' of imuscope-{name} 1.0 cannot be used: {words}"
+            block_until(lambda: sentence in server.log, sentence)  # noqa: B023
+        assert server.ask("GET", "/api/devices")
+        assert status_of(f"{server.url}/figures/open") == 404, "anyone could use it without a token"
 
 
 def test_doctor_names_what_cannot_be_used(site: Path, tmp_path: Path) -> None:
