@@ -9,6 +9,7 @@ import numpy as np
 
 from imuscope.recordings import table_names as names
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, Sure, TableClock
+from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import (
     CLOSE,
@@ -43,8 +44,14 @@ def number_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     if unit == "d" and (serial := _serial_days(sample, column, rank)) is not None:
         return serial
     factor = FACTORS[unit]
-    epoch = _epoch(sample, column, factor)
+    epoch = "day" if is_of_day(heading) else _epoch(sample, column, factor)
     return TableClock(sample.name(column), (column,), "number", unit, (factor,), epoch, sure, why, rank=rank)
+
+
+def is_of_day(heading: ColumnHeading) -> bool:
+    """Whether a heading says that its numbers are since midnight: ms_of_day, sod."""
+    words = names.words_of(heading.name)
+    return any(one in names.OF_DAY for one in (words, names.without_unit(words), words.removeprefix("ms_")))
 
 
 def _epoch(sample: TableSample, column: int, factor: float) -> Epoch:
@@ -100,7 +107,7 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     if chosen is None or names.has_odd_unit(sample.headings[column]):
         return sample.open_clock(column, rank)
     why = _reason(values, chosen, readings)
-    epoch: Epoch = "1970" if chosen.dated else "start"
+    epoch: Epoch = "1970" if chosen.dated else "day" if is_of_day(sample.headings[column]) else "start"
     return TableClock(name, (column,), "number", chosen.unit, (chosen.factor,), epoch, sure, why, rank=rank)
 
 

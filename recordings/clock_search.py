@@ -22,7 +22,14 @@ from dataclasses import replace
 
 from imuscope.recordings import table_names as names
 from imuscope.recordings.clock_dates import date_clocks, part_clocks, stamp_clocks, text_clock, unnamed_stamps
-from imuscope.recordings.clock_numbers import counter_clocks, fine_clock, number_clock, row_clock, unnamed_clocks
+from imuscope.recordings.clock_numbers import (
+    counter_clocks,
+    fine_clock,
+    is_of_day,
+    number_clock,
+    row_clock,
+    unnamed_clocks,
+)
 from imuscope.recordings.clock_weeks import of_gps, week_clocks
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_clock import TableClock
@@ -114,7 +121,8 @@ def _of_name(sample: TableSample, column: int) -> TableClock | None:
     is_ros = heading.name.startswith("%") or words.endswith("header_stamp")
     last = names.words_of(heading.name.rpartition(".")[2])  # of a structure: ref.t
     is_inner = "." in heading.name and names.TIMES.match(last) is not None and sample.rises(column)
-    is_named = is_ros or is_inner or names.TIME.match(words) or names.ELAPSED.match(words) or names.TIMES.match(words)
+    is_named = is_ros or is_inner or is_of_day(heading)
+    is_named = is_named or any(one.match(words) for one in (names.TIME, names.ELAPSED, names.TIMES))
     if not (is_named or (words in SPELLINGS and sample.rises(column))) or (
         words == "t" and names.has_odd_unit(heading)
     ):  # a temperature

@@ -51,6 +51,7 @@ from imuscope.recordings.tabular import CsvSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.4  # of a file: 0.5 is a stream of NMEA or UBX alone, and a head in words stands above some
+WEAK_SCORE = 0.2  # of a file that is nothing else: a terminal wrote its own times into the lines
 DATE_BYTES = 1 << 22  # of a log whose name has its start: within these a device with a receiver has sent the date
 SUFFIXES = (
     *(".mcap", *vendor_logs.log_suffixes(), ".bin", ".log", ".txt", ".csv", ".tsv", ".hex", ".ubx", ".nmea"),
@@ -66,6 +67,7 @@ class CaptureSource:
     Args:
         files: in order.
         protocol: "" to recognise it.
+        score: least one, to recognise it.
     """
 
     timed = False
@@ -73,20 +75,27 @@ class CaptureSource:
     clock_steps: Sequence[tuple[float, float]] = ()  # of GNSS times: unix s after it, s; known after its parts are read
     by_gnss = False  # whether they are those in the messages of a GNSS receiver; known then as well
 
-    def __init__(self, files: list[Path], format: str, protocol: str = "", about: Mapping[str, str] = {}) -> None:
+    def __init__(
+        self,
+        files: list[Path],
+        format: str,
+        protocol: str = "",
+        about: Mapping[str, str] = {},
+        score: float = GUESS_SCORE,
+    ) -> None:
         self.path = files[0]
         self.format = format
         self.header: Mapping[str, str] = {}
         self._files = files
         self._size = sum(file.stat().st_size for file in files)
-        self.protocol = protocol or self._recognise()
+        self.protocol = protocol or self._recognise(score)
         self.devices = {DEVICE: SourceDevice(DEVICE, self.protocol, {"source": self.path.name, **about})}
         self.damage: list[FileDamage] = []
 
-    def _recognise(self) -> str:
+    def _recognise(self, score: float) -> str:
         with open_regular(self.path) as file:
             guesses = detect(file.read(GUESS_BYTES))
-        return guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
+        return guesses[0].protocol if guesses and guesses[0].score >= score else ""
 
     def _bytes(self) -> BinaryIO:
         return _Generated(_blocks(self._files))  # type: ignore[return-value]  # only read
@@ -275,7 +284,9 @@ def open_file(
     if not source.protocol:
         if not _is_no_table(path, head) and is_table(path):
             return _table(request)
-        raise _unknown(path, head)
+        source = CaptureSource([path], "bin", score=WEAK_SCORE)
+        if not source.protocol or known_file(head) is not None:
+            raise _unknown(path, head)
     return source
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from imuscope.protocols.registry import detect
 from imuscope.recordings import sidecar, vendor_logs
-from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, TABLES, is_table, paced
+from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, TABLES, WEAK_SCORE, is_table, paced
 from imuscope.recordings.mcap_reader import MAGIC, TIME, McapReader
 from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
 from imuscope.recordings.messages import recorded_device
@@ -160,13 +160,15 @@ def _capture(path: Path, suffix: str, head: bytes) -> RecordingProbe | None:
     log = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
     suffix = log[1].suffix if log is not None else suffix
     protocol = log[0].name if log is not None and log[1].certain else ""
+    guesses = detect(head) if not protocol else []
     if not protocol:
-        guesses = detect(head)
         protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
     probe = RecordingProbe(suffix[1:] if suffix in vendor_logs.log_suffixes() else "bin")
     if not protocol:
         if is_table(path):
             return RecordingProbe("csv", devices=[RecordedDevice("1", path.name)], edits=_csv_edits(path, head))
+        protocol = guesses[0].protocol if guesses and guesses[0].score >= WEAK_SCORE else ""
+    if not protocol:
         if suffix not in ALWAYS_LISTED:
             return None
         probe.damaged = "It is not a format imuscope knows."

@@ -46,7 +46,8 @@ _MONTH_FIRST = re.compile(
     rf"(?:\b(?P<zone>{ZONE})\b)?\s*(?P<last>(?<=\s)(?:19|20)\d\d)?\s*(?P<half>[ap]m)?\s*$",
     re.IGNORECASE,
 )
-_DASHED = re.compile(r"^(\s*\d{4}-\d\d-\d\d)_(\d\d)[-:](\d\d)[-:](\d\d)[-_.](\d{3})\b")  # of a DOT
+_DASHED = re.compile(r"^(\s*\d{4}-\d\d-\d\d)_(\d\d)[-:](\d\d)[-:](\d\d)(?:[-_.](\d{3}))?\b")  # of a DOT
+_PLACE = re.compile(r"\s*\[[\w/+-]+\]\s*$")  # of a zone whose offset is there, as Java writes it
 _MINUTES = re.compile(r"^\s*([0-5]?\d):([0-5]\d)[.,](\d{1,6})\s*$")  # of a spreadsheet, which leaves out the hour
 _PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d+)?\s*$")
 
@@ -69,8 +70,12 @@ def is_moment(text: str) -> bool:
 
 
 def _plain(text: str) -> str:
-    """A date without the name of its day."""
-    return _WEEKDAY.sub("", text)
+    """A date without the names of its day and its place."""
+    return _PLACE.sub("", _WEEKDAY.sub("", text))
+
+
+def _with_colons(match: re.Match[str]) -> str:
+    return f"{match[1]} {match[2]}:{match[3]}:{match[4]}.{match[5] or 0}"
 
 
 def is_time_of_day(text: str) -> bool:
@@ -188,7 +193,7 @@ def unix_seconds(text: str, order: Order = "dmy") -> float | None:
     """A date, with or without a time of day, as unix s; None if it is neither."""
     if (packed := _PACKED.match(text)) is not None:
         text = "{}-{}-{}T{}:{}:{}.{:0<6.6}".format(*packed.groups())
-    text = _DASHED.sub(r"\1 \2:\3:\4.\5", _plain(text))
+    text = _DASHED.sub(_with_colons, _plain(text))
     if (match := _MONTH_FIRST.match(text)) is not None and (year := match["year"] or match["last"]):
         day = f"{year}-{_MONTHS.index(match['month'].lower()[:3]) + 1:02}-{match['day']:0>2}"
         text = f"{day} {match['clock'].strip(' ,')}{match['half'] or ''}{match['zone'] or ''}".strip()

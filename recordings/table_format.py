@@ -219,6 +219,8 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         raise RecordingError(f"{name} has one column of numbers.", hint)
     if count < 2 - may_be_narrow or first == len(lines):
         raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
+    if not any(above.values()) and _is_numbering(rows[:2]):
+        first, rows = first + 1, rows[1:]
     if start:
         metadata |= {"start time": utc_text(start), "rate": rows[1][0]}
         first, rows = first + 2, rows[2:]
@@ -235,6 +237,13 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     if headings and index and not headings[0]:
         headings = [index, *headings[1:]]
     return TableFormat(first, separator, decimal, headings, sample, count, metadata, marks, is_ragged, unused=unused)
+
+
+def _is_numbering(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether the first row is 0, 1, 2, …: names of columns that have none, as pandas writes them."""
+    return (
+        len(rows) > 1 and len(rows[0]) > FEWEST_ROWS and [*rows[0]] == [str(i) for i in range(len(rows[0]))] != rows[1]
+    )
 
 
 def _is_bare(cell: str) -> bool:

@@ -49,7 +49,7 @@ _STEMS = (
 _BEFORE = (
     "sensor|system|sys|device|dev|host|unix|gps|gnss|ins|utc|log|logging|local|elapsed|relative|rel|boot|sample|rec|"
     "record|recording|ros|rosbag|imu|header|msg|field|wall|phone|cpu|mcu|chip|since|arrival|server|client|packet|start|"
-    "offset|clock|pc|computer|test|run|experiment"
+    "offset|clock|pc|computer|test|run|experiment|received?|recv|rx"
 )
 _AFTER = (
     "(?:in_)?(?:"
@@ -67,8 +67,9 @@ ZONE = re.compile(
     r"^(?:utc|gmt)?\s*(?P<sign>[+-])(?P<hours>\d{1,2}):?(?P<minutes>\d\d)?$", re.IGNORECASE
 )  # in brackets
 ZONES = {"jst": 9 * 3600.0}  # headings that are a zone → s by which it is ahead of UTC
-OF_HOST = re.compile(r"^(?:server|client|rosbag)_")
+OF_HOST = re.compile(r"^(?:server|client|rosbag|arrival|host|pc|computer|received?|recv|rx)_")
 OF_WEEK = ("time_of_week", "i_tow", "itow", "tow", "gps_tow", "gps_time_of_week", "sow", "gps_sow", "seconds_of_week")
+OF_DAY = ("time_of_day", "tod", "sod", "msod", "seconds_of_day", "second_of_day", "of_day", "sec_of_day")
 GPS_TIME = ("gpst", "gps_time", "gpstime", "gps_sec", "gps_second", "gps_seconds", "ins_second", "ins_seconds")
 """Names of a time of week, if the numbers are below a week."""
 WEEK_BITS = 1024.0  # weeks, after which a number of ten bits starts again

@@ -467,7 +467,7 @@ class Utf8(io.RawIOBase):
         lines = self._marks.removed(text[:cut])
         if not self._squeeze:
             return lines
-        return re.sub(r"[ \t]+$|^[ \t]+", "", re.sub(r"[ \t]+", " ", lines), flags=re.MULTILINE)
+        return re.sub(r"[ \t]+(?=\r?$)|^[ \t]+", "", re.sub(r"[ \t]+", " ", lines), flags=re.MULTILINE)
 
     def _report(self, text: str) -> bytes:
         if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):

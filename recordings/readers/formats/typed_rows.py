@@ -53,7 +53,7 @@ KEY = re.compile(
 )
 NUMBERED = re.compile(r"^(?:sensor|device|imu|node)_?(?:id|nr|no|num|number|index)$")
 _DECLARED = re.compile(r"^\$(?P<what>COL|UNIT),(?P<name>[A-Za-z]\w{0,40}),(?P<rest>.*)$")
-_NOVATEL = re.compile(r"^[#%](?P<name>[A-Z0-9]+A),(?P<head>[^;]*);(?P<body>[^*]*)\*[0-9A-Fa-f]{8}\s*$")
+_NOVATEL = re.compile(r"^(?:\[\w+\])?[#%](?P<name>[A-Z0-9]+A),(?P<head>[^;]*);(?P<body>[^*]*)\*[0-9A-Fa-f]{8}\s*$")
 _LONG_HEAD = "port,sequence,idle,time status,week,time of week (s),receiver status,reserved,version"
 _SHORT_HEAD = "week,time of week (s)"
 _RAW_IMU = "imu week,imu seconds,imu status,accel z,accel -y,accel x,gyro z,gyro -y,gyro x"
@@ -61,7 +61,29 @@ _INSPVA = (
     "ins week,ins seconds,latitude (deg),longitude (deg),height (m),velocity north (m/s),velocity east (m/s),"
     "velocity up (m/s),roll (deg),pitch (deg),azimuth (deg),status"
 )
+_SOLUTION = "solution status,position type,latitude (deg),longitude (deg),height (m),undulation (m)"
+_INSPVAX = (
+    f"ins status,{_SOLUTION.partition(',')[2]},velocity north (m/s),velocity east (m/s),velocity up (m/s),roll (deg),"
+    "pitch (deg),azimuth (deg),deviation of latitude (m),deviation of longitude (m),deviation of height (m),"
+    "deviation of velocity north (m/s),deviation of velocity east (m/s),deviation of velocity up (m/s),"
+    "deviation of roll (deg),deviation of pitch (deg),deviation of azimuth (deg),extended status,seconds since update"
+)
+_BESTPOS = (
+    f"{_SOLUTION},datum,deviation of latitude (m),deviation of longitude (m),deviation of height (m),station,"
+    "differential age (s),solution age (s),satellites,satellites in solution"
+)
+_BESTVEL = "solution status,velocity type,latency (s),age (s),horizontal speed (m/s),track (deg),vertical speed (m/s)"
+_INS = "ins week,ins seconds"
 NOVATEL_COLUMNS = {
+    **dict.fromkeys(("INSPVAXA", "INSPVASXA"), _INSPVAX),
+    **dict.fromkeys(("BESTPOSA", "BESTGNSSPOSA", "PSRPOSA", "RTKPOSA"), _BESTPOS),
+    **dict.fromkeys(("BESTVELA", "BESTGNSSVELA", "PSRVELA"), _BESTVEL),
+    **dict.fromkeys(("INSATTA", "INSATTSA"), f"{_INS},roll (deg),pitch (deg),azimuth (deg),status"),
+    **dict.fromkeys(("INSATTQSA",), f"{_INS},quaternion w,quaternion x,quaternion y,quaternion z,status"),
+    **dict.fromkeys(("INSPOSA", "INSPOSSA"), f"{_INS},latitude (deg),longitude (deg),height (m),status"),
+    **dict.fromkeys(
+        ("INSVELA", "INSVELSA"), f"{_INS},velocity north (m/s),velocity east (m/s),velocity up (m/s),status"
+    ),
     **dict.fromkeys(("RAWIMUA", "RAWIMUSA"), _RAW_IMU),
     **dict.fromkeys(("RAWIMUXA", "RAWIMUSXA"), f"imu error,imu type,{_RAW_IMU}"),
     **dict.fromkeys(("INSPVAA", "INSPVASA"), _INSPVA),
@@ -82,7 +104,7 @@ def has_typed_rows(path: Path) -> bool:
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
     if labels_of(lines) is not None:  # the numbers have names, not the rows
         return False
-    if any(map(_DECLARED.match, lines)):
+    if any(map(_DECLARED.match, lines)) or sum(map(bool, map(_NOVATEL.match, lines))) > MOST * len(lines):
         return True
     rows = [row for line in lines if (row := _row(line)) is not None]
     plain = [line for line in lines if line.lstrip()[:1] not in "#%/"]
@@ -173,7 +195,7 @@ def _row(line: str) -> tuple[str, str, list[str]] | None:
 def _heading(line: str, row: tuple[str, str, list[str]] | None, columns: dict[str, str]) -> None:
     """Note the columns that a line names: those of a comment, and of a NovAtel message at its first row."""
     if row is not None and _NOVATEL.match(line) is not None:
-        head = _LONG_HEAD if line.startswith("#") else _SHORT_HEAD
+        head = _LONG_HEAD if "#" in line.partition(",")[0] else _SHORT_HEAD
         named = [*head.split(","), *NOVATEL_COLUMNS.get(row[0], "").split(",")]
         columns.setdefault(row[0], ",".join([*named, *[""] * len(row[2])][: len(row[2])]))
     elif (declared := _DECLARED.match(line)) is not None:

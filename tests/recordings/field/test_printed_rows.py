@@ -99,6 +99,8 @@ def test_printed_rows_without_a_time_have_the_rate_that_is_given(tmp_path: Path)
         (",acc,acc,acc,gyr,gyr,gyr\n,x,y,z,x,y,z\ntime_s,,,,,,\n", "{s},{x},0,9,0,0,1", ["acc", "gyr"]),
         ("time,acc,,,gyr,,\n(s),x,y,z,x,y,z\n", "{s},{x},0,9,0,0,1", ["acc", "gyr"]),
         ("{{System 1}};;;;\ntime_s;a_x;a_y;a_z;\n".replace("{{", "{").replace("}}", "}"), "{s};{x};0;9;", ["a"]),
+        ("0,1,2,3\n", "{s},{x},0,9", ["column 2", "column 3", "column 4"]),
+        ("", "{s} {x} 0 9 \r", ["column 2", "column 3", "column 4"]),
         ('time_s,frame,a_x,a_y,a_z,raw\n', '{s},1,{x},0,9,"$VNYMR,{n}\r\n"', ["frame", "a"]),
     ],
 )  # fmt: skip

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from functools import reduce
+from operator import xor
 from pathlib import Path
 from typing import Any
 
@@ -146,3 +148,35 @@ def test_devices_with_numbers_have_clocks_of_their_own(tmp_path: Path) -> None:
     assert list(found) == ["sensor_id 0", "sensor_id 1"]
     for infos in found.values():
         np.testing.assert_allclose(np.diff(store.exact(infos[0]["id"], 0, 1000).time), 0.01, atol=1e-6)
+
+
+@each_row("prompt", ["", "[ICOM5]"])
+def test_a_log_of_one_novatel_message_has_its_columns_and_gps_time(prompt: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    head = "COM1,0,73.5,FINESTEERING,2288,{:.3f},01000000,471d,15715"
+    body = "INS_SOLUTION_GOOD,INS_PSRSP,48.1,11.5,{},47.0,0.1,0.2,0.3,1.1,1.2,90.5,1,1,1,0.1,0.1,0.1,0.5,0.5,0.5,3,0"
+    times = [(604_790 + n / 10, n % 7) for n in range(60)]
+    lines = [f"{prompt}#INSPVAXA,{head.format(time)};{body.format(height)}*ffffffff" for time, height in times]
+    path.write_text("\r\n\r\n".join(lines) + "\r\n")
+    store = opened(path)
+    found = {info["name"]: info for info in channels(store)["INSPVAXA"]}
+    assert found["height"]["unit"] == "m"
+    rows = store.exact(found["height"]["id"], 0, 1000)
+    np.testing.assert_array_equal(rows.columns[0], np.arange(60) % 7)
+    np.testing.assert_allclose(rows.time, 315_964_800 + 2288 * 604_800 + 604_790 - 18 + np.arange(60) / 10, atol=1e-6)
+
+
+def test_a_terminal_may_write_its_times_before_the_sentences_of_a_receiver(tmp_path: Path) -> None:
+    lines = []
+    for second in range(30):
+        body = f"GPRMC,1030{second:02}.00,A,4800.0,N,01100.0,E,0.0,0.0,010126,,,A"
+        check = reduce(xor, body.encode())
+        lines.append(f"[2026-01-01 12:30:{second:02}.250] ${body}*{check:02X}\r\n")
+    path = tmp_path / "a.txt"
+    path.write_text("".join(lines))
+    store = opened(path)
+    [info] = store.manifest["channels"]
+    rows = store.exact(info["id"], 0, 100)
+    assert rows.time[0] == 1_767_263_400
+    np.testing.assert_allclose(np.diff(rows.time), 1.0, atol=1e-6)
+    assert probe(path) is not None
