@@ -29,7 +29,8 @@ from imuscope.recordings.time_units import FASTEST_FRACTION, is_dated
 LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
 SAMPLE_BYTES, SAMPLE_ROWS = 1 << 18, 2000
 FEWEST_ROWS = 3  # of numbers, in a file whose name does not say that it is a table
-MAX_COLUMNS = 500
+MAX_COLUMNS = 500  # that are read
+MOST_COLUMNS = 20_000  # of a file, of which the user names some
 LONGEST_CELL = 10_000  # characters of a row with line breaks in it: else a quotation mark is only an inch
 MAX_HEAD_LINES = 200
 START_NAMES = ("start time", "start", "start_time", "starttime", "recording start", "logging started", "time", "date")
@@ -181,8 +182,8 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     marks = marks_of(lines, lambda rows: forced or _separator(rows))
     lines = [marks.removed(marks.headings(line)) for line in lines] if marks else lines
     separator, count = _shape([line for line in lines if line.strip() and not _is_comment(line)], forced)
-    if count > MAX_COLUMNS:
-        raise RecordingError(f"{name} has {count} columns; {MAX_COLUMNS} are read.", "Leave some out.")
+    if count > MOST_COLUMNS:
+        raise RecordingError(f"{name} has {count} columns; {MAX_COLUMNS} are read.", "Give a part of them.")
     metadata: dict[str, str] = {}
     above: dict[bool, list[list[str]]] = {False: [], True: []}  # whether a comment → lines of as many cells as the rows
     longer: list[str] = []  # the last line above with more names than the rows have cells

@@ -38,7 +38,7 @@ from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_format import TableFormat, format_of
 from imuscope.recordings.table_headings import ColumnHeading, unique
 from imuscope.recordings.table_lines import NO_MARKS, LineMarks
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.table_options import TableOptions, renamed
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import SPELLINGS, UNITS
 from imuscope.recordings.unreadable_cells import UnreadableCells
@@ -150,7 +150,7 @@ class CsvSource(TableSource):
         super().__init__(path, "csv")
         self._options = options = options or TableOptions()
         self.form = self._form_of_file()
-        texts, self.left_out = _renamed(self.form, options)
+        texts, self.left_out = renamed(path.name, self.form, options)
         self.headings = [ColumnHeading.of(text) for text in texts]
         by_name = {one.name.lower(): i for i, one in reversed([*enumerate(self.headings)])}
         if {"time", "arrival"} <= by_name.keys() and not any(row[by_name["time"]] for row in self.form.sample):
@@ -403,20 +403,6 @@ def _sorted(blocks: Sequence[TableRows]) -> TableRows:
     segment = None if last.segment is None else joined([one.segment for one in blocks if one.segment is not None])
     time, arrival = joined([one.time for one in blocks]), joined([one.arrival for one in blocks])
     return replace(last, time=time, arrival=arrival, columns=columns, segment=segment)
-
-
-def _renamed(form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
-    """Headings of the columns, with those of the user in place of the file's; and columns to leave out."""
-    texts = list(form.headings) or [""] * form.columns
-    left_out = {i for i, text in enumerate(texts) if not text and not any(row[i].strip() for row in form.sample)}
-    for i, text in enumerate(list(texts)):
-        plain = ColumnHeading.of(text)
-        key = next((key for key in (str(i + 1), plain.text, plain.name) if key and key in options.columns), None)
-        if key is not None and options.columns[key]:
-            texts[i] = options.columns[key]
-        elif key is not None:
-            left_out.add(i)
-    return texts, left_out
 
 
 def _head_rate(form: TableFormat) -> float:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.table_format import MAX_COLUMNS, SAMPLE_ROWS, TableFormat
+from imuscope.recordings.table_format import MAX_COLUMNS, MOST_COLUMNS, SAMPLE_ROWS, TableFormat
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource
 
@@ -45,9 +45,9 @@ class ArrowSource(CsvSource):
     """A binary table. Raises as CsvSource does."""
 
     def __init__(self, path: Path, columns: ArrowColumns, format: str, options: TableOptions) -> None:
-        if len(columns.headings) > MAX_COLUMNS:
+        if len(columns.headings) > MOST_COLUMNS:
             words = f"{path.name} has {len(columns.headings)} columns; {MAX_COLUMNS} are read."
-            raise RecordingError(words, "Leave some out.")
+            raise RecordingError(words, "Give a part of them.")
         self._columns = columns
         self._left_out_words = [remark(words) for words in columns.left_out]
         super().__init__(path, options)

@@ -299,3 +299,15 @@ def test_words_above_the_sentences_of_a_receiver_do_no_harm(tmp_path: Path) -> N
     store = opened(path)
     [info] = store.manifest["channels"]
     np.testing.assert_allclose(np.diff(store.exact(info["id"], 0, 100).time), 1.0, atol=1e-6)
+
+
+def test_columns_of_a_wide_table_are_chosen(tmp_path: Path) -> None:
+    names = ",".join(f"c{i}" for i in range(700))
+    path = written(f"time_ms,a_x,a_y,a_z,{names}\n", MS + ",1" * 700, "a.csv", tmp_path)
+    with pytest.raises(RecordingError, match="has 704 columns; 500 are read") as refused:
+        opened(path)
+    assert "“* =”" in refused.value.hint
+    table = TableOptions(columns={"*": "", "2": "turn (rad/s)", "c7": "seventh"})
+    store = decode(open_file(path, "", table), tmp_path / "c", protocol_set.all_protocols())
+    assert [info["name"] for info in store.manifest["channels"]] == ["turn", "seventh"]
+    np.testing.assert_allclose(np.diff(store.exact(1, 0, 1000).time), STEP, atol=1e-6)

@@ -243,7 +243,12 @@ RECENT = 1_780_000_000
         ("time", "f'2026-05-28 16:26:{40 + n / 100:05.2f}-0400 [Brazil/West]'", RECENT, "dates and times"),
         ("time", "f'2026-05-28_20-26-{40 + n // 100}'", RECENT, "dates and times"),
         ("ms_of_day", "f'{10 * n + 50}'", None, "ms_of_day in ms, of a day that is not in the file"),
-        ("host_time_s,device_time_us", f"f'{{{RECENT} + n // 10 / 10:.1f}},{{n * 10000}}'", RECENT, "device_time_us in µs"),
+        (
+            "host_time_s,device_time_us",
+            f"f'{{{RECENT} + n // 10 / 10:.1f}},{{n * 10000}}'",
+            RECENT,
+            "device_time_us in µs",
+        ),
         ("Time", "f'10:{n / 100:06.3f}'", None, "minutes and seconds, without the hour"),
         ("time", f"f'{{{RECENT + 2_082_844_800} + n / 100:.2f}}'", RECENT, "as s of LabVIEW, since 1904"),
         ("timestamp", f"f'{{{RECENT - 978_307_200} + n / 100:.2f}}'", RECENT, "as s of Apple, since 2001"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +123,59 @@ def check(table: Table) -> str:
 @given(tables())
 def test_the_unit_is_right_or_asked_for(table: Table) -> None:
     check(table)
+
+
+@st.composite
+def disturbed(draw: st.DrawFn) -> tuple[Table, str]:
+    """Tables whose rows run backwards, have no order, or begin before the clock was set; and which of these."""
+    table = draw(tables())
+    kind = draw(st.sampled_from(("backwards", "shuffled", "zeros", "uptime")))
+    if kind == "backwards":
+        return replace(table, times=table.times[::-1]), kind
+    if kind == "shuffled":
+        order = np.random.default_rng(draw(st.integers(0, 1 << 20))).permutation(len(table.times))
+        return replace(table, times=tuple(table.times[i] for i in order)), kind
+    begin = draw(st.integers(1, max(1, len(table.times) // 3)))
+    early = [0.0 if kind == "zeros" else 1 + n for n in range(begin)]
+    return replace(table, times=(*early, *table.times[begin:])), kind
+
+
+def check_disturbed(table: Table, kind: str) -> None:
+    """Read a table; its unit is right, or it is refused, and no time is invented."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.csv"
+        path.write_text(table.text, encoding="utf-8")
+        os.utime(path, (WRITTEN, WRITTEN))
+        source = CsvSource(path)
+        try:
+            time = np.concatenate([rows.time for rows in source.rows()])
+        except RecordingError:
+            return
+        assert source.axis is not None
+        assert source.axis.watch is not None
+        assert source.axis.clock.unit == table.unit, source.axis.sentences()
+        resolution = UNITS[table.unit] * 10.0**-table.decimals
+        wanted = np.array(table.times)
+        if source.axis.order:
+            wanted = np.sort(wanted)
+        elif kind in ("backwards", "shuffled"):  # few rows: each step back is reported
+            return
+        if source.axis.clock.epoch == "1970":
+            wanted = wanted[np.abs(wanted) > resolution / 2]
+        if not source.axis.watch.segments:
+            np.testing.assert_allclose(np.diff(time), np.diff(wanted), atol=2 * resolution + 1e-6)
+
+
+@given(disturbed())
+def test_the_unit_of_disturbed_rows_is_right_or_asked_for(case: tuple[Table, str]) -> None:
+    check_disturbed(*case)
+
+
+@pytest.mark.slow
+@settings(max_examples=10_000)
+@given(disturbed())
+def test_the_unit_of_disturbed_rows_is_never_wrong(case: tuple[Table, str]) -> None:
+    check_disturbed(*case)
 
 
 @pytest.mark.slow
