@@ -8,7 +8,8 @@ chunks are decompressed into no more than their own size. So a damaged file cost
 MATLAB gives each variable its class as an attribute, stores matrices turned, structures as groups, texts as numbers.
 A variable of NetCDF 4 counts its time from a date that its unit names.
 
-Source: HDF5 File Format Specification 3.0, IV.A.2.l (filters); CF Conventions 1.11, 4.4 (units of time).
+Source: HDF5 File Format Specification 3.0, IV.A.2.l (filters); CF Conventions 1.11, 4.4 (units of time); for LZF, the
+format that the decompressor of liblzf 3.6 reads (lzf_d.c).
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ LARGEST_CHUNK = 1 << 28
 DEEPEST = 6
 MOST_SETS = 1000
 MOST_READS = 300_000  # of the structure: a damaged one can lead back to itself
-DEFLATE, SHUFFLE, CHECKSUM = 1, 2, 3
+DEFLATE, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32_000
+LITERAL, FAR = 32, 7  # of LZF: control bytes below are of literals; a length that goes on in the next byte
 UNREAD = "in a form that is not read"
+NEWER = "in chunks as HDF5 1.10 keeps them; write it without libver"
 RESAVE = "Save its arrays as .npz, Parquet or CSV; in MATLAB with save(..., '-v7')."
 UNIT_NAMES = {**SPELLINGS, **LONG}
 SINCE = re.compile(rf"({'|'.join(sorted(UNIT_NAMES))})\s+since\s+(.+)", re.I)
@@ -128,8 +131,8 @@ def _items(group: Any, prefix: str, depth: int, visited: set[int]) -> Iterator[t
                 continue
         except EndlessError:
             raise
-        except Exception:  # whatever pyfive raises for what it does not read
-            yield name, None, UNREAD
+        except Exception as error:  # whatever pyfive raises for what it does not read
+            yield name, None, _unread(error)
             continue
         if item is not None:  # a link to nothing
             yield name, item, ""
@@ -167,10 +170,17 @@ def _add(content: _Content, name: str, item: Any, problem: str, file: BinaryIO) 
         content.others.append(f"{name} (too large)")
     except EndlessError:
         raise
+    except IndexError:
+        content.others.append(f"{name} (damaged)")
     except (ValueError, zlib.error) as error:
         content.others.append(f"{name} ({first_line(error)})")
-    except Exception:  # whatever else pyfive raises for data from outside
-        content.others.append(f"{name} ({UNREAD})")
+    except Exception as error:  # whatever else pyfive raises for data from outside
+        content.others.append(f"{name} ({_unread(error)})")
+
+
+def _unread(error: Exception) -> str:
+    """Words on a data set that pyfive does not read."""
+    return NEWER if "layout class 4" in str(error) else UNREAD
 
 
 def _array(content: _Content, item: Any, file: BinaryIO) -> Array:
@@ -229,7 +239,7 @@ def _unpacked(data: bytes, skipped: int, filters: Any, width: int, size: int) ->
         if skipped >> number & 1:
             continue
         if (undo := UNDO.get(name)) is None:
-            raise ValueError(f"compressed by filter {name} of HDF5, not by gzip")
+            raise ValueError(f"compressed by filter {name} of HDF5, not by gzip or lzf")
         data = undo(data, width, size)
     if len(data) != size:
         raise ValueError("damaged")
@@ -238,6 +248,29 @@ def _unpacked(data: bytes, skipped: int, filters: Any, width: int, size: int) ->
 
 def _inflate(data: bytes, width: int, size: int) -> bytes:
     return zlib.decompressobj().decompress(data, size + 64)
+
+
+def _lzf(data: bytes, width: int, size: int) -> bytes:
+    """Literal runs, and copies of earlier bytes."""
+    out, at = bytearray(), 0
+    while at < len(data) and len(out) <= size:
+        control = data[at]
+        at += 1
+        if control < LITERAL:
+            out += data[at : at + control + 1]
+            at += control + 1
+            continue
+        length, back = control >> 5, (control & 31) << 8
+        if length == FAR:
+            length += data[at]
+            at += 1
+        begin = len(out) - back - data[at] - 1
+        at += 1
+        if begin < 0:
+            raise ValueError("damaged")
+        piece = bytes(out[begin : begin + length + 2])
+        out += (piece * ((length + 2) // len(piece) + 1))[: length + 2]  # a copy may go on into itself
+    return bytes(out)
 
 
 def _unshuffle(data: bytes, width: int, size: int) -> bytes:
@@ -263,7 +296,12 @@ def _spellings(checksum: int) -> set[int]:
     return sums | {(one & 0x00FF00FF) << 8 | (one & 0xFF00FF00) >> 8 for one in sums}
 
 
-UNDO: Mapping[int, Callable[[bytes, int, int], bytes]] = {DEFLATE: _inflate, SHUFFLE: _unshuffle, CHECKSUM: _checked}
+UNDO: Mapping[int, Callable[[bytes, int, int], bytes]] = {
+    DEFLATE: _inflate,
+    SHUFFLE: _unshuffle,
+    CHECKSUM: _checked,
+    LZF: _lzf,
+}
 
 
 def _text(value: Any) -> str:

@@ -128,20 +128,43 @@ def test_what_is_no_column_is_named(tmp_path: Path) -> None:
         file["value"] = TIME
         file["few"] = [1.0, 2.0]
         file["complex"] = np.zeros(COUNT, complex)
-        file.create_dataset("lzf", data=GYRO, compression="lzf")
+        file.create_dataset("other", data=GYRO, compression="lzf")
         file.create_dataset("unwritten", (COUNT,), "f8")
         file["nowhere"] = h5py.SoftLink("/none")
         file["loop"] = h5py.SoftLink("/")
         file["group/above"] = file["/"]
+    (tmp_path / "b.h5").write_bytes((tmp_path / "b.h5").read_bytes().replace(b"\x00\x7d\x08", b"\x09\x7d\x08"))
     words = damage_of(opened(tmp_path / "b.h5", tmp_path / "2"))
     assert "complex (no numbers)" in words
-    assert "lzf (compressed by filter 32000 of HDF5, not by gzip)" in words
+    assert "other (compressed by filter 32009 of HDF5, not by gzip or lzf)" in words
     assert "unwritten (without values, or cut)" in words
     assert "Arrays without 400 rows of numbers are left out: few 2." in words
     with h5py.File(tmp_path / "c.h5", "w") as file:
         file["label"] = "a"
     with pytest.raises(RecordingError, match=r"has no arrays of numbers\. Left out: label"):
         open_file(tmp_path / "c.h5")
+
+
+@each_row("shuffle", [False, True])
+@each_row("what", ["constant", "steps", "noise"])
+def test_lzf_is_decompressed(what: str, shuffle: bool, tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).integers(0, 1 << 60, COUNT).astype(float)
+    values = {"constant": np.full(COUNT, 9.81), "steps": np.arange(COUNT) // 7 / 8, "noise": noise}[what]
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"] = TIME
+        file.create_dataset("value", data=values, chunks=(150,), compression="lzf", shuffle=shuffle)
+    store = opened(tmp_path / "a.h5", tmp_path / "1")
+    np.testing.assert_array_equal(store.exact(1, 0, 1000).columns[0], values)
+    assert sum(survives_damage(tmp_path / "a.h5", tmp_path))
+
+
+def test_chunks_of_newer_libraries_are_named_with_the_remedy(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w", libver="latest") as file:
+        file["time"] = TIME
+        file["value"] = TIME
+        file.create_dataset("gyro", data=GYRO, chunks=True)
+    words = damage_of(opened(tmp_path / "a.h5", tmp_path / "1"))
+    assert "gyro (in chunks as HDF5 1.10 keeps them; write it without libver)" in words
 
 
 def test_chunks_that_are_not_stored_hold_nothing(tmp_path: Path) -> None:
