@@ -91,7 +91,9 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     readings = sample.readings(column)
     is_date = names.words_of(sample.headings[column].name) in ("date", *names.DAYS)
     if (not readings or is_date) and (serial := _serial_days(sample, column, rank)) is not None:
-        return serial
+        usual = float(np.median(values)) * FACTORS["d"] + serial.zero_s
+        may_be_seconds = mean_step(values) * FASTEST >= 1 and (sample.is_inertial or usual < sample.newest - RECENT)
+        return sample.open_clock(column, rank) if may_be_seconds and not is_date else serial
     if not readings and (counted := _of_another_zero(sample, column, rank)) is not None:
         return counted
     chosen = decided(readings, values, inertial=sample.is_inertial, newest=sample.newest)

@@ -37,7 +37,9 @@ ZONE = "|".join(ZONES)
 _CLOCK = re.compile(
     rf"^\s*(\d{{1,2}}):(\d{{2}})(?::(\d{{2}})(?:(?:[.,]|:(?=\d{{3}}\b))(\d{{1,12}}))?)?\s*([AaPp]\.?[Mm]\.?)?\s*(Z|(?:UTC|GMT)?[+-]\d{{1,2}}(?::?\d{{2}})?|{ZONE})?\s*$"
 )
-_PACKED = re.compile(r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T _-]?([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d*)\s*$")
+_PACKED = re.compile(
+    r"^\s*((?:19|20)\d\d)(0[1-9]|1[0-2])(0[1-9]|[12]\d|3[01])[T _-]?([01]\d|2[0-3])([0-5]\d)([0-5]\d)[.,]?(\d*)\s*$"
+)
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _IN_WORDS = re.compile(rf"^\s*(\d{{1,2}})[- ]({'|'.join(_MONTHS)})[a-z]*[- ](\d{{4}}|\d\d)\b", re.IGNORECASE)
 _WEEKDAY = re.compile(r"^\s*(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*\.?,?\s+(?=\w)", re.IGNORECASE)
@@ -88,12 +90,13 @@ def is_of_hour(text: str) -> bool:
     return _MINUTES.match(text) is not None
 
 
-def are_packed(cells: Sequence[str], *, named: bool) -> bool:
-    """Whether all cells are packed dates with times, or hhmmss.sss: these only if the heading says it, a zero is in
-    front, or a minute ends and they are evenly spaced as that.
+def are_packed(cells: Sequence[str], newest: float, *, named: bool) -> bool:
+    """Whether all cells are packed dates with times, none later than `newest`, or hhmmss.sss: these only if the heading
+    says it, a zero is in front, or a minute ends and they are evenly spaced as that.
     """
-    if not cells or all(map(_PACKED.match, cells)) or not all(map(_PACKED_CLOCK.match, cells)):
-        return bool(cells) and _PACKED.match(cells[0]) is not None
+    if not cells or not all(map(_PACKED_CLOCK.match, cells)):
+        moments = [unix_seconds(cell) if _PACKED.match(cell) else None for cell in cells]
+        return bool(cells) and all(moment is not None and moment <= newest for moment in moments)
     seconds = [seconds_of_day(cell) or 0.0 for cell in cells]
     steps = sorted(after - before for before, after in pairwise(seconds))
     is_even = len(steps) > 1 and 0 < steps[-1] < 2 * steps[0]

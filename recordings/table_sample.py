@@ -57,7 +57,7 @@ class TableSample:
                 return are_dates(cells)
             named = "utc" in words or any(names.IS_GNSS.match(names.words_of(one.name)) for one in self.headings)
             is_named = not words or any(one.match(words) for one in (names.TIME, names.TIMES))
-            return is_named and are_packed(cells, named=named)
+            return is_named and are_packed(cells, self.newest, named=named)
         return bool(cells) and sum(map(is_moment, cells)) > len(cells) / 2
 
     def rises(self, column: int) -> bool:

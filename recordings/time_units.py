@@ -85,10 +85,10 @@ def in_order(times: Floats) -> Floats:
 
 
 def usual_step(times: Floats) -> float:
-    """Median step between neighbours that advance; 0 if none does."""
+    """Median step between neighbours that advance, of two the smaller one; 0 if none does."""
     steps = np.diff(in_order(times))
     steps = steps[steps > 0]
-    return float(np.median(steps)) if len(steps) else 0.0
+    return float(np.quantile(steps, 0.5, method="lower")) if len(steps) else 0.0
 
 
 def is_dated(first: float, newest: float) -> bool:
@@ -100,7 +100,7 @@ def mean_step(times: Floats) -> float:
     """Mean of the steps that are not gaps, which rounding does not change; 0 if none advances."""
     steps = np.diff(in_order(times))
     steps = steps[steps > 0]
-    return float(steps[steps <= USUAL * np.median(steps)].mean()) if len(steps) else 0.0
+    return float(steps[steps <= USUAL * np.quantile(steps, 0.5, method="lower")].mean()) if len(steps) else 0.0
 
 
 def possible_units(
