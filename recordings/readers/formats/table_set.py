@@ -8,9 +8,15 @@ from pathlib import Path
 
 from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.table_axis import LAST_CHANGE
+from imuscope.recordings.table_axis import LAST_CHANGE, TimeAxis
 from imuscope.recordings.table_dates import dated_name
 from imuscope.recordings.tabular import TableRows, TableSource
+
+
+def _dated_by_a_clock(tables: Sequence[TableSource]) -> TimeAxis | None:
+    """The axis of a table that has dates, too: $TIME rows of a FlySight relate its uptime to the time of GPS."""
+    axes = [axis for one in tables if (axis := one.axis) is not None and axis.clock.epoch == "start"]
+    return next((axis for axis in axes if any(other.name == axis.dated_by for other in axis.others)), None)
 
 
 class TableSet(TableSource):
@@ -33,10 +39,11 @@ class TableSet(TableSource):
             if axis is not None and named is not None and axis.dated_by == LAST_CHANGE and axis.clock.epoch == "start":
                 axis.origin += named - path.stat().st_mtime
                 axis.dated_by = "the file's name"
+        known = _dated_by_a_clock(tables) or self.axis
         for axis in (one.axis for one in tables):  # one clock without a date has one zero, whenever its rows begin
-            if axis is not None and self.axis is not None and axis.dated_by and axis.clock.epoch == "start":
-                same = (axis.name, axis.clock.unit) == (self.axis.name, self.axis.clock.unit)
-                axis.origin = self.axis.origin if same else axis.origin
+            if axis is not None and known is not None and axis.dated_by and axis.clock.epoch == "start":
+                same = (axis.name, axis.clock.unit) == (known.name, known.clock.unit)
+                axis.origin, axis.dated_by = (known.origin, known.dated_by) if same else (axis.origin, axis.dated_by)
 
     def rows(self) -> Iterator[TableRows]:
         self._noted = self._noted or list(self.damage)

@@ -180,3 +180,17 @@ def test_a_terminal_may_write_its_times_before_the_sentences_of_a_receiver(tmp_p
     assert rows.time[0] == 1_767_263_400
     np.testing.assert_allclose(np.diff(rows.time), 1.0, atol=1e-6)
     assert probe(path) is not None
+
+
+def test_rows_of_a_flysight_relate_its_uptime_to_gps_time(tmp_path: Path) -> None:
+    path = tmp_path / "SENSOR.CSV"
+    head = FLYSIGHT.replace("$DATA", "$COL,TIME,time,tow,week\n$UNIT,TIME,s,s,\n$DATA")
+    rows = [f"$BARO,{603_000 + n / 50:.3f},10100\n$IMU,{603_000.01 + n / 50:.3f},{n % 7},0,9" for n in range(100)]
+    for second in (1, 0):
+        rows.insert(50 * second + 20, f"$TIME,{603_000.4 + second:.3f},{252_818.0 + second:.3f},2288")
+    path.write_text(head + "\n".join(rows) + "\n")
+    store = opened(path)
+    for message, begin in (("IMU", 0.01), ("BARO", 0.0)):
+        [info, *_] = channels(store)[message]
+        time = store.exact(info["id"], 0, 1000).time
+        np.testing.assert_allclose(time, 1_700_000_000 - 0.4 + begin + np.arange(100) / 50, atol=1e-6)
