@@ -140,7 +140,7 @@ def order_words(times: Floats) -> str:
     back, forward = steps < 0, steps[steps > 0]
     if len(steps) < FEWEST_STEPS or back.mean() <= UNSORTED:
         return ""
-    if back.mean() > NEARLY_ALL:
+    if back.mean() > NEARLY_ALL or not len(forward):
         return "run backwards"
     is_even = bool((np.abs(forward - np.median(forward)) <= np.median(forward) / 2).mean() > EVENLY)
     return "" if is_even or len(np.unique(times)) < len(times) / 2 else "are out of order"

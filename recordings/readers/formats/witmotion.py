@@ -1,0 +1,146 @@
+"""Binary logs of WitMotion sensors: frames of 11 bytes, read as one table with a row for each cycle of them.
+
+    0x55  type  8 bytes  sum of the 10 bytes before
+
+    0x50  date and time of day, ms        0x53  angles, 180° / 32768           0x56  Pa (i32), cm (i32)
+    0x51  acceleration, 16 g / 32768      0x54  magnetic field, counts         0x59  quaternion, w first, 1 / 32768
+    0x52  angular velocity, 2000 °/s / 32768
+
+A cycle begins with the type that the first frame has; with 0x50, if there is one. Without 0x50 the rows have no time,
+and their rate has to be given. The last two bytes of most types are a temperature or a voltage, by a formula of the
+model: they are left out, as are other types.
+
+Source: https://docs.wit-motion.com/guides/high-precision/hwt905-ttl/protocol (Output Data Format), and the same
+formulas in the data sheets of WT901 and BWT61CL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.protocols.dates import UNKNOWN, utc_ns
+from imuscope.protocols.plural import counted
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats.array_columns import Array, columns_of
+from imuscope.recordings.readers.formats.arrow_table import ArrowSource
+from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.regular_file import open_regular
+
+MARK, LENGTH, SUM = 0x55, 11, 10
+CLOCK = 0x50
+FEWEST_FRAMES = 8  # at the begin of a file
+LARGEST = 1 << 28
+SCALE = 32_768.0
+
+
+@dataclass(frozen=True, slots=True)
+class FrameType:
+    """Numbers of a type of frame.
+
+    Args:
+        names, unit: headings of the columns.
+        dtype: of its numbers.
+        factor: value of one count.
+    """
+
+    names: tuple[str, ...]
+    unit: str
+    factor: float
+    dtype: str = "<i2"
+
+
+XYZ = ("x", "y", "z")
+TYPES: Mapping[int, FrameType] = {
+    0x51: FrameType(tuple(f"Acceleration.{axis}" for axis in XYZ), "g", 16 / SCALE),
+    0x52: FrameType(tuple(f"Angular velocity.{axis}" for axis in XYZ), "deg/s", 2000 / SCALE),
+    0x53: FrameType(("Roll", "Pitch", "Yaw"), "deg", 180 / SCALE),
+    0x54: FrameType(tuple(f"Magnetic field.{axis}" for axis in XYZ), "", 1.0),
+    0x56: FrameType(("Pressure", "Height"), "", 1.0, "<i4"),
+    0x59: FrameType(tuple(f"Quaternion.{axis}" for axis in ("w", *XYZ)), "", 1 / SCALE),
+}
+UNITS = {"Pressure": "Pa", "Height": "cm"}
+
+
+def _frames(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The whole frames: (n, 11)."""
+    if len(data) < LENGTH:
+        return np.empty((0, LENGTH), np.uint8)
+    windows = np.lib.stride_tricks.sliding_window_view(data, LENGTH)
+    starts = np.flatnonzero((windows[:, 0] == MARK) & (windows[:, 1] >> 4 == MARK >> 4))
+    matches = windows[starts]
+    starts = starts[matches[:, :SUM].sum(1, dtype=np.uint64).astype(np.uint8) == matches[:, SUM]]
+    kept, end = [], 0
+    for start in starts.tolist():  # one may begin inside of another by chance
+        if start >= end:
+            kept.append(start)
+            end = start + LENGTH
+    return np.asarray(windows[kept])
+
+
+def is_witmotion(head: bytes) -> bool:
+    """Whether the first bytes of a file are frames without a gap, but for the one in which it begins."""
+    for offset in range(LENGTH):
+        data = np.frombuffer(head[offset : offset + FEWEST_FRAMES * LENGTH], np.uint8)
+        if head[offset : offset + 1] == bytes([MARK]) and len(_frames(data)) == FEWEST_FRAMES:
+            return True
+    return False
+
+
+def _open(request: OpenRequest) -> ArrowSource:
+    path = request.path
+    size = path.stat().st_size
+    if size > LARGEST:
+        raise RecordingError(f"{path.name} is too large for a log of WitMotion.", "Give a part of it.")
+    with open_regular(path) as file:
+        data = np.frombuffer(file.read(), np.uint8)
+    frames = _frames(data)
+    arrays, units, left_out = _table(path, frames)
+    lost = len(data) - frames.size
+    if lost >= LENGTH:
+        left_out.append(f"{counted(lost, 'byte is', 'bytes are')} in no whole frame, and left out.")
+    return ArrowSource(path, columns_of(path.name, arrays, left_out, units), "witmotion", request.table)
+
+
+def _table(path: Path, frames: NDArray[np.uint8]) -> tuple[dict[str, Array], dict[str, str], list[str]]:
+    """Columns, their units, and sentences on frames that are left out."""
+    types = frames[:, 1]
+    there = np.unique(types).tolist()
+    leader = CLOCK if CLOCK in there else int(types[0])
+    row = np.cumsum(types == leader) - 1
+    rows = int(row[-1]) + 1
+    others = [f"0x{one:02X}" for one in there if one not in TYPES and one != CLOCK]
+    left_out = [f"Frames of the types {', '.join(others)} are left out."] if others else []
+    arrays: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    if leader == CLOCK:
+        arrays["time"] = _times(frames[types == CLOCK, 2:SUM])
+    for number, of in TYPES.items():
+        is_type = (types == number) & (row >= 0)
+        if not is_type.any():
+            continue
+        values = np.ascontiguousarray(frames[is_type, 2:SUM]).view(of.dtype) * of.factor
+        for column, name in enumerate(of.names):
+            numbers = np.full(rows, np.nan)
+            numbers[row[is_type]] = values[:, column]
+            arrays[name] = numbers
+            units[name] = UNITS.get(name, of.unit)
+    if rows < 2 or not arrays:
+        raise RecordingError(f"{path.name} has no frames of WitMotion with numbers.", "Give a log of its samples.")
+    return arrays, units, left_out
+
+
+def _times(bodies: NDArray[np.uint8]) -> Array:
+    """Dates of frames of the type 0x50: year since 2000, month, day, hour, minute, second, ms (u16)."""
+    year, month, day, hour, minute, second = bodies[:, :6].astype(np.int64).T
+    ms = np.ascontiguousarray(bodies[:, 6:8]).view("<u2")[:, 0].astype(np.int64)
+    ns = utc_ns(2000 + year, month, day, hour, minute, second, ms * 10**6, np.ones(len(bodies), np.bool_))
+    dates: Array = np.where(ns == UNKNOWN, np.datetime64("NaT", "ns"), ns.view("M8[ns]"))
+    return dates
+
+
+register_reader(FileReader("witmotion", "WitMotion", (), _open, recognises=is_witmotion, order=70))

@@ -1,0 +1,96 @@
+"""Binary logs of WitMotion sensors, written by the formulas of their documents."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.probe import probe
+from imuscope.recordings.table_options import TableOptions
+from imuscope.server.devices import protocol_set
+from imuscope.server.library.decode import decode
+from tests.each_row import each_row
+from tests.recordings.readers.opening import survives_damage
+
+N = 80
+START = 1_780_000_000  # 2026-05-28 20:26:40
+
+
+def frame(kind: int, body: bytes) -> bytes:
+    head = bytes((0x55, kind)) + body
+    return head + bytes((sum(head) & 0xFF,))
+
+
+def cycle(n: int, *, clock: bool) -> bytes:
+    """Frames of one cycle, 20 ms after the one before."""
+    ms = 20 * n
+    out = frame(0x50, struct.pack("<6BH", 26, 5, 28, 20, 26, 40 + ms // 1000, ms % 1000)) if clock else b""
+    out += frame(0x51, struct.pack("<4h", 100 * n, 0, 2048, 2500))
+    out += frame(0x52, struct.pack("<4h", -100 * n, 0, 16384, 2500))
+    out += frame(0x53, struct.pack("<4h", 0, 16384, -16384, 0))
+    out += frame(0x56, struct.pack("<2i", 101_325, 50_000))
+    out += frame(0x59, struct.pack("<4h", 32767, 0, 0, 0))
+    return out + frame(0x5A, bytes(8))
+
+
+def opened(path: Path, rate: float = 0.0) -> ColumnStore:
+    source = open_file(path, "", TableOptions(rate=rate))
+    return decode(source, path.with_suffix(".columns"), protocol_set.all_protocols())
+
+
+@each_row("clock", [True, False])
+def test_a_cycle_of_frames_is_a_row(clock: bool, tmp_path: Path) -> None:
+    path = tmp_path / "WIT1.TXT"
+    path.write_bytes(b"".join(cycle(n, clock=clock) for n in range(N)))
+    if not clock:
+        with pytest.raises(RecordingError, match="no column of times"):
+            opened(path)
+    store = opened(path, 0.0 if clock else 50.0)
+    found = {info["name"]: info for info in store.manifest["channels"]}
+    assert [(name, info["unit"]) for name, info in found.items()] == [
+        ("Acceleration", "g"),
+        ("Angular velocity", "deg/s"),
+        ("Roll", "deg"),
+        ("Pitch", "deg"),
+        ("Yaw", "deg"),
+        ("Pressure", "Pa"),
+        ("Height", "cm"),
+        ("Quaternion", ""),
+    ]
+    rows = store.exact(found["Acceleration"]["id"], 0, 1000)
+    np.testing.assert_allclose(rows.columns[0], np.arange(N) * 100 * 16 / 32_768)
+    np.testing.assert_allclose(rows.columns[2], 1.0)
+    np.testing.assert_allclose(np.diff(rows.time), 0.02, atol=1e-6)
+    assert not clock or rows.time[0] == START
+    assert store.exact(found["Yaw"]["id"], 0, 1).columns[0][0] == -90
+    assert store.exact(found["Height"]["id"], 0, 1).columns[0][0] == 50_000
+    assert [one["words"] for one in store.manifest["damage"]] == ["Frames of the types 0x5A are left out."]
+    listed = probe(path)
+    assert listed is not None
+    assert not listed.damaged
+
+
+def test_damaged_frames_are_left_out_and_said(tmp_path: Path) -> None:
+    data = b"".join(cycle(n, clock=True) for n in range(N))
+    path = tmp_path / "a.bin"
+    cut = bytearray(data[5:])  # begins inside of a frame
+    cut[77 * 20 + 8] ^= 0xFF  # the acceleration of one row
+    path.write_bytes(cut)
+    store = opened(path)
+    rows = store.exact(1, 0, 1000)
+    assert np.isnan(rows.columns[0]).sum() <= 1
+    assert "no whole frame" in store.manifest["damage"][-1]["words"]
+    assert sum(survives_damage(path, tmp_path))
+
+
+@each_row("data", [b"\x55\x51" * 200, bytes(range(256)) * 4, frame(0x51, bytes(8)) * 3])
+def test_other_bytes_are_not_taken_for_frames(data: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(data)
+    with pytest.raises(RecordingError):
+        open_file(tmp_path / "a.bin")
