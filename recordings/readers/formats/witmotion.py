@@ -74,12 +74,12 @@ def _frames(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
     starts = np.flatnonzero((windows[:, 0] == MARK) & (windows[:, 1] >> 4 == MARK >> 4))
     matches = windows[starts]
     starts = starts[matches[:, :SUM].sum(1, dtype=np.uint64).astype(np.uint8) == matches[:, SUM]]
-    kept, end = [], 0
+    whole, end = [], 0
     for start in starts.tolist():  # one may begin inside of another by chance
         if start >= end:
-            kept.append(start)
+            whole.append(start)
             end = start + LENGTH
-    return np.asarray(windows[kept])
+    return np.asarray(windows[whole])
 
 
 def is_witmotion(head: bytes) -> bool:
