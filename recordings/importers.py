@@ -34,6 +34,7 @@ from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.recordings.readers.bag_folder import METADATA, is_bag_folder
 from imuscope.recordings.readers.formats.euroc_folder import DATA, sensor_folders
+from imuscope.recordings.readers.formats.oxts_folder import packet_folder
 from imuscope.recordings.readers.known_files import known_file
 from imuscope.recordings.readers.registry import (
     HEAD_BYTES,
@@ -320,7 +321,11 @@ def _unknown(path: Path, head: bytes) -> RecordingError:
 
 
 def _folder(path: Path, table: TableOptions) -> Source:
-    """A ROS 2 bag, or an EuRoC folder."""
+    """A ROS 2 bag, an EuRoC folder, or the packets of an OXTS receiver."""
+    if (packets := packet_folder(path)) is not None:
+        from imuscope.recordings.readers.formats.oxts import open_oxts_folder
+
+        return open_oxts_folder(packets, table)
     if sensor_folders(path):
         from imuscope.recordings.readers.formats.euroc import open_euroc_folder
 
@@ -328,7 +333,8 @@ def _folder(path: Path, table: TableOptions) -> Source:
     from imuscope.recordings.readers.formats.ros2_bag import open_bag_folder
 
     if not is_bag_folder(path):
-        hint = f"Give a file in it. A ROS 2 bag, with {METADATA}, and an EuRoC folder, with imu0/{DATA}, can be opened."
+        known = f"A ROS 2 bag, with {METADATA}, an EuRoC folder, with imu0/{DATA}, and a drive of KITTI, with oxts,"
+        hint = f"Give a file in it. {known} can be opened."
         raise RecordingError(f"{path.name} is a folder.", hint)
     return open_bag_folder(path)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from imuscope.recordings.readers.bag_folder import is_bag_folder
 from imuscope.recordings.readers.formats.euroc_folder import sensor_folders
+from imuscope.recordings.readers.formats.oxts_folder import packet_folder
 from imuscope.recordings.table_options import TableOptions, read_columns
 from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
@@ -127,7 +128,8 @@ def readable(name: str) -> Path:
         UsageError: it does not exist, or is a folder.
     """
     path = Path("/dev/stdin") if name == "-" else Path(name)
-    if not path.exists() or (path.is_dir() and not (is_bag_folder(path) or sensor_folders(path))):
+    is_known = is_bag_folder(path) or bool(sensor_folders(path)) or packet_folder(path) is not None
+    if not path.exists() or (path.is_dir() and not is_known):
         raise UsageError(missing_file_text(name))
     return path
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, de
 from imuscope.recordings.readers.formats.euroc_folder import DATA as SENSOR_DATA
 from imuscope.recordings.readers.formats.euroc_folder import SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
+from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES, packet_folder
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.upload_names import clean_name
@@ -76,7 +78,7 @@ def _entries(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     entries = [one for one in archive.infolist() if not one.is_dir() and not _is_hidden(one.filename)]
     if not entries:
         raise RecordingError(f"{path.name} holds no files.", "Give an archive with a recording.")
-    entries = _of_sensors(entries) or entries
+    entries = _of_sensors(entries) or _of_packets(entries) or entries
     if len(entries) > MOST_ENTRIES:
         raise RecordingError(f"{path.name} holds {len(entries)} files.", "Unpack it, and give a file of it.")
     return entries
@@ -92,7 +94,7 @@ def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacke
     """The files of a zip, in a flat folder."""
     unpacked.check(sum(entry.file_size for entry in entries))
     files = []
-    is_euroc = bool(_of_sensors(entries))
+    is_euroc, is_oxts = bool(_of_sensors(entries)), bool(_of_packets(entries))
     for entry in entries:
         name = entry.filename.rsplit("/", 1)[-1]
         name = name if name == METADATA else _flat_name(name)
@@ -100,6 +102,9 @@ def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacke
             folder = clean_name(f"{_sensor(entry)}.csv").removesuffix(".csv")
             (unpacked.path / folder).mkdir(exist_ok=True)
             name = f"{folder}/{name}"
+        elif is_oxts and name != TIMES:
+            (unpacked.path / PACKETS).mkdir(exist_ok=True)
+            name = f"{PACKETS}/{name}"
         elif (unpacked.path / name).exists():
             name = clean_name(entry.filename.replace("/", "-"))
         if (unpacked.path / name).exists():
@@ -115,6 +120,15 @@ def _of_sensors(entries: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
     named = [one for one in named if _sensor(one) and not _sensor(one).startswith("cam")]
     is_imu = any(_sensor(one).startswith("imu") and one.filename.endswith(SENSOR_DATA) for one in named)
     return named if is_imu else []
+
+
+def _of_packets(entries: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
+    """The times and the packets of an OXTS receiver in one drive of KITTI; none if there are not both."""
+    times = [one.filename for one in entries if f"/{one.filename}".endswith(f"/oxts/{TIMES}")]
+    folder = times[0].removesuffix(TIMES) if len(times) == 1 else ""
+    packets = [one for one in entries if folder and re.fullmatch(rf"{PACKETS}/\d+\.txt", one.filename[len(folder) :])]
+    packets = [one for one in packets if one.filename.startswith(folder)][: MOST_ENTRIES - 1]
+    return [*packets, *(one for one in entries if one.filename in times)] if packets else []
 
 
 def _sensor(entry: zipfile.ZipInfo) -> str:
@@ -149,7 +163,7 @@ def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
 
     if any(file.name == METADATA for file in files) and len(files) > 1:
         return open_file(folder, is_packed=True)
-    if sensor_folders(folder):
+    if sensor_folders(folder) or packet_folder(folder) is not None:
         return open_file(folder, "", request.table, is_packed=True)
     sources: list[Source] = []
     errors: dict[str, RecordingError] = {}

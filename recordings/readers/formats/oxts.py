@@ -1,0 +1,70 @@
+"""Packets of an OXTS receiver in a folder, as in KITTI raw data: one table, with a row for each packet.
+
+    oxts/timestamps.txt           2011-09-26 13:02:44.335092332, a line for each packet
+    oxts/data/0000000000.txt      30 numbers: place, attitude, velocities, accelerations, rates, accuracy, states
+
+A packet without a file has no row. The times name no zone, and are read as UTC.
+
+Source: A. Geiger et al., "Vision meets robotics: the KITTI dataset", IJRR 32 (2013), and its dataformat.txt.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
+from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES
+from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tabular import CsvSource
+
+LONGEST = 4096  # bytes of a packet
+MOST = 1_000_000  # packets
+COLUMNS = (
+    "latitude (deg),longitude (deg),altitude (m),roll (rad),pitch (rad),yaw (rad),velocity north (m/s),"
+    "velocity east (m/s),velocity forward (m/s),velocity left (m/s),velocity up (m/s),acceleration.x (m/s²),"
+    "acceleration.y (m/s²),acceleration.z (m/s²),acceleration forward (m/s²),acceleration left (m/s²),"
+    "acceleration up (m/s²),angular velocity.x (rad/s),angular velocity.y (rad/s),angular velocity.z (rad/s),"
+    "angular velocity forward (rad/s),angular velocity left (rad/s),angular velocity up (rad/s),position accuracy (m),"
+    "velocity accuracy (m/s),navigation status,satellites,position mode,velocity mode,orientation mode"
+)
+
+
+def open_oxts_folder(folder: Path, options: TableOptions) -> CsvSource:
+    """The packets of a folder as a table.
+
+    Raises:
+        RecordingError: its files are not those of packets.
+    """
+    with open_regular(folder / TIMES) as file:
+        times = [line.strip() for line in file.read(LONGEST * MOST).decode(errors="replace").splitlines()[:MOST]]
+    rows = [f"{time},{packet}\n" for number, time in enumerate(times) if (packet := _packet(folder, number))]
+    if not rows:
+        hint = (
+            f"Give the folder of a drive, with oxts/{TIMES} and a file of 30 numbers in oxts/{PACKETS} for each line."
+        )
+        raise RecordingError(f"{folder.name} holds no packets of an OXTS receiver.", hint)
+    unpacked = UnpackedFolder(folder / TIMES)
+    try:
+        table = unpacked.path / "oxts.csv"
+        table.write_text(f"time,{COLUMNS}\n" + "".join(rows), encoding="utf-8")
+        written = (folder / TIMES).stat().st_mtime
+        os.utime(table, (written, written))
+        source = CsvSource(table, options)
+    except BaseException:
+        unpacked.remove()
+        raise
+    unpacked.keep_for(source)
+    return source
+
+
+def _packet(folder: Path, number: int) -> str:
+    """The numbers of a packet, separated by commas; "" without its file, or with another count of them."""
+    try:
+        with open_regular(folder / PACKETS / f"{number:010}.txt") as file:
+            cells = file.read(LONGEST).decode(errors="replace").split()
+    except OSError:
+        return ""
+    return ",".join(cells) if len(cells) == COLUMNS.count(",") + 1 else ""
