@@ -106,7 +106,7 @@ class FileDamage:
 
 
 def remark(words: str) -> FileDamage:
-    """What of a whole file is left out, or how it was read."""
+    """A statement on parts of a file that are left out, or on how it was read."""
     return FileDamage(-1, words, is_remark=True)
 
 

@@ -47,7 +47,7 @@ class RecordingProbe:
     Args:
         started: unix s; None if unknown. So is `duration`, s.
         damaged: one sentence, "" if no damage is known.
-        remark: sentences on what is left out and how the file was read; "" before it was opened.
+        remark: sentences on parts that are left out, and on how the file was read; "" before it was opened.
         edits: changes made by the user, as stored in the file itself.
     """
 

@@ -17,7 +17,7 @@ MOST_NAMED = 4
 
 
 class UnreadableCells:
-    """What one reading of a table has found.
+    """Findings of one reading of a table.
 
     Args:
         name: the name of a column for people.
@@ -25,12 +25,12 @@ class UnreadableCells:
 
     def __init__(self, name: Callable[[int], str]) -> None:
         self._name = name
-        self._found: dict[int, tuple[int, int, str]] = {}  # column → cells, first row, its text
+        self._texts: dict[int, tuple[int, int, str]] = {}  # column → cells, first row, its text
         self._numeric: set[int] = set()  # columns with a number
 
     def clear(self) -> None:
-        """Begin anew."""
-        self._found.clear()
+        """Forget all."""
+        self._texts.clear()
         self._numeric.clear()
 
     def note(self, column: int, texts: pa.Array, cells: Cells, before: int) -> None:
@@ -39,22 +39,22 @@ class UnreadableCells:
             self._numeric.add(column)
         if len(cells.odd):
             first = int(cells.odd[0])
-            count, row, text = self._found.get(column, (0, before + first + 1, str(texts[first].as_py())))
-            self._found[column] = count + len(cells.odd), row, text
+            count, row, text = self._texts.get(column, (0, before + first + 1, str(texts[first].as_py())))
+            self._texts[column] = count + len(cells.odd), row, text
 
     def sentence(self, clock: Collection[int] = ()) -> str:
         """A sentence on the cells of columns of numbers and of the clock; "" if there are none."""
-        found = [(self._name(i), *one) for i, one in self._found.items() if i in self._numeric or i in clock]
-        if not found:
+        listed = [(self._name(i), *one) for i, one in self._texts.items() if i in self._numeric or i in clock]
+        if not listed:
             return ""
-        wrong = sum(count for _, count, _, _ in found)
+        wrong = sum(count for _, count, _, _ in listed)
         cells = counted(wrong, "cell was not a number and was", "cells were not numbers and were")
         named = [
             f"{name} in row {row} ({text!r:.40})" + (f" and {count - 1} more" if count > 1 else "")
-            for name, count, row, text in found[:MOST_NAMED]
+            for name, count, row, text in listed[:MOST_NAMED]
         ]
         return f"{cells} left empty: {', '.join(named)}."
 
     def texts(self) -> dict[int, str]:
         """The first text of each column that has nothing but texts."""
-        return {i: text for i, (_, _, text) in self._found.items() if i not in self._numeric}
+        return {i: text for i, (_, _, text) in self._texts.items() if i not in self._numeric}
