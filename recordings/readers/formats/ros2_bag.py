@@ -223,9 +223,13 @@ def _opened_file(path: Path) -> MessageFile:
 def _connected(path: Path) -> sqlite3.Connection:
     """The database, open for reading only."""
     database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
-    database.text_factory = lambda text: text.decode(errors="replace")
-    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_MESSAGE)
-    database.execute("PRAGMA trusted_schema=OFF")
+    try:
+        database.text_factory = lambda text: text.decode(errors="replace")
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_MESSAGE)
+        database.execute("PRAGMA trusted_schema=OFF")
+    except BaseException:
+        database.close()
+        raise
     return database
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sqlite3
 import zipfile
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,7 @@ def test_rosbags_reads_every_sample(mti: imuscope.Recording, suffix: str, tmp_pa
 def test_a_bag_is_opened_again(mti: imuscope.Recording, tmp_path: Path) -> None:
     [bag] = mti.export(tmp_path / "drive.db3.rosbag2")
     assert [path.suffix for path in sorted(bag.iterdir())] == [".db3", ".yaml"]
-    with sqlite3.connect(next(bag.glob("*.db3"))) as database:
+    with closing(sqlite3.connect(next(bag.glob("*.db3")))) as database:
         assert database.execute("SELECT count(*) FROM messages").fetchone()[0] > 2 * len(mti["RateOfTurn"])
     packed = one_file([bag], tmp_path, "packed")
     with imuscope.open(packed) as again:

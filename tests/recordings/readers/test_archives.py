@@ -9,6 +9,7 @@ import shutil
 import sqlite3
 import tempfile
 import zipfile
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -174,7 +175,7 @@ def test_the_library_lists_takes_and_hands_out_these_files(tmp_path: Path) -> No
         full_recording(entry, out)
         assert out.getvalue() == data
     path = library.incoming("people.db3")
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         database.execute("CREATE TABLE people (name TEXT)")
     with pytest.raises(RecordingError, match="not a ROS 2 bag"):
         library.add_file(path)

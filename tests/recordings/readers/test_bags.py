@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sqlite3
 import struct
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_a_split_bag_is_one_recording(compression: str, tmp_path: Path) -> None:
 def test_an_old_bag_without_definitions_has_the_common_types(tmp_path: Path) -> None:
     folder = ros2_bag(tmp_path / "a", version=8)
     [path] = folder.glob("*.db3")
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         database.execute("DROP TABLE IF EXISTS message_definitions")
     store = opened(path, tmp_path)
     check(store, wheel=False)
@@ -130,7 +131,7 @@ def test_ros_1_messages_in_mcap_are_read(tmp_path: Path) -> None:
 
 
 def test_a_database_that_is_no_bag_is_named(tmp_path: Path) -> None:
-    with sqlite3.connect(tmp_path / "a.db3") as database:
+    with closing(sqlite3.connect(tmp_path / "a.db3")) as database:
         database.execute("CREATE TABLE people (name TEXT)")
     with pytest.raises(RecordingError, match="SQLite database, but not a ROS 2 bag: it has people"):
         open_file(tmp_path / "a.db3")
