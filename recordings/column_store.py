@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.recordings import atomic_write
-from imuscope.recordings.downsampling import FAR, LEVELS, level_offsets, padding, reduce
+from imuscope.recordings.downsampling import FAR, LEVELS, LevelOffsets, level_offsets, padding, reduce
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -310,12 +310,8 @@ class ColumnStore:
             number: np.cumsum(entries["rows"]) - entries["rows"] for number, entries in self._blocks.items()
         }
         self._rows = {number: int(entries["rows"].sum()) for number, entries in self._blocks.items()}
-        own = {number: [np.dtype("<" + dtype) for dtype in shape.dtypes] for number, shape in self.shapes.items()}
-        self._own = own
-        self._places = {
-            number: level_offsets(entries, [dtype.itemsize for dtype in own[number]])
-            for number, entries in self._blocks.items()
-        }
+        self._own = {number: [np.dtype("<" + dtype) for dtype in shape.dtypes] for number, shape in self.shapes.items()}
+        self._places: dict[int, LevelOffsets] = {}  # of the channels that were read
         self._check(folder)
 
     def _check(self, folder: Path) -> None:
@@ -323,9 +319,10 @@ class ColumnStore:
         for name, file in (("columns.bin", self._near), ("overview.bin", self._far)):
             if len(file) < self.manifest["sizes"][name]:
                 raise ValueError(f"{name} in {folder.name} is too short")
-        for number, entries in self._blocks.items():
+        for entries in self._blocks.values():
             for block in {0, len(entries) - 1} if len(entries) else ():
-                key = self._column(number, block, "key")
+                at, n = int(entries["clocks"][block]), int(entries["rows"][block])
+                key = self._near[at : at + 8 * n].view("<f8")
                 if (key[0], key[-1]) != (entries["key0"][block], entries["key1"][block]):
                     raise ValueError(f"columns.bin in {folder.name} does not hold what its index names")
 
@@ -474,7 +471,10 @@ class ColumnStore:
     def _column(self, channel: int, block: int, name: Clock | int, step: int = 1, which: int = 0) -> Array:
         """One column of a block: its rows (step 1), or a level: `which` 0 the least, 1 the greatest values."""
         n = -(-int(self._blocks[channel]["rows"][block]) // step)
-        data, where = self._far if step in FAR else self._near, self._places[channel]
+        data, where = self._far if step in FAR else self._near, self._places.get(channel)
+        if where is None:
+            sizes = [dtype.itemsize for dtype in self._own[channel]]
+            where = self._places[channel] = level_offsets(self._blocks[channel], sizes)
         if isinstance(name, str):
             at = int(where.clocks[step][block, _CLOCKS.index(name)])
             return data[at : at + 8 * n].view("<f8")
