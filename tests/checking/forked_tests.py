@@ -78,6 +78,7 @@ class ForkedTests:
         session.config.hook.pytest_before_workers(config=session.config)
         gc.collect()
         gc.freeze()  # otherwise each worker would copy the memory that its collections look at
+        gc.set_threshold(20_000, 20, 20)  # by default, a twentieth of a worker's time is spent on looking for garbage
         try:
             for _ in range(min(self._count, len(self._groups))):
                 self._begin(session)

@@ -63,23 +63,21 @@ def options(family: str) -> DecodeOptions:
     return checked_options(family, given)
 
 
+@functools.cache
 def opened(family: str, folder: Path, *, has_others: bool = False) -> tuple[ColumnStore, Path]:
     """A recording with every frame, a frame in 10 ms, and its columns.
 
     Args:
         has_others: with frames of another size after them.
     """
-    name = f"{family}{'-others' * has_others}"
-    path, store = folder / f"{name}.mcap", folder / f"{name}.columns"
-    if not store.exists():
-        writer = McapWriter(path, {"title": family})
-        writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": family})
-        others = every_message.other_versions(family) if has_others else ()
-        for number, (_, frame) in enumerate((*cases(family), *others), 1):
-            writer.chunk("1", "rx", frame, START + number * 10_000_000)
-        writer.close()
-        decode(open_file(path, family), store, all_protocols(), options(family))
-    return ColumnStore(store), path
+    path = folder / f"{family}{'-others' * has_others}.mcap"
+    writer = McapWriter(path, {"title": family})
+    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": family})
+    others = every_message.other_versions(family) if has_others else ()
+    for number, (_, frame) in enumerate((*cases(family), *others), 1):
+        writer.chunk("1", "rx", frame, START + number * 10_000_000)
+    writer.close()
+    return decode(open_file(path, family), path.with_suffix(".columns"), all_protocols(), options(family)), path
 
 
 def brief(values: Any) -> tuple[float, ...]:
