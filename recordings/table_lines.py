@@ -1,6 +1,7 @@
 """Marks that a logger writes around the cells of a row, beside what separates them.
 
-10:15:00.000 -> 1,2,3           the stamp of Arduino's serial monitor: it becomes the first cell
+10:15:00.000 -> 1,2,3           the stamp of Arduino's serial monitor: it becomes the first cell, as do
+[2026-01-02 10:15:00.000] 1,2   those of other terminals, and of Python's logging (… 10:15:00,000 INFO name: 1,2)
 33,Jogging,491059,-0.6,0.5;     a mark at the end of each row, as in WISDM: it is left out
 0.01<tab>0.5,0.4,-0.6,0.2       numbers of a quaternion in one cell, as in OpenSim: a cell of its own for each
 ax: 0.1, ay: 0.2                names beside the numbers (table_labels.py)
@@ -15,7 +16,11 @@ from dataclasses import dataclass
 
 from imuscope.recordings.table_labels import RowLabels
 
-_STAMP = re.compile(r"^([ \t]*\d{1,2}:\d\d:\d\d(?:[.,]\d+)?) -> ?", re.MULTILINE)
+_STAMP = re.compile(
+    r"^[ \t]*\[?(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?|\d{4}-\d\d-\d\d[ T]\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)"
+    r"(?:\]:? ?| -> ?|: | (?:DEBUG|INFO|WARN(?:ING)?|ERROR)\b[^:\n]*: ?)",
+    re.MULTILINE,
+)
 _END = re.compile(r";[ \t]*(?=\r?$)", re.MULTILINE)
 _CELLS = re.compile(r"[,\t]")
 LIST = "\t"  # between cells with lists
@@ -71,7 +76,11 @@ class LineMarks:
             text = _END.sub("", text)
         if self.widths:
             text = text.replace(",", LIST)
-        return _STAMP.sub(rf"\1{self.separator}", text) if self.separator else text
+        return _STAMP.sub(self._first_cell, text) if self.separator else text
+
+    def _first_cell(self, match: re.Match[str]) -> str:
+        """A stamp as a cell, whatever separates the others."""
+        return match[1].replace(",", ".").replace(" ", "T") + self.separator
 
 
 NO_MARKS = LineMarks()

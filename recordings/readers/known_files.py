@@ -56,6 +56,11 @@ FILES = (
     KnownFile(
         "a NetCDF file", "Write its variables as CSV or Parquet, for instance with xarray.", (b"CDF\x01", b"CDF\x02")
     ),
+    KnownFile(
+        "the text of rostopic echo",
+        "Write it with rostopic echo -p or ros2 topic echo --csv, or give the bag.",
+        (b"header:\n", b"header: \n", b"header:\r\n", b"---\nheader:"),
+    ),
     KnownFile("a Rerun recording", "Give the recording that it was made of.", (b"RRF2", b"RRF0", b"RRIO")),
     KnownFile("an RF64 or W64 audio file", OTHER, (b"RF64", b"riff\x2e\x91")),
     KnownFile("a 7-Zip archive", UNPACK, (b"7z\xbc\xaf\x27\x1c",)),

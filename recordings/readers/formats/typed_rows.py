@@ -6,6 +6,7 @@ Raw,72065123,10084000000,…                   GnssLogger
 IMU 1624426287.2 0.01 0.02 0.03 0 0 9.8      as GNSS and ODOM rows between them
 gyroscope,411480,-0.28,0.04,0.14             several sensors of one form, without a heading
 $COL,IMU,time,wx,wy,wz                       FlySight: columns and units in rows of their own, then $IMU,603389.4,15.1,…
+2026-01-02 10:15:00.00: IMU {TimeUS : 1, …}  mavlogdump, as text
 4000,imu,-0.19,0.22,-9.9                     the time before the name, as in replays of PX4
 """
 
@@ -54,6 +55,10 @@ KEY = re.compile(
 NUMBERED = re.compile(r"^(?:sensor|device|imu|node)_?(?:id|nr|no|num|number|index)$")
 _DECLARED = re.compile(r"^\$(?P<what>COL|UNIT),(?P<name>[A-Za-z]\w{0,40}),(?P<rest>.*)$")
 _NOVATEL = re.compile(r"^(?:\[\w+\])?[#%](?P<name>[A-Z0-9]+A),(?P<head>[^;]*);(?P<body>[^*]*)\*[0-9A-Fa-f]{8}\s*$")
+_MAVLINK = re.compile(
+    r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+): (?P<name>[A-Z][A-Z0-9_]{1,40}) \{(?P<body>[^{}]*)\}\s*$"
+)
+_MEMBER = re.compile(r"(?:^|, )(?P<name>[A-Za-z_]\w*) : (?P<value>\[[^\]]*\]|.*?)(?=, [A-Za-z_]\w* : |$)")
 _LONG_HEAD = "port,sequence,idle,time status,week,time of week (s),receiver status,reserved,version"
 _SHORT_HEAD = "week,time of week (s)"
 _RAW_IMU = "imu week,imu seconds,imu status,accel z,accel -y,accel x,gyro z,gyro -y,gyro x"
@@ -102,6 +107,8 @@ def has_typed_rows(path: Path) -> bool:
     if _names_column(path) is not None:
         return True
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
+    if sum(map(bool, map(_MAVLINK.match, lines))) > MOST * len(lines):
+        return True
     if labels_of(lines) is not None:  # the numbers have names, not the rows
         return False
     if any(map(_DECLARED.match, lines)) or sum(map(bool, map(_NOVATEL.match, lines))) > MOST * len(lines):
@@ -125,9 +132,10 @@ def _names_column(path: Path) -> tuple[TableFormat, int] | None:
     if form.is_ragged:
         return None
     with open_regular(path) as file:
-        comments = [
-            line for line in file.read(SAMPLE_BYTES).decode("utf-8", "replace").splitlines() if line[:1] in "#%"
-        ]
+        lines = file.read(SAMPLE_BYTES).decode("utf-8", "replace").splitlines()
+    if any(map(_MAVLINK.match, lines[:FEWEST_ROWS])):
+        return None
+    comments = [line for line in lines if line[:1] in "#%"]
     described = {match["name"] for line in comments for match in _COLUMNS.finditer(line)}
     for column, heading in enumerate(form.headings):
         names = {row[column].strip() for row in form.sample}
@@ -181,6 +189,9 @@ def _row(line: str) -> tuple[str, str, list[str]] | None:
     """Name, separator and the cells behind it; None for any other line."""
     if (novatel := _NOVATEL.match(line)) is not None:
         return novatel["name"], ",", f"{novatel['head']},{novatel['body']}".split(",")
+    if (mavlink := _MAVLINK.match(line)) is not None:
+        values = [one["value"].replace(",", " ").strip() for one in _MEMBER.finditer(mavlink["body"])]
+        return mavlink["name"], ",", [mavlink["time"], *values]
     match = _ROW.match(line)
     if match is None:
         return None
@@ -198,6 +209,9 @@ def _heading(line: str, row: tuple[str, str, list[str]] | None, columns: dict[st
         head = _LONG_HEAD if "#" in line.partition(",")[0] else _SHORT_HEAD
         named = [*head.split(","), *NOVATEL_COLUMNS.get(row[0], "").split(",")]
         columns.setdefault(row[0], ",".join([*named, *[""] * len(row[2])][: len(row[2])]))
+    elif row is not None and (mavlink := _MAVLINK.match(line)) is not None:
+        members = [one["name"] for one in _MEMBER.finditer(mavlink["body"])]
+        columns.setdefault(row[0], ",".join(["host time", *members]))  # of the machine that received it
     elif (declared := _DECLARED.match(line)) is not None:
         names = columns.get(declared["name"], "").split(",")
         units = declared["rest"].split(",")

@@ -152,3 +152,46 @@ def test_all_columns_that_may_be_the_time_are_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="the unit of column 1") as refused:
         opened(written("", "{n},{ms},{x},0", tmp_path / "a.csv"))
     assert "too: column 2, with --time-column" in refused.value.hint
+
+
+@each_row(
+    ("stamp", "start"),
+    [
+        ("[10:15:{n:02}.500] ", None),
+        ("10:15:{n:02}.500: ", None),
+        ("[2017-07-14 02:40:{n:02}.500] ", 1_500_000_000.5),
+        ("2017-07-14T02:40:{n:02}.500 -> ", 1_500_000_000.5),
+        ("2017-07-14 02:40:{n:02},500 INFO imu: ", 1_500_000_000.5),
+    ],
+)
+@each_row("row", ["{x},0.5,9.8", "{x} 0.5 9.8", "{x}\t0.5\t9.8"])
+def test_the_stamp_of_a_terminal_is_the_time(stamp: str, start: float | None, row: str, tmp_path: Path) -> None:
+    store = opened(written("", stamp + row, tmp_path / "a.txt"))
+    rows = store.exact(1, 0, 1000)
+    np.testing.assert_array_equal(rows.columns[0], np.arange(N) % 7)
+    np.testing.assert_allclose(np.diff(rows.time), 1.0, atol=1e-6)
+    assert start is None or rows.time[0] == pytest.approx(start, abs=1e-6)
+
+
+def test_the_text_of_mavlogdump_has_a_table_for_each_message(tmp_path: Path) -> None:
+    lines = []
+    for n in range(N):
+        stamp = f"2017-07-14 02:40:{n // 50:02}.{n % 50 * 2:02}"
+        lines.append(f"{stamp}: IMU {{TimeUS : {20_000 * n}, GyrX : {n % 7}.0, GyrY : 0.0, GyrZ : 0.0}}")
+        lines.append(f"{stamp}: ATT {{TimeUS : {20_000 * n + 5000}, Roll : 1.5, Mode : AUTO, Pitch : 2.5}}")
+    path = tmp_path / "a.txt"
+    path.write_text("\n".join(lines) + "\n")
+    store = opened(path)
+    assert "TimeUS in µs" in store.manifest["time"]["sentences"][0]
+    found = {(info["message"], info["name"]): info for info in store.manifest["channels"]}
+    rows = store.exact(found["IMU", "Gyr"]["id"], 0, 1000)
+    np.testing.assert_array_equal(rows.columns[0], np.arange(N) % 7)
+    np.testing.assert_allclose(rows.time, 1_500_000_000 + np.arange(N) / 50, atol=1e-6)
+    assert store.exact(found["ATT", "Pitch"]["id"], 0, 1).columns[0][0] == 2.5
+
+
+def test_the_text_of_rostopic_echo_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    path = written("", "header:\n  seq: {n}\n  stamp:\n    secs: {n}\n    nsecs: 0\nx: {x}\n---", tmp_path / "a.txt")
+    with pytest.raises(RecordingError, match="rostopic echo") as refused:
+        opened(path)
+    assert "rostopic echo -p" in refused.value.hint
