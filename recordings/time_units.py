@@ -42,6 +42,7 @@ WEEKS = 12 * 86400.0  # s
 RECENT = 6 * 365 * 86400.0  # s before the file was written
 LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart
 LONG_RUN, FASTEST_LONG = 86400.0, 11_000.0  # who samples faster does not run for so long
+FEW = 8  # steps
 USUAL = 3.0  # times the median step: longer ones are gaps
 UNSORTED = 0.1  # of the steps go back: more than by resets and wraps
 CLOSE = 0.2  # of a rate that is known
@@ -85,10 +86,15 @@ def in_order(times: Floats) -> Floats:
 
 
 def usual_step(times: Floats) -> float:
-    """Median step between neighbours that advance, of two the smaller one; 0 if none does."""
+    """Median step between neighbours that advance, of few the smaller one of two; 0 if none does."""
     steps = np.diff(in_order(times))
     steps = steps[steps > 0]
-    return float(np.quantile(steps, 0.5, method="lower")) if len(steps) else 0.0
+    return _median(steps) if len(steps) else 0.0
+
+
+def _median(steps: Floats) -> float:
+    """The median; of few, between two, the smaller one: the other may be the step of a clock that is set."""
+    return float(np.quantile(steps, 0.5, method="lower" if len(steps) < FEW else "linear"))
 
 
 def is_dated(first: float, newest: float) -> bool:
@@ -100,7 +106,7 @@ def mean_step(times: Floats) -> float:
     """Mean of the steps that are not gaps, which rounding does not change; 0 if none advances."""
     steps = np.diff(in_order(times))
     steps = steps[steps > 0]
-    return float(steps[steps <= USUAL * np.quantile(steps, 0.5, method="lower")].mean()) if len(steps) else 0.0
+    return float(steps[steps <= USUAL * _median(steps)].mean()) if len(steps) else 0.0
 
 
 def possible_units(

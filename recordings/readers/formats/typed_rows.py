@@ -275,6 +275,7 @@ class TypedTables:
     def __init__(self, path: Path, unpacked: UnpackedFolder) -> None:
         state = path.stat()
         unpacked.check(state.st_size)
+        self._log = path.name
         self._written = state.st_mtime
         self._folder = unpacked.path
         self._files: dict[str, TextIO] = {}
@@ -293,8 +294,16 @@ class TypedTables:
         self._rows[name] += 1
 
     def files(self) -> list[Path]:
-        """The files, closed; without those of a single row."""
+        """The files, closed; without those of a single row.
+
+        Raises:
+            RecordingError: none is left.
+        """
         for file in self._files.values():
             file.close()
             os.utime(file.name, (self._written, self._written))  # tables without a date are dated by it
-        return [Path(file.name) for name, file in self._files.items() if self._rows[name] >= FEWEST_ROWS]
+        files = [Path(file.name) for name, file in self._files.items() if self._rows[name] >= FEWEST_ROWS]
+        if not files:
+            hint = "Give a longer part of the log: a table needs two rows of one name."
+            raise RecordingError(f"{self._log} has one row of each message only.", hint)
+        return files

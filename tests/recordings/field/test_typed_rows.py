@@ -194,3 +194,11 @@ def test_rows_of_a_flysight_relate_its_uptime_to_gps_time(tmp_path: Path) -> Non
         [info, *_] = channels(store)[message]
         time = store.exact(info["id"], 0, 1000).time
         np.testing.assert_allclose(time, 1_700_000_000 - 0.4 + begin + np.arange(100) / 50, atol=1e-6)
+
+
+def test_a_log_with_one_row_of_each_message_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    head = "USB1,0,73.0,FINESTEERING,2237,270605.000,1a000000,a40a,17007"
+    path.write_text(f"#BESTUTMA,{head};1,2,3*ffffffff\n#VERSIONA,{head};4,5,6*ffffffff\n")
+    with pytest.raises(RecordingError, match="one row of each message only"):
+        opened(path)
