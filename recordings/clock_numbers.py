@@ -106,7 +106,9 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
         fraction = bool((values != np.round(values)).any())
         if len(dated) == 1 or fraction or len(values) == 1:
             chosen, sure = dated[0] if len(dated) == 1 else UnitReading("s", 0.0, False), "assumed"
-    if chosen is None or names.has_odd_unit(sample.headings[column]):
+    distinct = np.unique(values)
+    is_one_jump = len(distinct) == 2 < len(values) and distinct[1] > 1000 * abs(distinct[0]) > 0
+    if chosen is None or is_one_jump or names.has_odd_unit(sample.headings[column]):
         return sample.open_clock(column, rank)
     why = _reason(values, chosen, readings)
     epoch: Epoch = "1970" if chosen.dated else "day" if is_of_day(sample.headings[column]) else "start"

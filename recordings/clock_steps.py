@@ -142,7 +142,7 @@ class ClockWatch:
         self.shifts.append((at, self._shift))
 
     def _wraps(self, previous: float, now: float, period: float) -> bool:
-        return now >= 0 and previous <= period and 0 < now + period - previous <= self._ahead
+        return now >= 0 and previous <= period and 0 < now + period - previous <= min(self._ahead, period / 2)
 
     def _is_out_of_order(self, times: Floats, row: int, previous: float) -> bool:
         back = previous - float(times[row])

@@ -121,6 +121,8 @@ def possible_units(
         newest: no sample is later than that, unix s.
         rate: sampling rate that is known from elsewhere, Hz; 0: unknown.
     """
+    begin = int(np.flatnonzero(times)[0]) if times.any() else 0  # zeros: the clock was not set, or has just begun
+    times = times[begin:] if len(times) - begin > 1 else times
     step = mean_step(times)
     each = len(times) / max(len(np.unique(times)), 1)  # rows of one time: several samples, by a clock that is coarse
     first, last = float(np.median(times)), float(np.abs(times).max())  # the first may be of before the clock was set

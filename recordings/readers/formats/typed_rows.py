@@ -235,7 +235,11 @@ def _written(path: Path, unpacked: UnpackedFolder) -> list[Path]:
             _heading(line.rstrip(), row, columns)
             if row is not None:
                 tables.add(row[0], row[1].join(row[2]), _fitting(columns.get(row[0], ""), row))
-    return tables.files()
+    files = tables.files()
+    if not files:
+        hint = "Give a longer part of the log: a table needs two rows of one name."
+        raise RecordingError(f"{path.name} has one row of each message only.", hint)
+    return files
 
 
 def _fitting(heading: str, row: tuple[str, str, list[str]]) -> str:
@@ -275,7 +279,6 @@ class TypedTables:
     def __init__(self, path: Path, unpacked: UnpackedFolder) -> None:
         state = path.stat()
         unpacked.check(state.st_size)
-        self._log = path.name
         self._written = state.st_mtime
         self._folder = unpacked.path
         self._files: dict[str, TextIO] = {}
@@ -294,16 +297,8 @@ class TypedTables:
         self._rows[name] += 1
 
     def files(self) -> list[Path]:
-        """The files, closed; without those of a single row.
-
-        Raises:
-            RecordingError: none is left.
-        """
+        """The files, closed; without those of a single row."""
         for file in self._files.values():
             file.close()
             os.utime(file.name, (self._written, self._written))  # tables without a date are dated by it
-        files = [Path(file.name) for name, file in self._files.items() if self._rows[name] >= FEWEST_ROWS]
-        if not files:
-            hint = "Give a longer part of the log: a table needs two rows of one name."
-            raise RecordingError(f"{self._log} has one row of each message only.", hint)
-        return files
+        return [Path(file.name) for name, file in self._files.items() if self._rows[name] >= FEWEST_ROWS]
