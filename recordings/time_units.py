@@ -121,8 +121,9 @@ def possible_units(
         newest: no sample is later than that, unix s.
         rate: sampling rate that is known from elsewhere, Hz; 0: unknown.
     """
-    begin = int(np.flatnonzero(times)[0]) if times.any() else 0  # zeros: the clock was not set, or has just begun
-    times = times[begin:] if len(times) - begin > 1 else times
+    begin = int(np.flatnonzero(times)[0]) if times.any() else 0
+    is_unset = len(times) - begin > 1 and times[begin] > np.ptp(times[begin:])  # zeros of before the clock was set
+    times = times[begin:] if is_unset else times
     step = mean_step(times)
     each = len(times) / max(len(np.unique(times)), 1)  # rows of one time: several samples, by a clock that is coarse
     first, last = float(np.median(times)), float(np.abs(times).max())  # the first may be of before the clock was set
