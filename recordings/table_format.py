@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -17,13 +18,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_dates import Order, is_moment, is_time_of_day, order_of, unix_seconds, utc_text
+from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.table_labels import CELLS, RowLabels, labels_of
 from imuscope.recordings.table_lines import NO_MARKS, LineMarks, marks_of
+from imuscope.recordings.table_options import OTHERS, TableOptions
 from imuscope.recordings.time_units import FASTEST_FRACTION, is_dated
 
 LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
@@ -98,7 +99,7 @@ class TableFormat:
         texts = [*(text for name in START_NAMES if _IS_TIMED.search(text := self.metadata.get(name, ""))), *pairs]
         stated = self.metadata.get("date format", "")
         for one in texts:
-            order = ORDERS.get(stated[:1].lower()) or order_of([one], np.inf)[0]
+            order = ORDERS.get(stated[:1].lower()) or order_of([one], math.inf)[0]
             if order is not None and (at := unix_seconds(one, order)) is not None:
                 return at
         return None
@@ -278,7 +279,7 @@ def _empatica_start(rows: Sequence[Sequence[str]]) -> float:
     if len(rows) < 2 or any(len(one) > 1 for one in cells):
         return 0.0
     start, rate = (float(one) if one.replace(".", "", 1).isdecimal() else 0.0 for row in cells for one in row)
-    return start if is_dated(start, np.inf) and 0 < rate < FASTEST_FRACTION and rate == round(rate) else 0.0
+    return start if is_dated(start, math.inf) and 0 < rate < FASTEST_FRACTION and rate == round(rate) else 0.0
 
 
 def _is_comment(line: str) -> bool:
@@ -393,3 +394,25 @@ def _quoted_commas(sample: Sequence[Sequence[str]]) -> bool:
     cells = [cell.strip() for row in sample for cell in row]
     commas = sum(_COMMA.match(cell) is not None for cell in cells)
     return commas > 0 and not any(_POINT.match(cell) for cell in cells)
+
+
+def renamed(file: str, form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
+    """Headings of the columns, with those of the user in place of the file's; and columns to leave out.
+
+    Raises:
+        RecordingError: too many are left.
+    """
+    texts = list(form.headings) or [""] * form.columns
+    left_out = {i for i, text in enumerate(texts) if not text and not any(row[i].strip() for row in form.sample)}
+    for i, text in enumerate(list(texts)):
+        plain = ColumnHeading.of(text)
+        key = next((key for key in (str(i + 1), plain.text, plain.name) if key and key in options.columns), None)
+        if key is not None and options.columns[key]:
+            texts[i] = options.columns[key]
+        elif key is not None or options.columns.get(OTHERS, OTHERS) == "":
+            left_out.add(i)
+    if len(texts) - len(left_out) > MAX_COLUMNS:
+        words = f"{file} has {len(texts)} columns; {MAX_COLUMNS} are read."
+        hint = f"Name those to read in a file for --columns: a line “HEADING = NAME” for each, and “{OTHERS} =”."
+        raise RecordingError(words, hint)
+    return texts, left_out

@@ -16,14 +16,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import read_regular
 from imuscope.recordings.table_dates import Order
-from imuscope.recordings.table_format import MAX_COLUMNS, TableFormat
-from imuscope.recordings.table_headings import ColumnHeading
 
 NO_COLUMN = "none"
-OTHERS = "*"
+OTHERS = "*"  # columns that no line names
 _LINE = re.compile(r"^(?P<column>[^=]+?)\s*=\s*(?P<name>.*)$")
 
 
@@ -61,25 +58,3 @@ def read_columns(path: Path) -> dict[str, str]:
             raise ValueError(f"line {number} of {path.name} has no “=”; write HEADING = NAME (UNIT)")
         columns[match["column"]] = match["name"].strip()
     return columns
-
-
-def renamed(file: str, form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
-    """Headings of the columns, with those of the user in place of the file's; and columns to leave out.
-
-    Raises:
-        RecordingError: too many are left.
-    """
-    texts = list(form.headings) or [""] * form.columns
-    left_out = {i for i, text in enumerate(texts) if not text and not any(row[i].strip() for row in form.sample)}
-    for i, text in enumerate(list(texts)):
-        plain = ColumnHeading.of(text)
-        key = next((key for key in (str(i + 1), plain.text, plain.name) if key and key in options.columns), None)
-        if key is not None and options.columns[key]:
-            texts[i] = options.columns[key]
-        elif key is not None or options.columns.get(OTHERS, OTHERS) == "":
-            left_out.add(i)
-    if len(texts) - len(left_out) > MAX_COLUMNS:
-        words = f"{file} has {len(texts)} columns; {MAX_COLUMNS} are read."
-        hint = f"Name those to read in a file for --columns: a line “HEADING = NAME” for each, and “{OTHERS} =”."
-        raise RecordingError(words, hint)
-    return texts, left_out

@@ -35,10 +35,10 @@ from imuscope.recordings.sources import ChunkBlock, SourceDevice
 from imuscope.recordings.table_axis import TimeAxis, order_words, origin_of, step_limits
 from imuscope.recordings.table_cells import numbers, times_of
 from imuscope.recordings.table_clock import TableClock
-from imuscope.recordings.table_format import TableFormat, format_of
+from imuscope.recordings.table_format import TableFormat, format_of, renamed
 from imuscope.recordings.table_headings import ColumnHeading, unique
 from imuscope.recordings.table_lines import NO_MARKS, LineMarks
-from imuscope.recordings.table_options import TableOptions, renamed
+from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import SPELLINGS, UNITS
 from imuscope.recordings.unreadable_cells import UnreadableCells
