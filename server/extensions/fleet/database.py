@@ -89,14 +89,17 @@ class FleetDatabase:
     def __init__(self, folder: Path) -> None:
         self._lock = threading.Lock()
         self._written = 0
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._file = sqlite3.connect(folder / FILE, check_same_thread=False, isolation_level=None)
-            self._file.execute("PRAGMA journal_mode=WAL")
-            self._file.execute("PRAGMA synchronous=NORMAL")
-            self._file.executescript(_TABLES)
-        except (OSError, sqlite3.Error) as error:
-            raise FleetDatabaseError(f"{folder / FILE} cannot be opened: {error}.") from None
+        with contextlib.ExitStack() as at_failure:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                self._file = sqlite3.connect(folder / FILE, check_same_thread=False, isolation_level=None)
+                at_failure.callback(self._file.close)
+                self._file.execute("PRAGMA journal_mode=WAL")
+                self._file.execute("PRAGMA synchronous=NORMAL")
+                self._file.executescript(_TABLES)
+            except (OSError, sqlite3.Error) as error:
+                raise FleetDatabaseError(f"{folder / FILE} cannot be opened: {error}.") from None
+            at_failure.pop_all()
 
     def robots(self) -> list[StoredRobot]:
         with self._lock:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,10 @@ class Bus:
 
     def now(self) -> float:
         return self.time
+
+    def close(self) -> None:
+        self.database.close()
+        self.journal.close()
 
     def start(self) -> None:
         self.database = FleetDatabase(self.folder)
@@ -109,17 +115,28 @@ class Bus:
 
 
 @pytest.fixture
-def bus(tmp_path: Path) -> Bus:
-    bus = Bus(tmp_path)
-    bus.announce(alive=True)
-    bus.ask()
-    return bus
+def new_bus(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bus]:
+    """A bus that has announced its robot, with the limit of the journal that the test is given."""
+    with closing(Bus(tmp_path, *getattr(request, "param", ()))) as bus:
+        bus.announce(alive=True)
+        yield bus
 
 
-def test_reports_that_overtake_the_first_answer_are_asked_for(tmp_path: Path) -> None:
+@pytest.fixture
+def bus(new_bus: Bus) -> Bus:
+    new_bus.ask()
+    return new_bus
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[FleetDatabase]:
+    with closing(FleetDatabase(tmp_path)) as database:
+        yield database
+
+
+def test_reports_that_overtake_the_first_answer_are_asked_for(new_bus: Bus) -> None:
     """Without a later report they were missing for minutes."""
-    bus = Bus(tmp_path)
-    bus.announce(alive=True)
+    bus = new_bus
     bus.report()
     [(_, boot, after, kept)] = bus.collector.questions(10)
     answer = bus.journal.answer(boot, after, earlier=True, stored=kept)
@@ -167,9 +184,9 @@ def test_a_report_that_comes_twice_is_taken_once(bus: Bus) -> None:
     assert bus.collector.counts.repeated == 1
 
 
-def test_what_a_robot_had_to_drop_is_counted(tmp_path: Path) -> None:
-    bus = Bus(tmp_path, journal_limit=400)
-    bus.announce(alive=True)
+@pytest.mark.parametrize("new_bus", [(400,)], indirect=True)
+def test_what_a_robot_had_to_drop_is_counted(new_bus: Bus) -> None:
+    bus = new_bus
     for _ in range(20):
         bus.report(arrives=False)
     bus.catch_up()
@@ -295,8 +312,7 @@ def test_whatever_happens_everything_is_stored_once(steps: list[str], tmp_path_f
     bus.catch_up()
     assert bus.events == [str(number) for number in range(1, bus.made + 1)]
     assert bus.collector.counts.missed == 0
-    bus.database.close()
-    bus.journal.close()
+    bus.close()
 
 
 @given(
@@ -349,8 +365,7 @@ def test_a_batch_that_cannot_be_written_is_tried_again(bus: Bus) -> None:
     assert bus.events == ["1", "2"]
 
 
-def test_a_batch_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
-    database = FleetDatabase(tmp_path)
+def test_a_batch_is_written_whole_or_not_at_all(database: FleetDatabase) -> None:
     event = StoredEvent("a", "", 1, 0.0, "link", "info", "text", "")
     broken = StoredEvent("a", "", 1, 0.0, "link", "info", object(), "")  # type: ignore[arg-type]
     with pytest.raises(FleetDatabaseError):
@@ -359,10 +374,9 @@ def test_a_batch_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert database.events() == []
 
 
-def test_the_log_of_events_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_log_of_events_is_bounded(database: FleetDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("imuscope.server.extensions.fleet.database.MAX_EVENTS", 10)
     monkeypatch.setattr("imuscope.server.extensions.fleet.database.PRUNE_EVERY", 5)
-    database = FleetDatabase(tmp_path)
     for number in range(8):
         database.write(FleetBatch(events=[StoredEvent("a", "", number, 0.0, "link", "info", "t", "")] * 5))
     assert len(database.events()) == 10
