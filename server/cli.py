@@ -48,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end
     if not words or (words[0] not in COMMANDS and words[0] not in ("-h", "--help", "--version")):
         words.insert(0, "serve")
+    collects = gc.isenabled()
     if words[0] == "serve":
         gc.disable()  # a tenth of the start, and hardly anything is garbage; http_server.run enables it
     logging.basicConfig(level=logging.WARNING, format="imuscope: %(levelname)s: %(message)s")
@@ -76,6 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _silence()
         print(f"imuscope: the output cannot be written: {(error.strerror or '').lower()}.", file=sys.stderr)
         return 1
+    finally:
+        if collects:  # a start that failed has not enabled it
+            gc.enable()
 
 
 OF_FILES = ("inspect", "decode")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import signal
 import socket
@@ -10,7 +11,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from imuscope.protocols.isb.frames import get_data, stop
+from imuscope.server.cli import main
 from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S, http_client
@@ -27,6 +31,13 @@ def test_heavy_parts_are_not_imported_for_help() -> None:
     code = "import sys, imuscope.server.cli; print(sorted({'fastapi', 'numpy'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_start_that_fails_leaves_garbage_collection_on(capsys: pytest.CaptureFixture[str]) -> None:
+    """For a program that calls it: `serve` starts without."""
+    assert main(["serve", "nothing://x"]) == 1
+    assert "nothing://x" in capsys.readouterr().err
+    assert gc.isenabled()
 
 
 @each_row(
