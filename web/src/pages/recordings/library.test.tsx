@@ -13,8 +13,8 @@ const search = (words: string): void =>
   void fireEvent.input(screen.getByRole("searchbox"), { target: { value: words } });
 
 /** The library with its only recording selected. */
-async function openLibrary(): Promise<Opened> {
-  const page = await openPage(recorded("library"), { place: "#/recordings" });
+async function openLibrary(library = recorded("library")): Promise<Opened> {
+  const page = await openPage(library, { place: "#/recordings" });
   await eventually(() => expect(rows().length).toBe(1));
   const [row] = rows();
   if (row) fireEvent.click(row);
@@ -35,6 +35,17 @@ test("a recording is found by matching words only", async () => {
   await eventually(() => expect(find(".library-centre").textContent).toContain("No matches"));
   search("");
   await eventually(() => expect(rows().length).toBe(1));
+});
+
+test("what is left out of a file is said, and is no damage", async () => {
+  const library = recorded("library");
+  const listed = library.answers["GET /api/recordings"] as readonly object[];
+  const remark = "Columns without numbers are left out: label ('walking').";
+  const answers = { ...library.answers, "GET /api/recordings": listed.map((one) => ({ ...one, remark })) };
+  await openLibrary({ ...library, answers });
+  expect(find(".detail > .hint").textContent).toBe(remark);
+  expect(document.querySelector(".detail .problem")).toBeNull();
+  expect(rows()[0]?.textContent).not.toContain("damaged");
 });
 
 test("a recording is opened by a double click on its row", async () => {
