@@ -6,7 +6,7 @@ its heading.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,9 +29,14 @@ QUATERNION, EULER = ("q0", "q1", "q2", "q3"), ("roll", "pitch", "yaw")
 
 
 class _Tables:
-    """Channels of the tables read so far."""
+    """Channels of the tables read so far.
 
-    def __init__(self, writer: ColumnStoreWriter) -> None:
+    Args:
+        texts: the columns that have nothing but texts so far.
+    """
+
+    def __init__(self, writer: ColumnStoreWriter, texts: Callable[[], Collection[str]]) -> None:
+        self._texts = texts
         self.infos: list[wire.ChannelInfo] = []
         self.counts: dict[str, int] = {}
         self.first, self.last = np.inf, -np.inf
@@ -74,7 +79,9 @@ class _Tables:
 
     def _begin(self, rows: TableRows) -> list[tuple[int, list[str]]]:
         plan = []
-        for name, members in grouped(list(rows.columns)):
+        texts = self._texts()  # of channels of their own, which are left out if no number comes
+        with_numbers = [name for name in rows.columns if name not in texts]
+        for name, members in [*grouped(with_numbers), *grouped([name for name in rows.columns if name in texts])]:
             units = {rows.columns[heading][1] for heading, _ in members}
             columns = [
                 wire.ColumnInfo(inner, "f8", rows.columns[heading][1], axis=axis_of(inner, len(members)))  # type: ignore[arg-type]
@@ -113,7 +120,7 @@ def decode_tables(
     Raises:
         RecordingError: the tables contain no numbers.
     """
-    tables = _Tables(writer)
+    tables = _Tables(writer, source.texts)
     last = source.last()
     for rows in source.rows():
         tables.add(rows)

@@ -96,10 +96,12 @@ def test_cells_that_are_not_numbers_are_reported(tmp_path: Path) -> None:
 
 def test_what_is_left_out_is_said_and_not_called_damage(tmp_path: Path) -> None:
     """Regression: the library called a table with a column of labels damaged, as it did a bag with pictures."""
-    text = "time,label,x,note\n" + "".join(f"{1760000000 + n},walking,{n},\n" for n in range(9))
+    heading = "time,joint.name,joint.position,joint.effort,note\n"
+    text = heading + "".join(f"{1760000000 + n},elbow,{n},0,\n" for n in range(9))
     columns = table(tmp_path / "a.csv", text)
-    assert list(named(columns)) == ["x"]
-    words = "Columns without numbers are left out: label ('walking'), note."
+    (info,) = columns.manifest["channels"]
+    assert (info["name"], [one["name"] for one in info["columns"]]) == ("joint", ["position", "effort"])
+    words = "Columns without numbers are left out: note, joint.name ('elbow')."
     (one,) = columns.manifest["damage"]
     assert (one["words"], one["is_remark"]) == (words, True)
     about = summarize(columns)

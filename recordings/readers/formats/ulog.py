@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.framing import Ints
+from imuscope.protocols.plural import counted
+from imuscope.recordings.mcap_reader import remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
@@ -74,6 +76,9 @@ class Ulog(FlightLog):
                 yield reading.block(at / size)
         if len(held) >= _HEAD.size:
             self.note(at, "The last record was cut.")
+        if reading.drops:
+            words = f"The logger dropped records {counted(reading.drops, 'time')}, for {reading.dropped_ms} ms in all."
+            self.damage.append(remark(words))
 
     def dated(self, table: LogTable, records: NDArray[Any]) -> DatedBy | None:
         names = table.dtype.names or ()
@@ -91,9 +96,14 @@ class Ulog(FlightLog):
 
 
 class _Messages:
-    """Messages of a file, gathered by subscription."""
+    """Messages of a file, gathered by subscription.
+
+    Attributes:
+        drops, dropped_ms: how often, and for how long in all, the logger could not write.
+    """
 
     def __init__(self, log: Ulog) -> None:
+        self.drops = self.dropped_ms = 0
         self._log = log
         self._formats: dict[str, str] = {}
         self._tables: dict[int, LogTable] = {}
@@ -173,8 +183,8 @@ class _Messages:
             name = self._log.path.name
             raise RecordingError(f"{name} is a ULog with features that are not known.", "Install a newer imuscope.")
         elif kind == "O" and len(body) == 2:
-            lost = int.from_bytes(body, "little")
-            self._log.note(at, f"The logger dropped records for {lost} ms.")
+            self.drops += 1
+            self.dropped_ms += int.from_bytes(body, "little")
         elif kind in "LC":
             self._log.left_out["logged texts"] = None
         elif kind in "PQ":

@@ -44,7 +44,7 @@ def test_a_ulog_has_its_topics_and_the_date_of_its_receiver(tmp_path: Path) -> N
     assert len(rows_of(store, "at[1]", "wheels.1").columns[0]) == COUNT // 10
     assert rows_of(store, "at[1]", "wheels.1").columns[1][0] == 4.0
     words = damage_of(store)
-    assert "The logger dropped records for 5 ms." in words
+    assert "The logger dropped records 1 time, for 5 ms in all." in words
     assert "Left out: parameters, logged texts." in words
     assert store.manifest["timed"]
     assert "since the start of the device" in store.manifest["time"]["sentences"][0]
