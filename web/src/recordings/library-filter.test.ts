@@ -2,6 +2,7 @@ import { expect, it } from "vitest";
 import {
   bytes,
   chosen,
+  dateWords,
   daysLeft,
   deviceName,
   flaw,
@@ -140,4 +141,11 @@ it("shows the serial number of a device once", () => {
   expect(deviceName({ ...device, name: "IMX-5" })).toBe("IMX-5 102");
   expect(deviceName({ ...device, name: "IMX-5", serial_number: "5" })).toBe("IMX-5 5"); // the 5 in its name belongs to the product
   expect(deviceName({ ...device, name: "102" })).toBe("102");
+});
+
+it("writes the year of a date of another one", () => {
+  const now = new Date();
+  const thisYear = Date.UTC(now.getUTCFullYear(), 0, 2, 3, 4) / 1000;
+  expect(dateWords(thisYear)).toBe("2 Jan, 03:04");
+  expect(dateWords(Date.UTC(2017, 1, 8, 13, 5) / 1000)).toBe("8 Feb 2017, 13:05");
 });

@@ -144,12 +144,18 @@ export function bytes(n: number | null | undefined): Quantity {
   return { value: number(n / 1e9, 2), unit: "GB" };
 }
 
-/** "21 Nov, 13:44" in UTC, as all times of the page; with the year if not the current one. */
+/** "21 Nov, 13:44" in UTC, as all times of the page; with the year if asked, or if it is not the current one. */
 export function dateWords(unix: number | null, year = false): string {
   if (unix === null) return "";
   const d = new Date(unix * 1000);
-  const day = `${d.getUTCDate()} ${COMMON.months[d.getUTCMonth()]}${year ? ` ${d.getUTCFullYear()}` : ""}`;
-  return `${day}, ${pad(d.getUTCHours())}:${pad(d.getUTCMinutes())}`;
+  return `${dayWords(unix, year)}, ${pad(d.getUTCHours())}:${pad(d.getUTCMinutes())}`;
+}
+
+/** The day of `dateWords`: "21 Nov", "8 Feb 2017". */
+export function dayWords(unix: number, year = false): string {
+  const d = new Date(unix * 1000);
+  const isNamed = year || d.getUTCFullYear() !== new Date().getUTCFullYear();
+  return `${d.getUTCDate()} ${COMMON.months[d.getUTCMonth()]}${isNamed ? ` ${d.getUTCFullYear()}` : ""}`;
 }
 
 function isoDay(unix: number | null): string {

@@ -2,6 +2,7 @@
 import { fromExtensions } from "../../extension";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { search } from "../../forms/search";
+import { dayWords } from "../../recordings/library-filter";
 import type { SnapshotInfo } from "../../forms/types";
 import { OptionList } from "../../ui/choices";
 import { clock } from "../../ui/format";
@@ -253,5 +254,5 @@ const DAY = 86_400;
 /** "14:31:05" today, "18 Nov" before. UTC, as every time on the page. */
 export function when({ taken }: Pick<SnapshotInfo, "taken">): string {
   if (Date.now() / 1000 - taken < DAY) return clock(taken).slice(0, 8);
-  return new Date(taken * 1000).toLocaleDateString("en-GB", { day: "numeric", month: "short", timeZone: "UTC" });
+  return dayWords(taken);
 }

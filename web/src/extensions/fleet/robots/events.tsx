@@ -1,6 +1,6 @@
 /** What happened on one robot, asked for when it is opened, and removing a robot that is lost. */
 import { useSignal } from "@preact/signals";
-import { dateWords } from "../../../recordings/library-filter";
+import { dayWords } from "../../../recordings/library-filter";
 import { clock } from "../../../ui/format";
 import type { HttpProblem } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
@@ -28,7 +28,7 @@ export function RobotEvents({ name }: { readonly name: string }) {
             <span class={`dot ${level === "error" ? "bad" : level === "info" ? "off" : "warn"}`} />
             <span>{text}</span>
             <time class="dim" dateTime={new Date(time * 1000).toISOString()}>
-              {dateWords(time).split(",")[0]} {clock(time)}
+              {dayWords(time)} {clock(time)}
             </time>
           </li>
         ))}
