@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 from pathlib import Path
 
 
-def pseudo_terminal(place: str) -> object:
-    """Identity of the pseudo-terminal that a path leads to; None for other ports.
-
-    The kernel gives the number of one that was closed to the next: that may be a user's shell. So a path leads to the
-    same port again only if it is a link that was recreated.
-    """
+def pseudo_terminal(place: str) -> tuple[object, int] | None:
+    """The way to a pseudo-terminal, and when that was made, ns (0: it is not there); None for other ports."""
     real = os.path.realpath(place)
     if not real.startswith("/dev/pts/"):
         return None
-    try:
+    way: object = real
+    made = 0
+    with contextlib.suppress(FileNotFoundError):
         about = os.stat(place, follow_symlinks=False)
-    except FileNotFoundError:
-        return real  # it is gone, and was not a link
-    return (real, about.st_ino, about.st_ctime_ns) if stat.S_ISLNK(about.st_mode) else real
+        way = (real, about.st_ino, about.st_ctime_ns) if stat.S_ISLNK(about.st_mode) else real
+        made = os.stat(real).st_ctime_ns  # reading, writing and settings of the line do not change it
+    return way, made
+
+
+def is_another(place: str, before: tuple[object, int] | None) -> bool:
+    """Whether the path of a pseudo-terminal leads to another one now.
+
+    The kernel gives the number of one that was closed to the next: that may be a user's shell. A link that was made
+    again leads to the port of its program.
+    """
+    now = pseudo_terminal(place)
+    return before is not None and now is not None and now[0] == before[0] and now[1] not in (0, before[1])
 
 
 def may_be_terminal(place: str, root: Path = Path("/")) -> bool:

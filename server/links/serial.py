@@ -48,7 +48,7 @@ from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
 from imuscope.server.processes import OWN, Program, programs_with, readers_of, session_on, unblock_steps
-from imuscope.server.terminals import may_be_terminal, pseudo_terminal
+from imuscope.server.terminals import is_another, may_be_terminal, pseudo_terminal
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")
@@ -104,15 +104,16 @@ class SerialLink(ThreadedLink):
         self._port: Any = None  # serial.Serial, which has no types
         self._empty_reads = self._received = 0
         self._adapter = ""  # persistent name of the adapter found there first
-        self._ended_terminal: object = None
+        self._terminal: tuple[object, int] | None = None  # that was opened last
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         where = port_now(self.place, self._adapter, self.settings.by_id)
-        if self._ended_terminal is not None and pseudo_terminal(where) == self._ended_terminal:
+        if is_another(where, self._terminal):
             raise terminal_ended(self.place)
         # Opening queries the adapter over USB, which may take long, so not on the loop.
         self._port = await asyncio.to_thread(open_port, where, self.line)
+        self._terminal = pseudo_terminal(where)
         try:
             self.baud = self.line.baud or await find_baud(self._port, self.place, progress, self.settings.windows)
         except (OSError, serial.SerialException) as error:
@@ -188,8 +189,6 @@ class SerialLink(ThreadedLink):
     async def _release(self) -> None:
         port, self._port = self._port, None
         if port is not None:
-            if hung_up(port.fd):
-                self._ended_terminal = pseudo_terminal(self.place)
             await asyncio.to_thread(port.close)  # waits until the last bytes are out
 
 

@@ -56,22 +56,28 @@ async def test_a_pseudo_terminal_that_reuses_the_name_is_left_alone() -> None:
         await link.close()
 
 
+@each_row("closed_first", [False, True])
 @each_row("through_link", [False, True])
-async def test_a_terminal_with_the_number_of_a_closed_one_is_left_alone(tmp_path: Path, through_link: bool) -> None:
+async def test_a_terminal_with_the_number_of_a_closed_one_is_left_alone(
+    tmp_path: Path, through_link: bool, closed_first: bool
+) -> None:
     """Regression: a server whose port had been closed took the next terminal of that number, of another test or of a
     person's shell, locked it and read what was typed.
     """
     port = Pty()
-    place = str(tmp_path / "imu0") if through_link else port.path
+    place = str(tmp_path / f"imu{closed_first}") if through_link else port.path
     if through_link:
         os.symlink(port.path, place)
     link = open_link(f"{place}?baud=115200", settings())
     await link.open()
     await link.close()
     await link.open()  # the same terminal, which was closed at this end alone
+    if closed_first:  # and tried again later, as after an error
+        await link.close()
     port.pull()
-    await dies(link)
-    await link.close()
+    if not closed_first:
+        await dies(link)
+        await link.close()
     with terminals_up_to(port.path) as others:
         error = await fails(link.open())
         assert error.kind == "gone"

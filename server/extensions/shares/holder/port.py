@@ -6,7 +6,6 @@ import contextlib
 import errno
 import fcntl
 import os
-import select
 import socket
 import struct
 import termios
@@ -15,7 +14,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from imuscope.server.terminals import may_be_terminal, pseudo_terminal
+from imuscope.server.terminals import is_another, may_be_terminal, pseudo_terminal
 
 READ_BYTES = 1 << 12  # a terminal gives no more at once, and each read allocates as much
 CONNECT_S = 5.0
@@ -49,7 +48,7 @@ class Port:
         self._waiting: deque[bytes] = deque()
         self.backlog = 0
         self._empty_reads = 0
-        self._ended_terminal: object = None
+        self._terminal: tuple[object, int] | None = None  # that was opened last
 
     @property
     def is_open(self) -> bool:
@@ -74,13 +73,13 @@ class Port:
                 return
 
     def _open(self) -> None:
-        terminal = pseudo_terminal(self._source.get("place", ""))
-        if terminal is not None and terminal == self._ended_terminal:
+        if is_another(self._source.get("place", ""), self._terminal):
             raise PortError("its terminal was closed", errno.ENOENT)
         try:
             if self._source["kind"] == "serial":
                 self._handle = self._open_serial()
                 self.fd = self._handle.fd
+                self._terminal = pseudo_terminal(self._source["place"])
             else:
                 self._handle = socket.create_connection((self._source["host"], self._source["port"]), CONNECT_S)
                 self._handle.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -134,8 +133,6 @@ class Port:
     def close(self) -> None:
         """Close it, at once, whatever the device does not take. Idempotent."""
         handle, self._handle, fd, self.fd = self._handle, None, self.fd, -1
-        if fd >= 0 and _hung_up(fd):
-            self._ended_terminal = pseudo_terminal(self._source.get("place", ""))
         if self._source["kind"] == "serial" and fd >= 0:
             with contextlib.suppress(OSError, termios.error):
                 termios.tcflush(fd, termios.TCOFLUSH)  # the driver would wait for up to 30 s
@@ -215,9 +212,3 @@ class Port:
         self.set_baud(baud)
         if before is not None:
             self.set_baud(before)
-
-
-def _hung_up(fd: int) -> bool:
-    poll = select.poll()
-    poll.register(fd, select.POLLIN)
-    return any(event & select.POLLHUP for _, event in poll.poll(0))
