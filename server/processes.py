@@ -10,7 +10,6 @@ from pathlib import Path
 
 OWN = "imuscope"
 ROOT = Path("/")
-PTS = "/dev/pts/"
 MOST_COMM = 15  # characters of a program's name that the kernel keeps
 SHARED_PATH = "/run/imuscope/imu0"  # an example
 MODULE = re.compile(r" -m imuscope(\.server\.(cli|[\w.]+\.holder))?( |$)")
@@ -73,7 +72,10 @@ def readers_of(path: str, root: Path = ROOT) -> list[Program]:
     Left out are what only writes to it, the device's side of a pseudo-terminal, and imuscope, which locks its ports.
     """
     place = os.path.realpath(path)
-    index = place.removeprefix(PTS) if place.startswith(PTS) else ""
+    if not os.path.exists(place):
+        return []
+    parent, _, name = place.rpartition("/")
+    index = name if parent == "/dev/pts" else ""
     readers = []
     for folder in process_folders(root):
         reads = is_device = False

@@ -7,11 +7,13 @@ import os
 import stat
 from pathlib import Path
 
+PTS = "/dev/pts/"  # folder of pseudo-terminals
+
 
 def pseudo_terminal(place: str) -> tuple[object, int] | None:
     """The way to a pseudo-terminal, and when that was made, ns (0: it is not there); None for other ports."""
     real = os.path.realpath(place)
-    if not real.startswith("/dev/pts/"):
+    if not real.startswith(PTS):
         return None
     way: object = real
     made = 0

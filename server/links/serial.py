@@ -48,7 +48,7 @@ from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
 from imuscope.server.processes import OWN, Program, programs_with, readers_of, session_on, unblock_steps
-from imuscope.server.terminals import is_another, may_be_terminal, pseudo_terminal
+from imuscope.server.terminals import PTS, is_another, may_be_terminal, pseudo_terminal
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")
@@ -318,7 +318,7 @@ def busy(place: str, programs: Sequence[Program] = ()) -> LinkError:
 
 def taken_by_session(place: str, program: Program) -> LinkError:
     """Error for the terminal of a shell or a login prompt: its input would be read as a sensor's."""
-    if place.startswith("/dev/pts/"):
+    if place.startswith(PTS):
         hint = "Choose the port of the sensor."
     else:
         hint = (
