@@ -33,7 +33,11 @@ ARRIVAL = struct.Struct("<d")  # the first own column of every frame: when its f
 
 
 class Good:
-    """Samples and losses seen by one client."""
+    """Samples and losses seen by one client.
+
+    Attributes:
+        subscribed: set once the server has answered the subscription: from here on nothing may be missing.
+    """
 
     def __init__(self) -> None:
         self.samples: dict[int, int] = defaultdict(int)
@@ -42,7 +46,7 @@ class Good:
         self.messages = 0
         self.ages = array("f")
         self.channels: dict[int, dict[str, Any]] = {}
-        self.connected = asyncio.Event()
+        self.subscribed = asyncio.Event()
         self._next: dict[int, int] = {}
 
     async def run(self, url: str) -> None:
@@ -56,7 +60,8 @@ class Good:
                 if '"op":"channels"' in data:
                     self.channels.update({one["id"]: one for one in json.loads(data)["channels"]})
                 self.hear(data, time.time())
-                self.connected.set()
+                if '"op":"history_end"' in data:
+                    self.subscribed.set()
 
     def hear(self, text: str, now: float) -> None:
         """Take one text message."""

@@ -118,7 +118,7 @@ class LoadRun:
     async def measure(self) -> dict[str, Any]:
         for good in self.goods:
             self.start(good.run(self.server.url))
-        await asyncio.gather(*(good.connected.wait() for good in self.goods))
+        await asyncio.gather(*(good.subscribed.wait() for good in self.goods))
         await asyncio.to_thread(self.speakers.go)
         await asyncio.sleep(SETTLE_S)
         memory = Memory(self.server.process.pid)

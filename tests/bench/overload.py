@@ -87,7 +87,7 @@ async def watch(options: argparse.Namespace, server: ServerProcess, speakers: Sp
     """The run: before, during and after the load."""
     page, api = Page(), Api(server.url)
     task = asyncio.create_task(page.run(server.url))
-    await page.connected.wait()
+    await page.subscribed.wait()
     await asyncio.to_thread(speakers.go)
     await asyncio.sleep(BEFORE_S)
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.loops)]

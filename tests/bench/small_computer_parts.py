@@ -147,7 +147,7 @@ async def _watched(where: Place, seconds: float) -> dict[str, Any]:
     with devices(DEVICES, RATE, SETTLE_S + seconds + 30) as speakers, where.server(*sources_of(speakers)) as server:
         page = load_clients.Good()
         task = asyncio.create_task(page.run(server.url))
-        await page.connected.wait()
+        await page.subscribed.wait()
         for speaker in speakers:
             speaker.go()
         await asyncio.sleep(SETTLE_S)
@@ -192,7 +192,7 @@ async def _memory(where: Place) -> dict[str, Any]:
         unwatched = memory_mb(server.process.pid)
         page = load_clients.Good()
         task = asyncio.create_task(page.run(server.url))
-        await page.connected.wait()
+        await page.subscribed.wait()
         await asyncio.sleep(2)
         out = {
             "before_mb": before,
@@ -315,7 +315,7 @@ async def _overload(where: Place, seconds: float) -> dict[str, Any]:
         with where.server(*sources_of(every), arguments=("--record",)) as server:
             page, api = Page(), Api(server.url)
             task = asyncio.create_task(page.run(server.url))
-            await page.connected.wait()
+            await page.subscribed.wait()
             for speaker in every:
                 speaker.go()
             sent = [(await asyncio.to_thread(one.sent))["devices"][0] for one in every]

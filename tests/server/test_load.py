@@ -44,7 +44,7 @@ async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[load_clien
     ]
     began = time.monotonic()
     try:
-        await asyncio.wait_for(good.connected.wait(), 60)
+        await asyncio.wait_for(good.subscribed.wait(), 60)
         await asyncio.to_thread(speakers.go)
         sent = await asyncio.to_thread(speakers.sent)
         frames = sent["devices"][0]["frames"]
