@@ -205,7 +205,7 @@ class _Topic:
         names = {path.rpartition(".")[0] for path in numbers.columns if path.endswith((".0", ".x"))}
         names = {name.removesuffix("_covariance") for name in names}
         absent = frozenset() if self.own else frozenset(absent_quantities(numbers.columns, names))
-        has_stamp = self.stamps.is_apart and not is_table
+        has_stamp = self.stamps.is_kept and not is_table
         key = (absent, is_table, has_stamp)
         if key not in self._known:
             self._known[key] = self._message(absent, is_table=is_table, has_stamp=has_stamp)
@@ -441,6 +441,11 @@ def _remark(topic: _Topic) -> str:
             return f"{name} is not shown: the definition of {kind} is missing or cannot be read."
         return f"{name} is {encoding}, which is not read."
     stamps = topic.stamps
+    if stamps.still:
+        some = f"Some stamps of {name}" if stamps.stamped else f"The stamps of {name}"
+        return f"{some} stand still: the arrival is used instead, and they are the column “{STAMP.name}”."
+    if stamps.missing and stamps.stamped >= stamps.unstamped and not stamps.is_apart:
+        return f"Some messages of {name} have no stamp: their times are those of arrival."
     if stamps.is_apart or stamps.unstamped > stamps.stamped:
         if not stamps.off_ns:
             return f"Messages of {name} have no stamp: their times are those of arrival."

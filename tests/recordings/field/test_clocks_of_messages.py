@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer as RosWriter
 
+from imuscope.protocols.messages.stamps import StampTrack
 from imuscope.protocols.nmea import sentence
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
@@ -89,6 +90,65 @@ def test_stamps_that_go_back_begin_a_segment(tmp_path: Path) -> None:
     assert store.manifest["segments"] == {"1": [pytest.approx(1_500_000_002.5, abs=0.001)]}
     _, _, stamp = columns_of(store, ".stamp")
     assert np.diff(stamp).min() == pytest.approx(-1.99, abs=1e-6)
+
+
+@each_row(
+    ("first", "ahead_s"),
+    [(NS, 18.0), (10**10, 3.0), (10**10, 18.0), (NS, 100.0)],
+    ids=["UTC less GPS", "uptime", "uptime, more", "far ahead"],
+)
+def test_stamps_that_go_ahead_begin_a_segment(first: int, ahead_s: float, tmp_path: Path) -> None:
+    """Half of the samples had the arrival, and nothing said so."""
+    stamps = [first + n * STEP + (round(ahead_s * 1e9) if n >= 200 else 0) for n in range(N)]
+    store = opened(bag(tmp_path / "a.mcap", stamps, [300_000] * N), tmp_path)
+    time, *_ = columns_of(store, "angular_velocity")
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
+    [event] = [one for one in store.manifest["events"] if one["kind"] == "clock" and one["level"] == "warning"]
+    assert event["data"] == {"kind": "jump", "by_ns": round(ahead_s * 1e9)}
+    assert store.manifest["segments"] == {"1": [pytest.approx(1_500_000_002.0, abs=0.001)]}
+    _, _, stamp = columns_of(store, ".stamp")
+    assert np.diff(stamp).max() == pytest.approx(ahead_s + 0.01, abs=1e-6)
+
+
+@each_row(
+    ("stamps", "words"),
+    [
+        ([NS] * N, "The stamps of /imu stand still"),
+        ([NS + n * STEP // 10**9 * 10**9 for n in range(N)], "The stamps of /imu stand still"),
+        ([NS + (n if n < 200 else 199) * STEP for n in range(N)], "Some stamps of /imu stand still"),
+        ([NS + n * STEP if n % 7 else 0 for n in range(N)], "Some messages of /imu have no stamp"),
+    ],
+    ids=["all", "whole seconds", "from the middle", "without one"],
+)
+def test_stamps_that_stand_still_give_no_time(stamps: list[int], words: str, tmp_path: Path) -> None:
+    """All samples had one time, and nothing said so."""
+    store = opened(bag(tmp_path / "a.mcap", stamps, [300_000] * N), tmp_path)
+    time, arrival, *_ = columns_of(store, "angular_velocity")
+    axis = np.where(np.isfinite(time), time, arrival)
+    np.testing.assert_allclose(np.diff(axis), 0.01, atol=0.001)
+    [event] = [one for one in store.manifest["events"] if one["data"].get("reason") == "remark"]
+    assert event["text"].startswith(words)
+
+
+@each_row("block", [1, 7, 64, N])
+def test_a_step_of_the_stamps_is_one_however_the_messages_come(block: int) -> None:
+    arrivals = NS + np.arange(N) * STEP
+    stamps = arrivals - 300_000 - np.where(np.arange(N) >= 200, NS, 0)  # the time of the host, then the uptime
+    track, steps, times = StampTrack(), [], []
+    for begin in range(0, N, block):
+        some = track.times(stamps[begin : begin + block], arrivals[begin : begin + block])
+        steps += [step.by_ns for step in some.steps]
+        times += np.where(some.used, some.time_ns, arrivals[begin : begin + block]).tolist()
+    assert steps == [-NS]
+    np.testing.assert_allclose(np.diff(times), STEP, atol=400_000)
+
+
+def test_a_first_message_that_is_late_is_no_step() -> None:
+    arrivals = NS + np.arange(N) * STEP
+    late = np.where(np.arange(N), arrivals, NS + 2_000_000_000)
+    some = StampTrack().times(arrivals - NS + 10**9, late)
+    assert not some.steps
+    np.testing.assert_array_equal(np.diff(some.time_ns[1:]), STEP)
 
 
 def set_back(n: int) -> int:
