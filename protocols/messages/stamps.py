@@ -185,7 +185,7 @@ class StampTrack:
         self._was_used = bool(result.used[rows][-1])
 
     def _step(self, moved_ns: int, passed_ns: int) -> int | None:
-        """How far the clock moved against the arrivals since a stamp was used; None if none was."""
+        """Move of the clock against the arrivals since a stamp was used; None if none was."""
         if self._was_used:
             return moved_ns - passed_ns
         return None if self._unreported_ns is None else self._unreported_ns + moved_ns - passed_ns
