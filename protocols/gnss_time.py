@@ -47,11 +47,13 @@ class GnssTimes:
         offset: (n,) of the messages in the stream.
         time_ns: (n,) since 1970, or since an unknown midnight or week.
         is_dated: whether the last of them is since 1970.
+        kind: "day" or "week": what the last of them counts in; "" without any.
     """
 
     offset: Ints
     time_ns: Ints
     is_dated: bool
+    kind: str = ""
 
 
 @dataclass(slots=True)
@@ -66,12 +68,17 @@ class GnssClock:
     def times(self, texts: Sequence[Text]) -> GnssTimes:
         """Times of those messages that have one, in order."""
         rows = [(text.offset, *one) for text in texts if (one := _time_of(text)) is not None]
-        kinds = {kind for _, kind, _, _ in rows}
-        if "week" in kinds and any(date is not None for _, kind, _, date in rows if kind == "week"):
-            rows = [row for row in rows if row[1] == "week"]  # one clock, not two that differ by a leap second
+        if len({kind for _, kind, _, _ in rows}) > 1:
+            dated = {kind for _, kind, _, date in rows if date is not None}
+            is_week = (
+                "week" in dated or self._week_ns is not None or not ("day" in dated or self._midnight_ns is not None)
+            )
+            rows = [
+                row for row in rows if (row[1] == "week") == is_week
+            ]  # one clock, not two that differ by a leap second
         self._learn([(kind, within, date) for _, kind, within, date in rows])
         times = []
-        dated = False
+        is_dated = False
         for _, kind, within, date in rows:
             if date is not None:
                 self._set(kind, within, date)
@@ -79,9 +86,10 @@ class GnssClock:
                 self._turn(kind)
             self._last[kind] = within
             start = self._midnight_ns if kind == "day" else self._week_ns
-            dated = start is not None
+            is_dated = start is not None
             times.append(within + (start if start is not None else self._turns.get(kind, 0)))
-        return GnssTimes(np.array([row[0] for row in rows], np.int64), np.array(times, np.int64), dated)
+        offsets = np.array([row[0] for row in rows], np.int64)
+        return GnssTimes(offsets, np.array(times, np.int64), is_dated, rows[-1][1] if rows else "")
 
     def _learn(self, rows: Sequence[tuple[str, int, int | None]]) -> None:
         """Take the first date for the messages before it."""

@@ -159,6 +159,7 @@ class CaptureTiming:
         dated_ns: the same by the date at its head.
         by_gnss: whether its times are those in the messages of a GNSS receiver.
         gnss_steps: where these go back: due time after it, and by how much, ns.
+        gnss_kind, gnss_within_ns: whether these count in a "day" or a "week", and the time in it at the start.
     """
 
     def __init__(
@@ -188,6 +189,8 @@ class CaptureTiming:
         self._gnss_last = 0
         self.by_gnss = False
         self.gnss_steps: list[tuple[int, int]] = []
+        self.gnss_kind = ""
+        self.gnss_within_ns = 0
 
     @property
     def is_dated(self) -> bool:
@@ -256,6 +259,7 @@ class CaptureTiming:
         self.by_gnss = True
         if clock.shift_ns is None:
             clock.newest_ns, clock.shift_ns = self._due_ns, self._due_ns - int(times.time_ns[0])
+            self.gnss_kind, self.gnss_within_ns = times.kind, -clock.shift_ns
         moved = np.diff(times.time_ns, prepend=self._gnss_last)
         back = np.flatnonzero(moved < -BACK_NS).tolist() if not unknown else np.flatnonzero(moved[1:] < -BACK_NS) + 1
         steps = [ClockStep(int(times.offset[row]), "reset", int(moved[row]), 0) for row in back]
@@ -264,7 +268,8 @@ class CaptureTiming:
         self.gnss_steps += [(int(due[row]), int(moved[row])) for row in back]
         self.skipped_ns += left_out
         if times.is_dated and self.started_ns is None:
-            self.started_ns = int(times.time_ns[-1]) - int(due[-1])
+            row = int(back[0]) - 1 if len(back) and back[0] else -1  # before the receiver was set back
+            self.started_ns = int(times.time_ns[row]) - int(due[row])
         due = np.maximum.accumulate(np.maximum(due, self._due_ns))
         yield from self._pieces(times.offset, due, unknown=unknown)
 

@@ -46,6 +46,8 @@ from imuscope.recordings.readers.registry import (
 )
 from imuscope.recordings.regular_file import open_regular, read_regular, readable_name
 from imuscope.recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
+from imuscope.recordings.table_axis import LAST_CHANGE, NAME, period_start
+from imuscope.recordings.table_dates import dated_name
 from imuscope.recordings.table_format import has_rows
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource
@@ -75,6 +77,8 @@ class CaptureSource:
     guessed = False  # whether its times are, without a clock in it; known when its parts are read
     clock_steps: Sequence[tuple[float, float]] = ()  # of GNSS times: unix s after it, s; known after its parts are read
     by_gnss = False  # whether they are those in the messages of a GNSS receiver; known then as well
+    gnss_kind = ""  # "day" or "week" if these have no date
+    dated_by = ""  # what the date comes from, if not the UTC of the device; known then as well
 
     def __init__(
         self,
@@ -133,13 +137,25 @@ class CaptureSource:
                 count += len(pieces.data)
                 if pace.is_dated or (name is not None and count > DATE_BYTES):
                     break
-        self.by_gnss = pace.by_gnss
+        self.by_gnss, self.guessed = pace.by_gnss, False
+        self.gnss_kind = self.dated_by = ""
         if pace.started_ns is not None:
             return pace.started_ns
+        self.dated_by = NAME
         if name is not None:
             return name.started_ns
         self.guessed = pace.blind
-        return pace.dated_ns or max(0, self._files[-1].stat().st_mtime_ns - pace.lasted_ns)
+        if pace.dated_ns:
+            self.dated_by = "the head of the file"
+            return pace.dated_ns
+        named, written = dated_name(self.path.name), self._files[-1].stat().st_mtime_ns
+        known = round(named * 1e9) if named is not None else max(0, written - pace.lasted_ns)
+        self.dated_by = NAME if named is not None else LAST_CHANGE
+        if not pace.by_gnss:
+            return known
+        self.gnss_kind, first = pace.gnss_kind, pace.gnss_within_ns
+        begin = period_start(pace.gnss_kind, first / 1e9, (named or written / 1e9), written / 1e9)
+        return round(begin) * 1_000_000_000 + first
 
     def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
         """Metadata stored beside the bytes: none."""
@@ -162,7 +178,10 @@ class IndexedSource(CaptureSource):
     def _started(self) -> int:
         """The start by the index, which uses the logger's time, as the name does."""
         name = vendor_logs.log_name(self.path)
-        return name.started_ns if name is not None else super()._started()
+        if name is None:
+            return super()._started()
+        self.dated_by = NAME
+        return name.started_ns
 
     @property
     def fits(self) -> bool:

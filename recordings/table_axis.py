@@ -23,6 +23,7 @@ from imuscope.recordings.time_units import CLOSE, UNSORTED, in_order, rate_text,
 AHEAD, AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
 LAST_CHANGE = "the file's last change"
+NAME = "the file's name"
 FEWEST_STEPS = 8  # in a sample, to speak of an order
 EVENLY = 0.5  # of the steps ahead are nearly equal: not of rows without order
 NEARLY_ALL = 0.9  # of the steps: a logger that writes in bursts has some long ones
@@ -168,13 +169,24 @@ def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) ->
     if clock.epoch == "start":
         if start is not None:
             return start - first, "the head of the file"
-        return (named - first, "the file's name") if named is not None else (written - first, LAST_CHANGE)
-    known, by = (named, "the file's name") if named is not None else (written, LAST_CHANGE)
+        return (named - first, NAME) if named is not None else (written - first, LAST_CHANGE)
+    known, by = (named, NAME) if named is not None else (written, LAST_CHANGE)
     if clock.epoch == "day" and start is not None:
         return round((start - first) / DAY) * DAY, "the head of the file"
-    if clock.epoch == "day":
+    return period_start(clock.epoch, first, known, written), by
+
+
+def period_start(kind: str, first: float, known: float, written: float) -> float:
+    """Unix s of the begin of a "day" or a "week" of GPS.
+
+    Args:
+        first: time in it of the first sample, s.
+        known: a time of the file, unix s.
+        written: its last change.
+    """
+    if kind == "day":
         midnight = float(np.floor(known / DAY) * DAY)
-        return (midnight if midnight + first <= written + HOUR else midnight - DAY), by
+        return midnight if midnight + first <= written + HOUR else midnight - DAY
     week = 7 * DAY
     sunday = float(np.floor((known - 3 * DAY) / week) * week + 3 * DAY)  # 1970-01-01 was a Thursday
-    return (sunday if sunday + first <= known + DAY else sunday - week) - 18.0, by
+    return (sunday if sunday + first <= known + DAY else sunday - week) - 18.0

@@ -73,6 +73,8 @@ class StampTrack:
     is_apart: bool = False
     _offset_ns: int = 0
     _last: tuple[int, int] | None = None  # stamp and arrival of the last message
+    _begin: tuple[int, int] = (0, 0)  # of the first since the last step
+    _newest_arrived: int = 0  # arrival of the message with the newest time
     _most_ahead: int = 0  # of the arrival, since the last step
     _same: tuple[int, int, int] = (0, 0, 0)  # last stamp, how many messages have it, and arrival of the first
     _waiting: int = 0  # stamps in a row of a clock that is not trusted yet
@@ -160,7 +162,7 @@ class StampTrack:
         run, arrived = stamps[rows], arrivals[rows]
         last = self._last
         if is_new:
-            self._waiting = 0
+            self._waiting, self._begin = 0, (int(run[0]), int(arrived[0]))
             self._unreported_ns = None if last is None else self._step(int(run[0]) - last[0], int(arrived[0]) - last[1])
         self._waiting += len(run)
         goes_on = self._offset_ns != 0 and not is_new
@@ -179,8 +181,10 @@ class StampTrack:
         else:
             result.used[rows] = self._usable(run, arrived)
             result.time_ns[rows] = run
-        if result.used[rows].any():
-            self.newest_ns = max(self.newest_ns, int(result.time_ns[rows][result.used[rows]].max()))
+        if (used := result.used[rows]).any():
+            times = result.time_ns[rows][used]
+            if (newest := int(times.max())) > self.newest_ns:
+                self.newest_ns, self._newest_arrived = newest, int(arrived[used][times.argmax()])
         self._last = int(run[-1]), int(arrived[-1])
         self._was_used = bool(result.used[rows][-1])
 
@@ -206,13 +210,13 @@ class StampTrack:
         """Whether these stamps run like a clock, but not like that of the host from where it was."""
         if self._is_host(run, arrived):
             return False
-        lasted, took = int(run[-1] - run[0]), int(arrived[-1] - arrived[0])
+        lasted, took = int(run[-1]) - self._begin[0], int(arrived[-1]) - self._begin[1]
         return lasted > 0 and abs(lasted - took) < max(BACK_NS, took // 10)
 
     def _placed(self, run: Ints, arrived: Ints) -> int:
         """Offset to the host's clock: that of the message that was least late, and none before earlier times."""
-        if self._last is not None and self.newest_ns and abs(self.newest_ns - self._last[1]) < LATE_NS:
-            return self.newest_ns + max(int(arrived[0]) - self._last[1], 1) - int(run[0])
+        if self.newest_ns and abs(self.newest_ns - self._newest_arrived) < LATE_NS:
+            return self.newest_ns + max(int(arrived[0]) - self._newest_arrived, 1) - int(run[0])
         return max(int((arrived - run).min()), self.newest_ns + 1 - int(run[0]) if self.newest_ns else -(1 << 62))
 
     def _usable(self, run: Ints, arrived: Ints) -> NDArray[np.bool_]:

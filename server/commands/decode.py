@@ -155,8 +155,9 @@ def _written(
 
 def time_sentences(columns: ColumnStore) -> list[str]:
     """The clock that is the time axis of a file that imuscope did not record, why, and its steps; and remarks on it."""
-    has_axis = bool(columns.manifest.get("time"))
-    events = [one["text"] for one in columns.manifest["events"] if _concerns_time(one, has_axis)]
+    axis = (columns.manifest.get("time") or {}).get("sentences", [])
+    events = [one["text"] for one in columns.manifest["events"] if _concerns_time(one, bool(axis))]
+    events = [*axis, *(words for words in events if words not in axis)]
     more = [f"… and {len(events) - MOST_SENTENCES} more events of its clock."] if len(events) > MOST_SENTENCES else []
     return [*events[:MOST_SENTENCES], *more]
 

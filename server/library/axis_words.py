@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.sources import Source
 from imuscope.server import wire
 
 TOPICS_NAMED = 4
 GNSS_WORDS = "The time axis is the time in the messages of the GNSS receiver."
+PERIOD_WORDS = {
+    "day": "The time axis is the time of day in the messages of the GNSS receiver.",
+    "week": "The time axis is the time of week in the messages of the GNSS receiver.",
+}
+DEVICE_WORDS = "The time axis is the clock of the device."
 ARRIVAL_WORDS = "The time axis is the arrival, as chosen for this file."
 LOG_TIME_WORDS = "The time axis is the log time of each message, as chosen for this file."
 
@@ -28,6 +34,15 @@ def axis_words(axes: Iterable[Mapping[str, str]]) -> str:
         return f"The time axis is {next(iter(topics))} of each message."
     each = [f"of {', '.join(names[:TOPICS_NAMED])} {axis}" for axis, names in topics.items()]
     return f"The time axis is {'; '.join(each)}." if each else ""
+
+
+def capture_words(source: CaptureSource) -> list[str]:
+    """Sentences on the time axis of bytes without arrival times, after they were read."""
+    words = "" if source.guessed else DEVICE_WORDS
+    if source.by_gnss:
+        words = PERIOD_WORDS.get(source.gnss_kind, GNSS_WORDS)
+    date = f"Its date is that of {source.dated_by}." if source.dated_by else ""
+    return [one for one in (words, date) if one]
 
 
 def axis_event(events: Sequence[wire.EventInfo]) -> str:

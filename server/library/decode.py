@@ -49,10 +49,10 @@ from imuscope.server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
 from imuscope.server.devices.stream_diagnostics import doubt_text
 from imuscope.server.library.axis_words import (
     ARRIVAL_WORDS,
-    GNSS_WORDS,
     LOG_TIME_WORDS,
     axis_event,
     axis_words,
+    capture_words,
     segments_of,
 )
 from imuscope.server.library.collector import RecordingSink
@@ -328,11 +328,10 @@ def decode(
             words = f"Parts have no device clock: their times are estimated at {BLIND_RATE} B/s (115 200 Bd)."
             for name in devices:
                 sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
-        is_by_gnss = isinstance(source, CaptureSource) and source.by_gnss
         if sink.by_arrival:
             axis = LOG_TIME_WORDS if isinstance(source, MessageFile) else ARRIVAL_WORDS
-        elif is_by_gnss:
-            axis = GNSS_WORDS
+        elif isinstance(source, CaptureSource) and source.by_gnss:
+            axis = capture_words(source)[0]
         else:
             axis = axis_words(one.axes for one in devices.values()) if isinstance(source, MessageFile) else ""
         if axis and devices:
@@ -361,6 +360,14 @@ def decode(
 def _end(source: Source) -> float:
     """End of a recording, unix s, from its index; 0 without an index."""
     return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource | MessageFile) else 0.0
+
+
+def _axis_sentences(source: Source, sink: RecordingSink) -> list[str]:
+    """The clock that is the time axis, and what its date comes from."""
+    words = axis_event(sink.events)
+    if isinstance(source, CaptureSource) and sink.infos and not sink.by_arrival:
+        return capture_words(source)
+    return [words] if words else []
 
 
 def _manifest(
@@ -404,7 +411,7 @@ def _manifest(
         "events_left_out": sink.left_out,
         "clock": "arrival" if sink.by_arrival else "",
         "segments": {} if sink.by_arrival else segments_of(sink.events, source),
-        "time": {"sentences": [words]} if (words := axis_event(sink.events)) else None,
+        "time": {"sentences": sentences} if (sentences := _axis_sentences(source, sink)) else None,
         "markers": markers,
         "snapshots": snapshots,
         "damage": source.damage,

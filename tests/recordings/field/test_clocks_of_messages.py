@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from imuscope.protocols.messages.stamps import StampTrack
 from imuscope.protocols.nmea import sentence
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
+from imuscope.server.commands.decode import time_sentences
 from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
@@ -116,9 +118,8 @@ def test_stamps_that_go_ahead_begin_a_segment(first: int, ahead_s: float, tmp_pa
         ([NS] * N, "The stamps of /imu stand still"),
         ([NS + n * STEP // 10**9 * 10**9 for n in range(N)], "The stamps of /imu stand still"),
         ([NS + (n if n < 200 else 199) * STEP for n in range(N)], "Some stamps of /imu stand still"),
-        ([NS + n * STEP if n % 7 else 0 for n in range(N)], "Some messages of /imu have no stamp"),
     ],
-    ids=["all", "whole seconds", "from the middle", "without one"],
+    ids=["all", "whole seconds", "from the middle"],
 )
 def test_stamps_that_stand_still_give_no_time(stamps: list[int], words: str, tmp_path: Path) -> None:
     """All samples had one time, and nothing said so."""
@@ -330,6 +331,46 @@ def test_midnight_is_continued_where_no_sentence_has_a_date(tmp_path: Path) -> N
     path.write_bytes(b"".join(line for line in lines if b"GGA" in line))
     time, *_ = columns_of(opened(path, tmp_path), "GNGGA")
     np.testing.assert_allclose(np.diff(time), 1.0, atol=1e-6)
+
+
+@each_row(
+    ("name", "messages", "begin", "dated_by"),
+    [
+        ("gnss.nmea", "GGA", 1_767_225_600 + 81_000.5, "the file's last change"),  # 2026-01-01, the day before
+        ("log_20251224_120000.nmea", "GGA", 1_766_534_400 + 81_000.5, "the file's name"),
+        ("gnss.ubx", "ATT", 1_766_880_000 + 81_000.5 - 18.0, "the file's last change"),  # the week from 2025-12-28
+    ],
+)
+def test_times_without_a_date_are_of_the_day_or_week_of_the_file(
+    name: str, messages: str, begin: float, dated_by: str, tmp_path: Path
+) -> None:
+    """A log ended when its file was last changed, at another time of day than its sentences say."""
+    path = tmp_path / name
+    lines = sentences([81_000.5 + n for n in range(20)]).splitlines(keepends=True)
+    frames = [ubx(5, (81_000_500 + 1000 * n).to_bytes(4, "little") + bytes(28)) for n in range(20)]
+    path.write_bytes(b"".join(frames if messages == "ATT" else [line for line in lines if b"GGA" in line]))
+    os.utime(path, (1_767_323_400, 1_767_323_400))  # 2026-01-02 03:10
+    store = opened(path, tmp_path)
+    time, *_ = columns_of(store, "NAV-ATT" if messages == "ATT" else "GNGGA")
+    np.testing.assert_allclose(time, begin + np.arange(20), atol=1e-6)
+    period = "week" if messages == "ATT" else "day"
+    assert store.manifest["time"]["sentences"] == [
+        f"The time axis is the time of {period} in the messages of the GNSS receiver.",
+        f"Its date is that of {dated_by}.",
+    ]
+
+
+def test_a_receiver_that_is_set_back_was_right_before(tmp_path: Path) -> None:
+    path = tmp_path / "gnss.nmea"
+    path.write_bytes(sentences([37_800.0 + n - (5 if n >= 10 else 0) for n in range(20)]))
+    time, *_ = columns_of(opened(path, tmp_path), "GNGGA")
+    np.testing.assert_allclose(time, 1_767_263_400 + np.arange(20), atol=1e-6)
+
+
+def test_the_clock_of_a_capture_and_its_date_are_said(tmp_path: Path) -> None:
+    store = opened(field_file("c32_idtp_wrap.bin"), tmp_path)
+    said = ["The time axis is the clock of the device.", "Its date is that of the file's last change."]
+    assert time_sentences(store) == store.manifest["time"]["sentences"] == said
 
 
 def test_the_log_of_the_field_has_its_times(tmp_path: Path) -> None:
