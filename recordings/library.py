@@ -65,6 +65,7 @@ class LibraryEntry:
         probe: metadata of the file itself, completed when it is first opened.
         edits: changes made by the user, over those in the file.
         indexed: whether it was indexed since its last change (Library.index).
+        is_current: whether it was indexed by this decoder, and not only by an earlier one.
         deleted: unix s, while it is in the bin.
     """
 
@@ -78,6 +79,7 @@ class LibraryEntry:
     losses: list[float]
     marker_texts: list[str]
     indexed: bool = False
+    is_current: bool = False
     deleted: float | None = None
 
     @property
@@ -124,12 +126,20 @@ class Library:
         folder: created on the first write.
         now: unix seconds.
         tables: choices by heading, for new tables.
+        decoder: identifies what decodes the recordings that are indexed.
     """
 
-    def __init__(self, folder: Path, now: Callable[[], float] = time.time, tables: TableMemory | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        now: Callable[[], float] = time.time,
+        tables: TableMemory | None = None,
+        decoder: Callable[[], str] = str,
+    ) -> None:
         self.folder = folder
         self.tables = TableMemory() if tables is None else tables
         self._now = now
+        self._decoder = decoder
         self._lock = threading.RLock()
         self._peeks: dict[Path, tuple[tuple[int, int], RecordingProbe | None]] = {}
         self._paths: dict[str, Path] = {}
@@ -180,7 +190,7 @@ class Library:
 
     def index(self, recording: str, columns: ColumnStore) -> None:
         """Store the index of an opened recording for the list. KeyError: not found."""
-        write_index(self.folder, self.get(recording).path, columns)
+        write_index(self.folder, self.get(recording).path, columns, self._decoder())
 
     def _live(self, only: str = "") -> list[LibraryEntry]:
         return [
@@ -265,7 +275,7 @@ class Library:
             return
         entry.thumbnail, entry.losses = index["thumbnail"], index["losses"]
         entry.marker_texts = index["markers"]
-        entry.indexed = True
+        entry.indexed, entry.is_current = True, index.get("decoder", "") == self._decoder()
 
     # ── changing ─────────────────────────────────────────────────────────────────────────────────────────────────────
 

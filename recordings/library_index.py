@@ -1,8 +1,9 @@
 """Index of the library: findings of the first opening of each recording, for the list. It may be deleted.
 
-    <folder>/.index/<file>.json    {"size", "modified_ns", "reading", …summary}
+    <folder>/.index/<file>.json    {"size", "modified_ns", "reading", "decoder", …summary}
 
-It is valid as long as the file and the choices on how it is read stay the same.
+It is valid as long as the file and the choices on how it is read stay the same. Findings of another decoder are listed
+until this one has opened the file.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from imuscope.recordings.summary import is_summary, summarize
 INDEX = ".index"
 
 
-def write_index(folder: Path, path: Path, columns: ColumnStore) -> None:
+def write_index(folder: Path, path: Path, columns: ColumnStore, decoder: str) -> None:
     """Store the index of an opened recording in the folder of the library."""
     stat = path.stat()
-    body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, "reading": _choices(path), **summarize(columns)}
+    key = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, "reading": _choices(path), "decoder": decoder}
+    body = {**key, **summarize(columns)}
     for device in body["devices"]:
         if device["name"] == path.name:
             device["name"] = ""  # it has only its file's name, which may change

@@ -33,6 +33,7 @@ from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.cleanup import DataFolderLock
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.library.export_jobs import ExportJobs
 from imuscope.server.library.recorder import FOLDER, Recorder, plan_of
 from imuscope.server.library.signal_definitions import SignalDefinitions
@@ -153,7 +154,7 @@ def build_services(
         names=DeviceNames(config.data),
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
-    library = Library(config.data / FOLDER, tables=TableMemory(config.data))
+    library = Library(config.data / FOLDER, tables=TableMemory(config.data), decoder=decoding_mark)
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
     compactor = CompactionWorker(catalogue.finished)

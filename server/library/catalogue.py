@@ -5,9 +5,9 @@
     bus.recorder                    the running recording
 
 Information beyond the file (motion, losses, counts) is stored when the columns of a recording are first found. A
-recording made here is opened for that as soon as it is compacted, others one after the other while the library is
-viewed and nothing is recorded. A file copied into the folder is reported within `CHECK_INTERVAL_S` while the library is
-viewed.
+recording made here is opened for that as soon as it is compacted; others, and those that only an earlier decoder has
+opened, are one after the other while the library is viewed and nothing is recorded. A file copied into the folder is
+reported within `CHECK_INTERVAL_S` while the library is viewed.
 """
 
 from __future__ import annotations
@@ -152,13 +152,13 @@ class Catalogue:
         self.changed()
 
     def _open_newest(self, entries: list[LibraryEntry]) -> None:
-        """Open the newest recording that was never opened, for the list, unless another is being opened."""
+        """Open the newest recording that this decoder never opened, for the list, unless another is being opened."""
         busy = self._refreshing or (self._bus.recorder.latest is not None and self._bus.recorder.latest.running)
         if busy or time.monotonic() - self._listed > VIEWED_S or not self._clients.shedding.draws_pictures:
             return
         for entry in entries:
             mark = (entry.path, entry.size, entry.modified, str(entry.edits.reading))
-            if entry.indexed or entry.deleted is not None or not 0 < entry.size <= MAX_BYTES or mark in self._tried:
+            if entry.is_current or entry.deleted is not None or not 0 < entry.size <= MAX_BYTES or mark in self._tried:
                 continue
             self._tried.add(mark)
             self._cache(self._open_for_list(entry.id), f"looking at {entry.path.name}")
@@ -207,7 +207,7 @@ class Catalogue:
         """Store information on recordings opened since the last call; returns whether the entries are out of date."""
         has_changed = False
         for entry in entries:
-            if entry.indexed or entry.deleted is not None or not self._is_open(entry):
+            if entry.is_current or entry.deleted is not None or not self._is_open(entry):
                 continue
             columns = self._columns.cached(entry.id)
             if columns is not None:

@@ -216,6 +216,18 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
     assert not library.get("a").indexed  # another file by now
 
 
+def test_findings_of_another_decoder_are_listed_until_it_is_opened_again(tmp_path: Path) -> None:
+    recording(tmp_path / "a.mcap")
+    columns = store(tmp_path / "store", devices=1)
+    Library(tmp_path).index("a", columns)
+    assert Library(tmp_path).get("a").is_current
+    later = Library(tmp_path, decoder=lambda: "2")
+    entry = later.get("a")
+    assert (entry.indexed, entry.is_current, len(entry.thumbnail)) == (True, False, 64)
+    later.index("a", columns)
+    assert later.get("a").is_current
+
+
 def test_an_unnamed_device_is_named_after_the_renamed_file(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
     library = Library(tmp_path)

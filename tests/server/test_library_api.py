@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from mcap.writer import Writer
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.library import Library
+from imuscope.recordings.library_index import INDEX
 from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.sources import McapSource
 from imuscope.recordings.tabular import TableSource
@@ -337,3 +339,12 @@ def test_what_was_recorded_here_shows_its_motion_without_being_opened(folder: Pa
     assert info["opened"]
     assert len(info["thumbnail"]) == 64
     assert info["devices"][0]["product"].startswith("MTi")
+
+
+def test_findings_of_an_earlier_decoder_are_replaced(running: InProcessServer, folder: Path) -> None:
+    drive(folder / "a.mcap", seconds=1.0)
+    opened(running, "a")
+    (right,) = listed(running)
+    index = folder / INDEX / "a.mcap.json"
+    index.write_text(json.dumps({**json.loads(index.read_text()), "decoder": "earlier", "duration": 4_000.0}))
+    assert listed(running) == [right]
