@@ -41,7 +41,9 @@ class BagPiece:
     share: float
 
 
-def piece_of(share: float, numbers: Sequence[int], times: Sequence[int], data: Sequence[bytes]) -> BagPiece:
+def piece_of(
+    share: float, numbers: Sequence[int] | Ints, times: Sequence[int] | Ints, data: Sequence[bytes]
+) -> BagPiece:
     """A piece of single messages: number of the topic, arrival in ns and bytes of each."""
     sizes = np.fromiter(map(len, data), np.int64, len(data))
     table = np.stack([np.array(numbers, np.int64), np.array(times, np.int64), np.cumsum(sizes) - sizes, sizes])
@@ -113,10 +115,11 @@ class BagSource(MessageFile):
         odd = 0
         for piece in self.pieces(start_ns, stop_ns):
             table = piece.table
-            usable = (table[TIME] >= 0) & (table[TIME] < LATEST_NS) & (table[SIZE] < LONGEST)
-            usable &= np.isin(table[NUMBER], list(self.topics.channels))
-            odd += int(np.count_nonzero(~usable & np.isin(table[NUMBER], list(self.topics.channels))))
-            block.add(BagPiece(piece.data, np.ascontiguousarray(table[:, usable]), piece.share))
+            is_known = np.isin(table[NUMBER], list(self.topics.channels))
+            usable = is_known & (table[TIME] >= 0) & (table[TIME] < LATEST_NS) & (table[SIZE] < LONGEST)
+            odd += int(np.count_nonzero(is_known & ~usable))
+            chosen = table if usable.all() else np.ascontiguousarray(table[:, usable])
+            block.add(BagPiece(piece.data, chosen, piece.share))
             if block.size >= BLOCK_BYTES:
                 yield block.take(piece.share)
         if block.size:
@@ -151,16 +154,18 @@ class _Block:
     def take(self, done: float) -> ChunkBlock:
         """The block, with the definitions of channels that are new in it before its first message."""
         pieces, self._pieces = self._pieces, []
-        new = sorted({int(number) for one in pieces for number in np.unique(one.table[NUMBER])} - self._defined)
+        known = np.array(sorted(self._channels), np.int64)
+        places = [np.searchsorted(known, one.table[NUMBER]) for one in pieces]
+        present = sum(np.bincount(place, minlength=len(known)) for place in places) > 0
+        new = [number for number in known[present].tolist() if number not in self._defined]
         self._defined.update(new)
         head = b"".join(definition(self._channels[number]) for number in new)
         out = np.empty(len(head) + self.size, np.uint8)
         out[: len(head)] = np.frombuffer(head, np.uint8)
         at, self.size = len(head), 0
-        for one in pieces:
-            numbers, place = np.unique(one.table[NUMBER], return_inverse=True)
-            channels = np.array([self._channels[number].id for number in numbers.tolist()], np.int64)[place]
-            at = copy_records(np.frombuffer(one.data, np.uint8), one.table, channels, out, at)
+        ids = np.array([self._channels[number].id for number in known.tolist()], np.int64)
+        for one, place in zip(pieces, places, strict=True):
+            at = copy_records(np.frombuffer(one.data, np.uint8), one.table, ids[place], out, at)
         sizes, times = (np.concatenate([one.table[row] for one in pieces]) for row in (SIZE, TIME))
         ends = len(head) + np.cumsum(sizes + MESSAGE_HEAD.size)
         return ChunkBlock(DEVICE, "rx", out.tobytes(), ends, times, min(done, 1.0))

@@ -18,11 +18,14 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from imuscope.recordings.mcap_reader import MAGIC, FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile, MessageSource, segments_in
 from imuscope.recordings.readers.bag_folder import METADATA
-from imuscope.recordings.readers.formats.bag_source import BagPiece, BagSource, piece_of
+from imuscope.recordings.readers.formats.bag_kernels import SIZE, START
+from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES, BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
@@ -31,7 +34,9 @@ from imuscope.recordings.sources import ChunkBlock
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27
 MOST_FILES = 10_000
-ROWS = 500
+ROWS = 500  # taken at once, without the large messages among them
+LARGE = 1 << 14
+DATA = f"CASE WHEN length(data) >= {LARGE} THEN rowid WHEN typeof(data) = 'blob' THEN data END"
 ZSTD = b"\x28\xb5\x2f\xfd"
 SENSELESS = (sqlite3.Error, UnicodeDecodeError)  # the latter by what SQLite says about a damaged file
 SQLITE = b"SQLite format 3\0"
@@ -46,6 +51,7 @@ class Ros2Database(BagSource):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        self._unreadable = 0
         try:
             with closing(_connected(path)) as database:
                 tables = {str(name) for (name,) in database.execute("SELECT name FROM sqlite_master")}
@@ -78,35 +84,56 @@ class Ros2Database(BagSource):
     def pieces(self, start_ns: int | None, stop_ns: int | None) -> Iterator[BagPiece]:
         span = () if start_ns is None and stop_ns is None else (start_ns or -(1 << 63), stop_ns or (1 << 63) - 1)
         within = "WHERE timestamp BETWEEN ? AND ? " if span else ""  # the index of times would cost sorting
-        unreadable = count = 0
+        count = self._unreadable = 0
         try:
             with closing(_connected(self.path)) as database:
                 (most,) = database.execute("SELECT max(rowid) FROM messages").fetchone()
                 cursor = database.execute(
-                    f"SELECT topic_id, timestamp, data FROM messages {within}ORDER BY rowid",
+                    f"SELECT topic_id, timestamp, {DATA} FROM messages {within}ORDER BY rowid",
                     span,
                 )
                 while rows := cursor.fetchmany(ROWS):
                     count += len(rows)
                     done = count / max(most or 1, 1)
-                    numbers, times, data = zip(*rows, strict=True)
-                    if not _are_plain(numbers, times, data):
-                        usable = [unpacked for row in rows if (unpacked := _unpacked(*row)) is not None]
-                        unreadable += len(rows) - len(usable)
-                        if not usable:
-                            continue
-                        numbers, times, data = zip(*usable, strict=True)
-                    yield piece_of(done, numbers, times, data)
+                    piece = _plain_piece(done, *zip(*rows, strict=True))
+                    yield from (piece,) if piece is not None else self._odd_pieces(database, rows, done)
         except SENSELESS as error:
             self.damage.append(FileDamage(-1, f"The database is damaged, the rest of it is missing: {error!s:.200}."))
-        if unreadable:
-            self.damage.append(FileDamage(-1, f"Messages that cannot be unpacked are left out: {unreadable}."))
+        if self._unreadable:
+            self.damage.append(FileDamage(-1, f"Messages that cannot be unpacked are left out: {self._unreadable}."))
+
+    def _odd_pieces(self, database: sqlite3.Connection, rows: Sequence[Any], done: float) -> Iterator[BagPiece]:
+        """Pieces of rows of which some are compressed, are large, which are read one by one, or cannot be read."""
+        usable: list[tuple[int, int, bytes]] = []
+        size = 0
+        for number, time, data in rows:
+            if isinstance(data, int):
+                if number not in self.topics.channels:
+                    continue
+                (data,) = database.execute("SELECT data FROM messages WHERE rowid = ?", (data,)).fetchone()
+            if (unpacked := _unpacked(number, time, data)) is None:
+                self._unreadable += 1
+                continue
+            usable.append(unpacked)
+            size += len(unpacked[2])
+            if size >= BLOCK_BYTES:
+                yield piece_of(done, *zip(*usable, strict=True))
+                usable, size = [], 0
+        if usable:
+            yield piece_of(done, *zip(*usable, strict=True))
 
 
-def _are_plain(numbers: Sequence[object], times: Sequence[object], data: Sequence[bytes]) -> bool:
-    """Whether rows of messages can be taken as they are."""
-    types = {*map(type, numbers), *map(type, times)}, {*map(type, data)}
-    return types == ({int}, {bytes}) and ZSTD not in {one[: len(ZSTD)] for one in data}
+def _plain_piece(done: float, numbers: Sequence[Any], times: Sequence[Any], data: Sequence[Any]) -> BagPiece | None:
+    """A piece of rows that can be taken as they are; None if any cannot, or may be compressed."""
+    columns = np.array(numbers), np.array(times)
+    if any(one.dtype != np.int64 for one in columns):
+        return None
+    try:
+        piece = piece_of(done, *columns, data)
+    except TypeError:  # not all are bytes
+        return None
+    starts = piece.table[START][piece.table[SIZE] > 0]
+    return None if (np.frombuffer(piece.data, np.uint8)[starts] == ZSTD[0]).any() else piece
 
 
 def _unpacked(number: object, time: object, data: object) -> tuple[int, int, bytes] | None:

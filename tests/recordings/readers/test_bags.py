@@ -16,6 +16,8 @@ from rosbags.rosbag2 import StoragePlugin
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES
+from imuscope.recordings.readers.formats.ros2_bag import Ros2Database
 from tests.each_row import each_row
 from tests.recordings.field.field_files import field_file
 from tests.recordings.readers.bags import (
@@ -95,6 +97,26 @@ def test_an_old_bag_without_definitions_has_the_common_types(tmp_path: Path) -> 
     store = opened(path, tmp_path)
     check(store, wheel=False)
     assert "/wheel is left out: the bag does not define its type, own_msgs/msg/Wheel." in damage_of(store)
+
+
+def test_large_messages_of_a_database_are_read_one_by_one(tmp_path: Path) -> None:
+    """Those of a camera beside an inertial sensor: hundreds at once would fill the memory."""
+    folder = ros2_bag(tmp_path / "a")
+    [path] = folder.glob("*.db3")
+    with closing(sqlite3.connect(path)) as database:
+        [(wheel,)] = database.execute("SELECT id FROM topics WHERE name = '/wheel'")
+        [(time, large)] = database.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? LIMIT 1", (wheel,))
+        large = large + bytes(BLOCK_BYTES // 2)
+        odd = ["large", 7, 1.5]
+        rows = [(wheel, time, data) for data in ([large] * 20 + odd)] + [(9, time, large)]
+        database.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
+        database.commit()
+    pieces = list(Ros2Database(path).pieces(None, None))
+    assert max(len(one.data) for one in pieces) < 2 * BLOCK_BYTES
+    assert sum(one.data.count(large) for one in pieces) == 20
+    store = opened(path, tmp_path)
+    assert len(rows_of(store, "angular_velocity").time) == COUNT
+    assert f"Messages that cannot be unpacked are left out: {len(odd)}." in damage_of(store)
 
 
 def test_a_bag_whose_index_is_missing_or_damaged_opens_with_the_rest(tmp_path: Path) -> None:
