@@ -124,30 +124,21 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
   return (
     <span class="facts">
       <span title={unreadHint(device)}>{productWords(device)}</span>
-      <br />
-      {device.serial_number !== "" && (
-        <>
-          <span class="no-wrap">
+      <span class="dotted">
+        {device.serial_number !== "" && (
+          <span>
             S/N <span class="mono">{device.serial_number}</span>
+            {device.unconfirmed_since !== null && " "}
+            {device.unconfirmed_since !== null && (
+              <span class="tag warn" title={TEXT.maybeAnother}>
+                {TEXT.notConfirmedSince(clock(device.unconfirmed_since))}
+              </span>
+            )}
           </span>
-          {device.unconfirmed_since !== null && " "}
-          {device.unconfirmed_since !== null && (
-            <span class="tag warn" title={TEXT.maybeAnother}>
-              {TEXT.notConfirmedSince(clock(device.unconfirmed_since))}
-            </span>
-          )}
-          {" · "}
-        </>
-      )}
-      <span class="no-wrap" title={device.source}>
-        {device.parent ? TEXT.sameLink : shortSource(device.source)}
+        )}
+        <span title={device.source}>{device.parent ? TEXT.sameLink : shortSource(device.source)}</span>
+        {device.baud !== null && device.parent === "" && <span>{TEXT.baudRate(device.baud)}</span>}
       </span>
-      {device.baud !== null && device.parent === "" && (
-        <>
-          {" · "}
-          <span class="no-wrap">{TEXT.baudRate(device.baud)}</span>
-        </>
-      )}
     </span>
   );
 }
