@@ -10,7 +10,7 @@ the score, between 0 and 1, and `reason`, the same in words for the page and the
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,6 +60,18 @@ def family_of(protocol: str) -> ProtocolInfo | None:
     unknown. Messages are not a family of devices: they are neither detected nor offered as a choice.
     """
     return MESSAGES if protocol == MESSAGES.name else PROTOCOLS.get(protocol) or OF_FILES.get(protocol)
+
+
+def counts_losses(protocol: str, channels: Container[str]) -> bool:
+    """Whether frames of a protocol are numbered in what a device sent: none lost then means that none are missing.
+
+    Args:
+        channels: names of the quantities.
+    """
+    family = family_of(protocol)
+    return (
+        family is not None and family.stream.counts and (not family.stream.counter or family.stream.counter in channels)
+    )
 
 
 def decode_options() -> dict[str, DecodeOption]:

@@ -10,11 +10,14 @@ by those of its components: the picture may be slightly too wide, never too narr
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.registry import counts_losses
 from imuscope.recordings.column_store import ColumnStore, ExactRows
+from imuscope.recordings.probe import RecordedDevice
 
 BUCKETS = 64
 FINE = 32  # summaries for each bucket
@@ -69,24 +72,34 @@ def losses(manifest: Mapping[str, Any]) -> list[float]:
     return times[:: -(-len(times) // MAX_LOSSES)] if times else []
 
 
+def recorded_devices(manifest: Mapping[str, Any]) -> list[RecordedDevice]:
+    """The devices of an opened recording, with the counts from its decoding."""
+    devices = []
+    for device in manifest.get("devices", ()):
+        counted = manifest.get("figures", {}).get(device["id"], {})
+        channels = {info["name"] for info in manifest.get("channels", ()) if info["device"] == device["id"]}
+        devices.append(
+            RecordedDevice(
+                **{name: device.get(name, "") for name in ("id", "name", "protocol", "product", "serial_number")},
+                messages=sum(counted.get("messages", {}).values()),
+                lost=counted.get("lost", 0),
+                rejects=counted.get("rejects", 0),
+                counts_losses=counts_losses(device.get("protocol", ""), channels),
+            )
+        )
+    return devices
+
+
 def summarize(columns: ColumnStore) -> dict[str, Any]:
     """Index entry of an opened recording for the list, as JSON-compatible values."""
     manifest = columns.manifest
-    figures = manifest.get("figures", {})
     start, end = manifest.get("started"), manifest.get("ended")
-    devices = []
-    for device in manifest.get("devices", ()):
-        counted = figures.get(device["id"], {})
-        words = {name: device.get(name, "") for name in ("id", "name", "protocol", "product", "serial_number")}
-        messages = sum(counted.get("messages", {}).values())
-        devices.append({**words, "messages": messages, "lost": counted.get("lost", 0)})
-        devices[-1]["rejects"] = counted.get("rejects", 0)
     damage = [one["words"] for one in manifest.get("damage", ()) if not one.get("is_remark")]
     remarks = [one["words"] for one in manifest.get("damage", ()) if one.get("is_remark")]
     return {
         "started": start,
         "duration": end - start if start is not None and end is not None else None,
-        "devices": devices,
+        "devices": [asdict(device) for device in recorded_devices(manifest)],
         "damaged": damage[0] if damage else "",
         "remark": " ".join(remarks[:MOST_REMARKS]),
         "markers": [marker["text"] for marker in manifest.get("markers", ())],
@@ -105,7 +118,7 @@ def is_summary(summary: dict[str, Any]) -> bool:
     lists = is_list(summary["thumbnail"], list) and all(is_list(one, int, float) for one in summary["thumbnail"])
     lists = lists and is_list(summary["losses"], int, float) and is_list(summary["markers"], str)
     devices = is_list(summary["devices"], dict) and all(
-        isinstance(value, int if name in ("messages", "lost", "rejects") else str)
+        isinstance(value, int if name in ("messages", "lost", "rejects", "counts_losses") else str)
         for one in summary["devices"]
         for name, value in one.items()
     )

@@ -5,7 +5,7 @@ Importing the registry takes a tenth of a second, which commands that need no pr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from imuscope.protocols.events import Decoder
 from imuscope.protocols.family import ProtocolInfo
@@ -32,20 +32,19 @@ def sensors_of(protocol: str, product: str) -> SensorProperties:
     return row.device.sensors(product) if row is not None else SensorProperties()
 
 
-def counts_losses(device: DeviceInfo, channels: Iterable[str]) -> bool:
+def device_counts_losses(device: DeviceInfo, channels: Container[str]) -> bool:
     """Whether lost samples of a device are counted: none lost then means that none are missing.
 
     Args:
         channels: names of what it sends.
     """
     from imuscope.protocols.messages.family import MESSAGES
-    from imuscope.protocols.registry import family_of
+    from imuscope.protocols.registry import counts_losses
 
-    row = family_of(device.protocol)
-    if row is MESSAGES:
+    if device.protocol == MESSAGES.name:
         kind = link_kind(device.link)
         return kind is not None and kind.counts_messages
-    return row is not None and row.stream.counts and (not row.stream.counter or row.stream.counter in channels)
+    return counts_losses(device.protocol, channels)
 
 
 def problems() -> list[str]:

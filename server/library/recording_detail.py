@@ -9,7 +9,6 @@ from weakref import WeakKeyDictionary
 
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.probe import RecordedDevice
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server import wire_codec
 from imuscope.server.devices.protocol_set import sensors_of
@@ -41,27 +40,6 @@ def channels_of(store: ColumnStore) -> dict[int, ChannelInfo]:
     if known is None:
         known = _KNOWN[store] = {info["id"]: channel_info(info) for info in store.manifest["channels"]}
     return known
-
-
-def devices_of(store: ColumnStore) -> list[RecordedDevice]:
-    """The devices of a store, with the counts from its decoding."""
-    figures = store.manifest["figures"]
-    out = []
-    for manifest in store.manifest["devices"]:
-        counted = figures.get(manifest["id"], {})
-        out.append(
-            RecordedDevice(
-                id=manifest["id"],
-                name=manifest["name"],
-                protocol=manifest["protocol"],
-                product=manifest["product"],
-                serial_number=manifest["serial_number"],
-                messages=sum(counted.get("messages", {}).values()),
-                lost=counted.get("lost", 0),
-                rejects=counted.get("rejects", 0),
-            )
-        )
-    return out
 
 
 def products_of(store: ColumnStore) -> Callable[[str], tuple[str, SensorProperties]]:

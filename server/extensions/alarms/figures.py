@@ -100,10 +100,10 @@ class HealthJudge:
             return DRIFT_UNKNOWN if health is not None and health.drift_ppm is None else ""
         if figure == "loss" and not (health and health.lost):
             from imuscope.server.devices.protocol_set import (
-                counts_losses,  # late: previews, which are without, start sooner
+                device_counts_losses,  # late: previews, which are without, start sooner
             )
 
-            if not counts_losses(info, self.channels):
+            if not device_counts_losses(info, self.channels):
                 return UNCOUNTED
         needed = LOSS_S if figure == "loss" else RATE_S
         known = 0.0 if self._known_since is None else now - self._known_since

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from imuscope.server import wire
-from imuscope.server.devices.protocol_set import counts_losses
+from imuscope.server.devices.protocol_set import device_counts_losses
 from imuscope.server.extensions.fleet.reports import MAX_DEVICES, RobotDevice
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore, StoredChannel
@@ -86,7 +86,7 @@ class DeviceFigures:
         recent = next(one for one in past if one[0] >= now - RATE_S)
         span = now - recent[0]
         rate = _most(counts, recent[1]) / span if span > RATE_S / 2 else health.rate
-        if not health.lost and not counts_losses(info, {one.info.name for one in channels}):
+        if not health.lost and not device_counts_losses(info, {one.info.name for one in channels}):
             return rate, None
         arrived, lost = _most(counts, past[0][1]), health.lost - past[0][2]
         return rate, lost / (arrived + lost) if arrived + lost > 0 else 0.0

@@ -8,7 +8,7 @@ import { number } from "../ui/format";
 import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { behindWords } from "./behind-text";
-import { ageOf, channelsOf, type Deps, channelNames, recently, selected, usualStep } from "./panel-context";
+import { ageOf, channelsOf, type Deps, channelInfos, recently, selected, usualStep } from "./panel-context";
 import {
   type HealthQuantity,
   healthFigures,
@@ -118,7 +118,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const expected = device?.status !== "ended" && device?.status !== "idle";
       const figures = healthFigures(
         ...([health, recent, ageOf(deps, id), dropped, expected] as const),
-        ...([countsLosses(device, channelNames(deps)), usualStep(deps, id)] as const),
+        ...([countsLosses(device, channelInfos(deps)), usualStep(deps, id)] as const),
       );
       cells.get("age")?.set(figures.age);
       if (!all) return;
@@ -130,7 +130,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const behind = deps.store.behind(id);
       const why = behind.total > 0 ? `${behindWords(behind)} ${TEXT.behindRemedy[behind.part]} ` : "";
       words.set(
-        why + verdict(device, channelNames(deps), deps.store.events.value, health, dropped, deps.lostLater?.(id)),
+        why + verdict(device, channelInfos(deps), deps.store.events.value, health, dropped, deps.lostLater?.(id)),
       );
       list.title = totals(health);
       words.node.hidden = words.isEmpty;
@@ -281,7 +281,7 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
       const health = deps.store.health.value.get(id);
       const figures = healthFigures(
         ...([health, recent, ageOf(deps, id), deps.store.dropped(), expected] as const),
-        ...([countsLosses(device, channelNames(deps)), usualStep(deps, id)] as const),
+        ...([countsLosses(device, channelInfos(deps)), usualStep(deps, id)] as const),
       );
       for (const { key, value, unit, box } of items) {
         if (box.parentElement) box.parentElement.hidden = isLeftOut(key, device, deps.recording !== undefined);

@@ -170,7 +170,8 @@ describe("verdict", () => {
   };
   const events = [{ ...gap, t0: 52333, t1: 52333.18, samples: 72, data: {} } as EventInfo];
   const clean = { ...health, gaps: 0, lost: 0, rejects: 0 };
-  const counting = ["PacketCounter"];
+  const sent = (name: string, group = "") => [{ name, group }];
+  const counting = sent("PacketCounter");
   const told = (change: Partial<DeviceHealth>, of: Partial<DeviceInfo> = {}, channels = counting): string =>
     verdict({ ...device, protocol: "xbus", ...of }, channels, [], { ...clean, ...change }, 0);
 
@@ -199,7 +200,8 @@ describe("verdict", () => {
       ["Losses in that time are not known yet.", told({ behind: { link: 0, decoding: 12, reason: "" } })],
       ["No samples yet: nothing is known about loss.", told({ messages: [] })],
       ["No samples yet: nothing is known about loss.", told({ messages: [{ name: "a", rate: 0, count: 0 }] })],
-      ["The device does not send PacketCounter: lost samples cannot be counted.", told({}, {}, ["Acceleration"])],
+      ["The device does not send PacketCounter: lost samples cannot be counted.", told({}, {}, sent("Acceleration"))],
+      ["The samples have no numbers: lost ones cannot be counted.", told({}, {}, sent("GNGGA", "NMEA GNGGA"))],
       ["The samples have no numbers: lost ones cannot be counted.", told({}, { protocol: "isb" })],
       ["discarded. The samples have no numbers", told({ rejects: 1 }, { protocol: "isb" })],
     ];
@@ -212,6 +214,8 @@ describe("verdict", () => {
     const recorded = (later?: number) => verdict({ ...device, protocol: "xbus" }, counting, [], clean, 0, later);
     expect(recorded()).toContain("this session");
     expect(recorded(0)).toBe("No loss in this recording.");
+    const begun = { ...clean, messages: [{ name: "a", rate: 100, count: 0 }] }; // with the playhead at its start
+    expect(verdict({ ...device, protocol: "" }, [], [], begun, 0, 0)).toMatch(/^The samples have no numbers/);
     expect(recorded(165)).toBe("No loss up to here; 165 samples are missing later.");
   });
   it("reports the cause of a lost device first", () => {

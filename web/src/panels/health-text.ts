@@ -1,8 +1,8 @@
 /** Words and numbers of the health figures. Pure; shared by the health panel and the phone's strip. */
 import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format";
 import { TOLD_S } from "../data/behind";
-import { countsLosses, MESSAGES, protocolOf } from "../wire/capabilities";
-import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
+import { countsLosses, embeddedKinds, MESSAGES, protocolOf } from "../wire/capabilities";
+import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { TEXT } from "../texts/panels";
 
 type Tone = "" | "warn" | "bad";
@@ -12,6 +12,8 @@ export interface HealthQuantity extends Quantity {
 }
 
 const plain = (quantity: Quantity): HealthQuantity => ({ ...quantity, tone: "" });
+
+type Sent = Pick<ChannelInfo, "name" | "group">;
 
 interface Figures {
   readonly samples: HealthQuantity;
@@ -180,12 +182,12 @@ function hasSamples(health: DeviceHealth): boolean {
 /**
  * Where data was lost last, or that none was; or what prevents to know it.
  *
- * @param channels names of what the device sends.
+ * @param channels what the device sends.
  * @param later samples of a recording missing after the reading position.
  */
 export function verdict(
   device: DeviceInfo | undefined,
-  channels: readonly string[],
+  channels: readonly Sent[],
   events: readonly EventInfo[],
   health: DeviceHealth | undefined,
   dropped: number,
@@ -200,7 +202,7 @@ export function verdict(
 
 function deviceVerdict(
   device: DeviceInfo,
-  channels: readonly string[],
+  channels: readonly Sent[],
   events: readonly EventInfo[],
   health: DeviceHealth | undefined,
   later: number | undefined,
@@ -211,18 +213,20 @@ function deviceVerdict(
   if (health && isBehind(health)) return TEXT.behindVerdict;
   const counted = countsLosses(device, channels);
   if (health && health.rejects > 0)
-    return [TEXT.rejectsVerdict(health.rejects), counted ? TEXT.noneMissing : unknownLosses(device)].join(" ");
+    return [TEXT.rejectsVerdict(health.rejects), counted ? TEXT.noneMissing : unknownLosses(device, channels)].join(
+      " ",
+    );
   if (later !== undefined && later > 0) return TEXT.lostLaterVerdict(later);
   if (!health) return "";
-  if (!hasSamples(health)) return TEXT.noSamplesYet;
-  if (!counted) return unknownLosses(device);
+  if (later === undefined && !hasSamples(health)) return TEXT.noSamplesYet;
+  if (!counted) return unknownLosses(device, channels);
   return later === undefined ? TEXT.noLossInSession : TEXT.noLossInRecording;
 }
 
 /** Why lost samples of a device are not counted, and what to do. */
-function unknownLosses(device: DeviceInfo): string {
+function unknownLosses(device: DeviceInfo, channels: readonly Sent[]): string {
   if (device.protocol === MESSAGES) return TEXT.lossesUnknown;
-  const counter = protocolOf(device.protocol)?.counter;
+  const counter = embeddedKinds(channels).size === 0 ? protocolOf(device.protocol)?.counter : "";
   return counter ? TEXT.lossesWithout(counter) : TEXT.lossesUnnumbered;
 }
 

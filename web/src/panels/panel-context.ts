@@ -5,7 +5,7 @@ import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
 import type { Signal } from "@preact/signals";
 import type { Sort } from "./event-groups";
-import type { DeviceInfo, EventInfo } from "../wire/types";
+import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
 import type { RecentHealth } from "./health-history";
 import type { ExtensionOverlay } from "../extension";
@@ -101,9 +101,9 @@ export function selected(deps: Pick<Deps, "store" | "viewState">): DeviceInfo | 
   return deps.store.devices.value.find((device) => device.id === id);
 }
 
-/** Names of the channels of the selected device. */
-export function channelNames(deps: Deps): readonly string[] {
-  return channelsOf(deps).map(({ info }) => info.name);
+/** Descriptions of the channels of the selected device. */
+export function channelInfos(deps: Deps): readonly ChannelInfo[] {
+  return channelsOf(deps).map(({ info }) => info);
 }
 
 /** Problems of a device within its last minute: the one before now, or before the end of a file. */

@@ -3,7 +3,7 @@ import { expect, it } from "vitest";
 import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import { el, LiveText } from "../ui/dom";
-import { showAge, staleness } from "./values";
+import { showAge, staleness, widen } from "./values";
 
 /** A channel with a sample every `step` seconds up to 100 s. */
 function upTo(step: number): { readonly channel: Channel } {
@@ -41,4 +41,15 @@ it("the age of an old value does not stand in the column of σ", () => {
   expect([first?.textContent, first?.colSpan, second?.hidden]).toEqual(["5.6 s ago", 2, true]);
   showAge({ mean, sd }, undefined);
   expect([first?.colSpan, second?.hidden]).toEqual([1, false]);
+});
+
+it("a number that is too long for its column has those of its statistics", () => {
+  const lives = [new LiveText(), new LiveText(), new LiveText()] as const;
+  const [now, mean, sd] = lives;
+  const tr = el("tr", {}, ...lives.map(({ node }) => el("td", {}, node)));
+  now.set("1 500 000 000.000");
+  for (let n = 0; n < 2; n++) widen({ now, mean, sd, tr });
+  expect([...tr.children].map((cell) => [cell.textContent, (cell as HTMLTableCellElement).colSpan])).toEqual([
+    ["1 500 000 000.000", 3],
+  ]);
 });

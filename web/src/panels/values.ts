@@ -68,7 +68,9 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
       word.set(TEXT.reading[at.word]);
       when.set(whenOf(deps, at));
       for (const line of lines) {
-        line.now.set(valueText(line, at));
+        const text = valueText(line, at);
+        line.now.set(text);
+        if (text.length > WIDEST) widen(line);
         const stale = deps.held() ? undefined : staleness(line, at, deps.store.edgeOf(line.channel.info.device));
         line.tr.classList.toggle("old", stale !== undefined);
         line.old?.set(stale === undefined ? "" : ` ${stale}`);
@@ -80,6 +82,17 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
       caption.remove();
     },
   };
+}
+
+/** Characters of a number that fit in its column. */
+const WIDEST = 12;
+
+/** Gives a long number, of a clock for instance, the columns of its statistics, which would be as long. */
+export function widen({ now, mean, sd, tr }: Pick<Line, "now" | "mean" | "sd" | "tr">): void {
+  if (!mean || tr.classList.contains("wide")) return;
+  tr.classList.add("wide");
+  now.node.parentElement?.setAttribute("colspan", "3");
+  for (const live of [mean, sd]) live?.node.parentElement?.remove();
 }
 
 /** A value this long overdue is old, s; and by this many of its usual spacings. */

@@ -52,6 +52,9 @@ export const legendRows = ({ series }: PlotSpec): number =>
   series.filter(({ norm }) => !norm || series.some(({ mark }) => mark !== undefined)).length +
   series.filter(({ heading }, k) => heading !== undefined && heading !== series[k - 1]?.heading).length;
 
+/** Whether the title of a plot is the name of its only series, which then needs none. */
+export const namedByTitle = ({ series, title }: PlotSpec): boolean => series.length === 1 && series[0]!.label === title;
+
 /** @param sent the channel as its device sends it */
 export function shownSample(series: Series, value: number, sent: ChannelInfo | undefined): ShownSample {
   const { channel, column, decimals } = series;
@@ -122,7 +125,8 @@ export class Legend {
     head.title = [about?.group, about?.doc, spec.frame && TEXT.frameOf(about?.frame ?? spec.frame)]
       .filter(Boolean)
       .join(" ");
-    this.#rows = spec.series.map((series) => this.#row(series));
+    const isNamed = namedByTitle(spec);
+    this.#rows = spec.series.map((series) => this.#row(series, isNamed));
     const dashed = spec.series.some(({ dash }) => dash.length > 0);
     this.root = el("div", { class: dashed ? "legend dashed" : "legend" }, head);
     let above: string | undefined;
@@ -139,8 +143,8 @@ export class Legend {
     this.root.append(button);
   }
 
-  #row(series: Series): Row {
-    const letter = el("i", { class: series.colour, title: series.label }, series.label);
+  #row(series: Series, isNamed: boolean): Row {
+    const letter = el("i", { class: series.colour, title: series.label }, isNamed ? "" : series.label);
     letter.prepend(el("span", { class: `line-sample ${lineKind(series)}`, "aria-hidden": "true" }));
     const value = new LiveText();
     const text = el("span", { class: "series-value" });
@@ -183,7 +187,7 @@ export class Legend {
     for (const row of this.#rows) {
       const { series, button, value } = row;
       const now = valueAt(series, t, base, reads);
-      const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
+      const decimals = narrow && this.#rows.length > 1 ? Math.min(2, series.decimals) : series.decimals;
       const text =
         to === undefined
           ? number(now, decimals)

@@ -15,7 +15,7 @@ import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
 import type { TimeBase } from "../data/view-state";
-import { Legend, type LegendActions, type Reads, legendRows, type Toggle, valueAt } from "./legend";
+import { Legend, type LegendActions, type Reads, legendRows, namedByTitle, type Toggle, valueAt } from "./legend";
 import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
 import type { PlotSpec, RightAxis, Series } from "./plot-selection";
 import { traceDots, traceSeries } from "./trace";
@@ -197,8 +197,9 @@ export class Plot {
       traceDots(x, columns, at, w, vertical);
     }
     x.restore();
-    this.#letters(x, shown, w, look);
-    if (this.right) this.#rightLabels(x, this.right, w, look);
+    if (!namedByTitle(this.spec)) this.#letters(x, shown, w, look);
+    if (this.#isWide(x, look)) this.#labelsInside(x, this.left, w, look);
+    if (this.right) this.#labelsInside(x, this.right, w, look);
     for (const axis of this.#axes) this.#outside(x, w, look, axis);
   }
 
@@ -211,7 +212,8 @@ export class Plot {
     setFont(x, look, look.small);
     x.textAlign = "right";
     x.textBaseline = "middle";
-    const room = look.narrow ? look.gutter - 8 : look.gutter - 125;
+    const room = roomFor(look);
+    const isInside = this.#isWide(x, look);
     const used: number[] = [];
     for (const { text, value } of this.left.labels(sheet.height - inset)) {
       const y = sheet.snap(this.y(value));
@@ -223,7 +225,7 @@ export class Plot {
         used.some((other) => Math.abs(other - y) < LABELS_APART)
       )
         continue;
-      if (x.measureText(text).width * CONDENSED > room) continue;
+      if (isInside || x.measureText(text).width * CONDENSED > room) continue;
       used.push(y);
       x.fillStyle = look.colour["ink-3"];
       x.fillText(text, look.gutter - 7, y, room);
@@ -233,24 +235,36 @@ export class Plot {
     x.fillRect(sheet.snap(w.left + w.width), inset, 1, sheet.height);
   }
 
-  /** Labels of the right axis, over the end of the traces, and its unit. */
-  #rightLabels(x: CanvasRenderingContext2D, axis: ValueAxis, w: TimeWindow, look: Palette): void {
-    const [inset, right] = [this.inset(look), w.left + w.width];
+  /** Whether the labels of the left axis have too many digits for the gutter: of a clock or a latitude. */
+  #isWide(x: CanvasRenderingContext2D, look: Palette): boolean {
     setFont(x, look, look.small);
-    x.textAlign = "right";
+    const labels = this.left.labels(this.sheet.height - this.inset(look));
+    return labels.length > 0 && labels.every(({ text }) => x.measureText(text).width * CONDENSED > roomFor(look));
+  }
+
+  /** Labels of an axis over the traces, and the unit of the right one. */
+  #labelsInside(x: CanvasRenderingContext2D, axis: ValueAxis, w: TimeWindow, look: Palette): void {
+    const inset = this.inset(look);
+    const isRight = axis === this.right;
+    const edge = isRight ? w.left + w.width : w.left;
+    setFont(x, look, look.small);
+    x.textAlign = isRight ? "right" : "left";
     x.textBaseline = "middle";
     const write = (text: string, y: number): void => {
       const width = x.measureText(text).width;
       x.globalAlpha = 0.8;
       x.fillStyle = look.colour.bg;
-      x.fillRect(right - width - 10, y - 6, width + 4, 12);
+      x.fillRect(isRight ? edge - width - 10 : edge + 6, y - 6, width + 4, 12);
       x.globalAlpha = 1;
       x.fillStyle = look.colour["ink-2"];
-      x.fillText(text, right - 8, y);
-      x.fillRect(right - 4, this.sheet.snap(y), 4, 1);
+      x.fillText(text, isRight ? edge - 8 : edge + 8, y);
+      x.fillRect(isRight ? edge - 4 : edge, this.sheet.snap(y), 4, 1);
     };
-    const used: number[] = [inset + 8];
-    if (axis.spec.unit !== "") write(axis.spec.unit, inset + 8);
+    const used: number[] = [];
+    if (isRight && axis.spec.unit !== "") {
+      write(axis.spec.unit, inset + 8);
+      used.push(inset + 8);
+    }
     for (const { text, value } of axis.labels(this.sheet.height - inset)) {
       const y = this.sheet.snap(axis.y(value));
       if (y < inset + 5 || y > this.sheet.height - 5 || used.some((one) => Math.abs(one - y) < LABELS_APART)) continue;
@@ -312,6 +326,9 @@ export class Plot {
     }
   }
 }
+
+/** Room for tick labels in the gutter, px. */
+const roomFor = ({ narrow, gutter }: Palette): number => (narrow ? gutter - 8 : gutter - 125);
 
 /** Value at which all of them wrap; 0: not all do. */
 function periodOf(series: readonly Series[]): number {

@@ -25,6 +25,7 @@ const device = (protocol: string) => ({
   messages: 0,
   lost: 0,
   rejects: 0,
+  counts_losses: true,
 });
 
 it("offers a vendor's format where its devices are", () => {

@@ -7,6 +7,7 @@ import {
   deviceName,
   flaw,
   heardIn,
+  knownDevices,
   withReceiving,
   length,
   recordingMatches,
@@ -34,6 +35,7 @@ const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
       messages: 10,
       lost: 0,
       rejects: 0,
+      counts_losses: true,
     },
   ],
   tags: ["yard"],
@@ -72,6 +74,8 @@ it("puts the worst first", () => {
   expect(flaw({ ...lossy, damaged: "The file ends at 08:51." }).tone).toBe("bad");
   expect(flaw(one({ opened: true })).words).toBe("none");
   expect(flaw(one({ opened: false, thumbnail: [] })).words).toBe("—"); // not opened yet
+  const uncounted = one().devices.map((device) => ({ ...device, counts_losses: false }));
+  expect(flaw(one({ devices: uncounted })).words).toBe("—"); // a table: nothing tells what is missing
 });
 
 it("writes lengths and sizes", () => {
@@ -113,6 +117,7 @@ it("a device without data is in no recording name and no filter", () => {
     messages: 0,
     lost: 0,
     rejects: 0,
+    counts_losses: true,
   };
   const info = one({ title: "", devices: [...one().devices, silent] });
   expect(recordingTitle(withReceiving(info))).toBe("MTi-630");
@@ -126,6 +131,18 @@ it("a device without data is in no recording name and no filter", () => {
   expect(heardIn(detail).devices.map(({ id }) => id)).toEqual(["1"]);
 });
 
+it("a table has no device that is named after its file", () => {
+  const [device] = one().devices;
+  const table = { ...device!, protocol: "", product: "", serial_number: "" };
+  for (const name of ["walk", "walk.csv"]) {
+    const info = one({ id: "walk", title: "walk", devices: [{ ...table, name }] });
+    expect([knownDevices(info), recordingTitle(info)]).toEqual([[], "walk"]);
+    expect(chosen([info], { ...all, device: name })).toEqual([]);
+  }
+  expect(knownDevices(one({ id: "walk", devices: [{ ...table, name: "left wheel" }] }))).toHaveLength(1);
+  expect(knownDevices(one({ id: "MTi-630" }))).toHaveLength(1); // a file that is named after its device
+});
+
 it("shows the serial number of a device once", () => {
   const device = {
     id: "1",
@@ -136,6 +153,7 @@ it("shows the serial number of a device once", () => {
     messages: 0,
     lost: 0,
     rejects: 0,
+    counts_losses: true,
   };
   expect(deviceName(device)).toBe("IDTP device 102");
   expect(deviceName({ ...device, name: "IMX-5" })).toBe("IMX-5 102");

@@ -38,6 +38,13 @@ export const messagesOf = (info: RecordingInfo): number | undefined =>
 /** Whether it was opened; losses of an unopened one are unknown. */
 export const isKnown = ({ opened, thumbnail }: RecordingInfo): boolean => opened || thumbnail.length > 0;
 
+/** Lost samples of all devices; undefined if none are known, and what a device sent does not tell. */
+export function knownLosses(info: RecordingInfo): number | undefined {
+  const lost = lostOf(info);
+  const areCounted = isKnown(info) && info.devices.every((device) => device.counts_losses);
+  return lost > 0 || areCounted ? lost : undefined;
+}
+
 export function inCategory(info: RecordingInfo, category: Category): boolean {
   if (category === "deleted") return info.deleted !== null;
   if (info.deleted !== null) return false;
@@ -68,10 +75,18 @@ export function deviceName({ name, product, serial_number: serial }: RecordingIn
   return ` ${called}`.endsWith(` ${serial}`) ? called : `${called} ${serial}`.trim();
 }
 
+/** The devices that are known. A table or a log without one is named after its file, which is said already. */
+export function knownDevices({ id, devices }: Pick<RecordingInfo, "id" | "devices">): RecordingInfo["devices"] {
+  return devices.filter(
+    ({ name, product, serial_number: serial }) =>
+      product !== "" || serial !== "" || (name !== id && name.replace(/\.[^.]*$/, "") !== id),
+  );
+}
+
 /** Title of a recording; an untitled one is named by its devices, with its date beside it. */
-export function recordingTitle({ title, id, devices }: Pick<RecordingInfo, "title" | "id" | "devices">): string {
-  if (title !== "" && title !== id) return title;
-  return [...new Set(devices.map(({ name, product }) => name || product))].join(" + ") || id;
+export function recordingTitle(info: Pick<RecordingInfo, "title" | "id" | "devices">): string {
+  if (info.title !== "" && info.title !== info.id) return info.title;
+  return [...new Set(knownDevices(info).map(({ name, product }) => name || product))].join(" + ") || info.id;
 }
 
 /** Whether every typed word occurs in its metadata. */
@@ -100,7 +115,7 @@ export function chosen(
   return all.filter(
     (info) =>
       inCategory(info, category) &&
-      (device === "" || info.devices.some((one) => deviceName(one) === device)) &&
+      (device === "" || knownDevices(info).some((one) => deviceName(one) === device)) &&
       (tag === "" || info.tags.includes(tag)) &&
       recordingMatches(info, query),
   );
@@ -116,10 +131,10 @@ export function countedValues(values: readonly string[]): readonly (readonly [st
 /** The most serious problem, in one tag. */
 export function flaw(info: RecordingInfo): { readonly tone: "" | "warn" | "bad"; readonly words: string } {
   if (info.damaged !== "") return { tone: "bad", words: TEXT.damagedTag };
-  const [lost, rejects] = [lostOf(info), rejectsOf(info)];
-  if (lost > 0) return { tone: "warn", words: TEXT.lostCount(number(lost, 0)) };
+  const [lost, rejects] = [knownLosses(info), rejectsOf(info)];
+  if (lost) return { tone: "warn", words: TEXT.lostCount(number(lost, 0)) };
   if (rejects > 0) return { tone: "warn", words: TEXT.rejectCount(rejects) };
-  return { tone: "", words: isKnown(info) ? COMMON.none : "—" };
+  return { tone: "", words: lost === undefined ? "—" : COMMON.none };
 }
 
 const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");

@@ -16,8 +16,9 @@ const frame = (time: readonly number[], ...columns: readonly (readonly number[])
 });
 
 it("gives the variation of the most active column in every part", () => {
-  const motion = motionOf(frame([0, 1, 5, 6, 9], [0, 1, 0, 4, 7], [0, 0, 0, 2, 7]), 0, 10, 4);
-  expect([...motion]).toEqual([0.25, NaN, 1, 0]);
+  const three = frame([0, 1, 5, 6, 9], [0, 1, 0, 4, 7], [0, 0, 0, 2, 7], [0, 99, 0, 0, 0]);
+  expect([...motionOf(three, [0, 1], 0, 10, 4)]).toEqual([0.25, NaN, 1, 0]);
+  expect([...motionOf(three, [1], 0, 10, 4)]).toEqual([0, NaN, 1, 0]);
 });
 
 it("keeps a fault of one sample, and a flag that should be set and is not", () => {

@@ -15,10 +15,16 @@ function slotOf(t: number, t0: number, t1: number, n: number): number {
   return Math.min(n - 1, Math.max(0, Math.floor(((t - t0) / (t1 - t0)) * n)));
 }
 
-/** Variation of the columns in each of `n` parts of t0…t1, 0..1; NaN without samples. */
-export function motionOf(frame: SampleFrame, t0: number, t1: number, n: number): Float64Array {
+/** Variation of some columns, of one unit, in each of `n` parts of t0…t1, 0..1; NaN without samples. */
+export function motionOf(
+  frame: SampleFrame,
+  columns: readonly number[],
+  t0: number,
+  t1: number,
+  n: number,
+): Float64Array {
   const out = new Float64Array(n).fill(NaN);
-  for (const column of frame.columns) {
+  for (const column of columns.map((at) => frame.columns[at]!)) {
     if (column instanceof BigInt64Array || column instanceof BigUint64Array) continue;
     const lo = new Float64Array(n).fill(Infinity);
     const hi = new Float64Array(n).fill(-Infinity);

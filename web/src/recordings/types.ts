@@ -13,6 +13,8 @@ export interface RecordedDevice {
   readonly messages: number | null;
   readonly lost: number;
   readonly rejects: number;
+  /** whether lost frames are known: none lost means that none are missing */
+  readonly counts_losses: boolean;
 }
 
 /** A marker or note that was added later. */

@@ -4,7 +4,7 @@
  */
 import { computed, signal } from "@preact/signals";
 import type { Capabilities, LinkCapability, ProtocolCapability } from "./capability-types";
-import type { DeviceInfo } from "./types";
+import type { ChannelInfo, DeviceInfo } from "./types";
 
 /** Nothing is known before the server has greeted. */
 export const capabilities = signal<Capabilities>({ protocols: [], exports: [], links: [], absent: [] });
@@ -24,14 +24,22 @@ export function linkNamed(name: string): LinkCapability | undefined {
 /** The protocol of a device that is known by the messages of its driver only: nothing but their numbers. */
 export const MESSAGES = "messages";
 
-/** Whether samples that a device lost are counted: none lost then means that none are missing. `channels`: names of what it sends. */
+/** Whether samples that a device lost are counted: none lost then means that none are missing. `channels`: what it sends. */
 export function countsLosses(
   device: Pick<DeviceInfo, "protocol" | "link"> | undefined,
-  channels: readonly string[],
+  channels: readonly Pick<ChannelInfo, "name">[],
 ): boolean {
   if (device?.protocol === MESSAGES) return linkNamed(device.link)?.counts_messages ?? false;
   const protocol = protocolOf(device?.protocol);
-  return protocol?.counts_losses === true && (!protocol.counter || channels.includes(protocol.counter));
+  return (
+    protocol?.counts_losses === true && (!protocol.counter || channels.some(({ name }) => name === protocol.counter))
+  );
+}
+
+/** The protocols of a receiver alone, "UBX" or "NMEA": all that it sends; none if a family sends anything. */
+export function embeddedKinds(channels: readonly Pick<ChannelInfo, "group">[]): ReadonlySet<string> {
+  const kinds = channels.map(({ group }) => /^(UBX|NMEA|RTCM3) /.exec(group)?.[1]);
+  return new Set(kinds.every((kind) => kind !== undefined) ? kinds : []);
 }
 
 /** Parts of constants that the protocols leave in capitals. */

@@ -6,8 +6,9 @@ import {
   daysLeft,
   deviceName,
   isKnown,
+  knownDevices,
+  knownLosses,
   length,
-  lostOf,
   messagesOf,
   rejectsOf,
   recordingTitle,
@@ -137,12 +138,13 @@ function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
 function Facts({ info }: { readonly info: RecordingInfo }) {
   const size = bytes(info.size);
   const known = isKnown(info);
+  const devices = knownDevices(info);
   const rows: readonly (readonly [string, string, string])[] = [
     [TEXT.recorded, info.started === null ? TEXT.unknown : TEXT.timeUtc(dateWords(info.started, true)), ""],
     [TEXT.length, length(info.duration), ""],
     [TEXT.size, size.value, size.unit],
     [TEXT.messages, number(messagesOf(info), 0), ""],
-    [COMMON.lost, number(known ? lostOf(info) : undefined, 0), TEXT.samples],
+    [COMMON.lost, number(knownLosses(info), 0), TEXT.samples],
     [COMMON.rejects, number(known ? rejectsOf(info) : undefined, 0), TEXT.frames],
     [COMMON.markers, number(info.markers, 0), ""],
   ];
@@ -161,9 +163,9 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
           </div>
         ))}
       </dl>
-      <h3>{COMMON.devices}</h3>
+      {devices.length > 0 && <h3>{COMMON.devices}</h3>}
       <ul class="recording-devices">
-        {info.devices.map((device) => (
+        {devices.map((device) => (
           <li key={device.id}>
             <b title={deviceName(device)}>{deviceName(device)}</b>
             <span class="mid">

@@ -5,6 +5,7 @@ import {
   CATEGORIES,
   dateWords,
   deviceName,
+  knownDevices,
   flaw,
   inCategory,
   length,
@@ -68,7 +69,7 @@ function Filters({ app }: { readonly app: App }) {
   const list = library.all.value ?? [];
   const kept = list.filter(({ deleted }) => deleted === null);
   const { category, device, tag } = library.choice.value;
-  const devices = countedValues(kept.flatMap((info) => [...new Set(info.devices.map(deviceName))]));
+  const devices = countedValues(kept.flatMap((info) => [...new Set(knownDevices(info).map(deviceName))]));
   const tags = countedValues(kept.flatMap((info) => info.tags));
   return (
     <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label={TEXT.filters}>
@@ -318,7 +319,9 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
   const pick = (): void => {
     selected.value = info.id;
   };
-  const devices = info.devices.map(({ name, product }) => name || product).join(" + ");
+  const devices = knownDevices(info)
+    .map(({ name, product }) => name || product)
+    .join(" + ");
   const about = info.damaged || info.notes || info.file;
   const open = !info.recording && info.deleted === null;
   return (
@@ -353,7 +356,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
         </small>
       </td>
       <td class="mid device-list" title={devices}>
-        <span>{devices}</span>
+        <span>{devices || "—"}</span>
       </td>
       <td class="num">
         {length(info.duration)}

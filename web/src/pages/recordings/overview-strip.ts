@@ -57,7 +57,12 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
     const two = usualPlots(own, protocolAmong(replay.drawn.devices.peek(), device)?.plots)
       .filter(({ primary }) => primary)
       .slice(0, 2);
-    const moving = two.flatMap(({ series }) => series.slice(0, 1).map(({ channel }) => channel.info));
+    const moving = two.flatMap(({ title, series }) => {
+      const of = series[0]?.channel;
+      if (of === undefined) return [];
+      const columns = series.filter(({ channel, norm }) => channel === of && !norm).map(({ column }) => column);
+      return [{ title, id: of.info.id, columns }];
+    });
     const status = own.filter(({ info }) => info.kind === "status").map(({ info }) => info);
     const channels = [...new Set([...moving, ...status].map(({ id }) => id))];
     if (channels.length === 0) return;
@@ -69,9 +74,9 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
     if (answer === undefined || "message" in answer || of !== device) return;
     const { frames } = decode(answer.buffer, replay.drawn.dtypesOf);
     const frameOf = (id: number) => frames.find(({ channel }) => channel === id);
-    rows = moving.flatMap((info) => {
-      const frame = frameOf(info.id);
-      return frame ? [{ title: info.title || info.name, motion: motionOf(frame, first, last, PARTS) }] : [];
+    rows = moving.flatMap(({ title, id, columns }) => {
+      const frame = frameOf(id);
+      return frame ? [{ title, motion: motionOf(frame, columns, first, last, PARTS) }] : [];
     });
     worst = new Uint8Array(PARTS);
     for (const info of status) {
