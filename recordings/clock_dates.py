@@ -10,7 +10,7 @@ import numpy as np
 from imuscope.recordings import table_names as names
 from imuscope.recordings.table_cells import leap_seconds
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
-from imuscope.recordings.table_dates import Order, is_of_hour, is_time_of_day, order_of, unix_seconds
+from imuscope.recordings.table_dates import Order, is_duration, is_of_hour, is_time_of_day, order_of, unix_seconds
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import SPELLINGS, UNITS, is_dated
 
@@ -107,6 +107,9 @@ def text_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     name, is_day = sample.name(column), all(map(is_time_of_day, sample.cells(column)[: names.FEWEST]))
     if is_day and all(map(is_of_hour, sample.cells(column))):
         why = "minutes and seconds, without the hour"
+        return TableClock(name, (column,), "text", "", (1.0,), "start", "known", why, rank=rank)
+    if is_day and all(map(is_duration, sample.cells(column))):
+        why = "days and times since the start"
         return TableClock(name, (column,), "text", "", (1.0,), "start", "known", why, rank=rank)
     if is_day:
         return TableClock(name, (column,), "text", "", (1.0,), "day", "known", "times of day", rank=rank)

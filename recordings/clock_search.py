@@ -30,6 +30,7 @@ from imuscope.recordings.clock_numbers import (
     row_clock,
     unnamed_clocks,
 )
+from imuscope.recordings.clock_parts import complete_clock
 from imuscope.recordings.clock_weeks import of_gps, week_clocks
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_clock import TableClock
@@ -45,7 +46,7 @@ def clocks_of(sample: TableSample) -> list[TableClock]:
     if options.time_column == NO_COLUMN:
         return [row_clock(sample)]
     if options.time_column:
-        chosen = _chosen(sample, sample.column_named(options.time_column))
+        chosen = complete_clock(sample, _chosen(sample, sample.column_named(options.time_column)))
         return [chosen, *_others(sample, chosen)]
     return _all(sample)
 
@@ -73,7 +74,9 @@ def _all(sample: TableSample) -> list[TableClock]:
     matches = matches or unnamed_clocks(sample)
     if sample.rate and all(_is_constant(sample, one) for one in matches):
         matches = [row_clock(sample)]
-    dated = [of_gps(sample, one) for one in matches]
+    complete = [complete_clock(sample, one) for one in matches]
+    whole = [{*one.columns} for one in complete if one.part]
+    dated = [of_gps(sample, one) for one in complete if not any({*one.columns} < columns for columns in whole)]
     filled = {one.columns: _filled(sample, one) for one in dated}
     most = max(filled.values(), default=0)
 

@@ -29,6 +29,7 @@ NEXT_ROWS = 8  # rows within which a clock that is only out of order returns
 AHEAD = 5.0  # usual steps, and ...
 AHEAD_SPREAD = 3.0  # ... times the longest of nearly all steps in the sample
 PAUSE_S = 60.0  # a longer step ahead begins a segment; a shorter one is a gap
+COARSE = 0.5  # of the rows repeat a time
 MOST_STEPS = 10_000
 WRAPS = tuple(1 << bits for bits in (8, 16, 24, 31, 32))
 
@@ -201,4 +202,7 @@ def repeats_words(watch: ClockWatch, name: str) -> str:
     """A sentence on rows that repeat the time of the one before; "" if there are none."""
     if not watch.repeats:
         return ""
-    return f"{name}: {counted(watch.repeats, 'row repeats', 'rows repeat')} the time of the row before."
+    words = f"{name}: {counted(watch.repeats, 'row repeats', 'rows repeat')} the time of the row before"
+    if watch.repeats < COARSE * watch.rows:
+        return f"{words}."
+    return f"{words}: it is coarser than the samples. Where their rate is known, --time-column none --rate counts them."

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.dates import UNKNOWN, S, utc_ns
+from imuscope.recordings import hexadecimal
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import Order, seconds_of_day, unix_seconds
 from imuscope.recordings.table_names import GPS_EPOCH
@@ -49,8 +50,31 @@ def numbers(column: pa.Array, decimal: str = ".") -> Cells:
             try:
                 matches[row] = np.nan if text is None else float(text)
             except ValueError:
-                odd.append(row)
+                if (number := hexadecimal.prefixed(text)) is not None:
+                    matches[row] = number
+                else:
+                    odd.append(row)
         return Cells(matches, np.array(odd, np.int64))
+
+
+def digits(column: pa.Array) -> Cells:
+    """Cells in hexadecimal digits that no clock reads: numbers if they are marked, else texts, of unknown sign."""
+    cells = [(cell or "").strip() for cell in column.to_pylist()]
+    matches = [np.nan if (number := hexadecimal.prefixed(cell)) is None else number for cell in cells]
+    odd = [row for row, cell in enumerate(cells) if cell and matches[row] != matches[row]]
+    return Cells(np.array(matches, np.float64), np.array(odd, np.int64))
+
+
+def hexadecimal_numbers(column: pa.Array) -> Cells:
+    """Cells in hexadecimal digits as numbers."""
+    matches, odd = np.full(len(column), np.nan), []
+    for row, cell in enumerate(column.to_pylist()):
+        text = (cell or "").strip()
+        if text and (number := hexadecimal.number_of(text)) is not None:
+            matches[row] = number
+        elif text:
+            odd.append(row)
+    return Cells(matches, np.array(odd, np.int64))
 
 
 def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".") -> Cells:
@@ -61,6 +85,11 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
     """
     if clock.kind == "rows":
         raise ValueError("rows have no columns")
+    if clock.part:
+        whole_clock = replace(clock, columns=clock.columns[:-1], factors=clock.factors[:-1], part=0.0)
+        whole = times_of(whole_clock, columns[:-1], decimal)
+        parts = numbers(columns[-1], decimal)
+        return Cells(whole.values + parts.values * clock.part, np.union1d(whole.odd, parts.odd))
     if clock.kind == "text":
         texts = _texts(columns[0], clock.order, of_day=clock.epoch in ("day", "start"))
         return Cells(texts.values - clock.zone, texts.odd)
@@ -69,9 +98,14 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
 
         texts = _texts(pc.binary_join_element_wise(columns[0], columns[1], " "), clock.order)
         return Cells(texts.values - clock.zone, texts.odd)
-    if clock.kind == "number" and clock.factors == (1e-9,) and (ns := _integers(columns[0])) is not None:
+    if (
+        clock.kind == "number"
+        and clock.factors == (1e-9,)
+        and clock.base == 10
+        and (ns := _integers(columns[0])) is not None
+    ):
         return Cells(_known(clock, ns // S + ns % S / S), np.empty(0, np.int64))  # more digits than a float64 has
-    cells = [numbers(column, decimal) for column in columns]
+    cells = [hexadecimal_numbers(one) if clock.base == 16 else numbers(one, decimal) for one in columns]
     odd = np.unique(np.concatenate([one.odd for one in cells]))
     if clock.kind == "utc":
         return Cells(_utc([one.values for one in cells]), odd)

@@ -31,6 +31,8 @@ class TableClock:
         readings: of a unit that is open.
         rank: before others, least first.
         zone: by which a text without a zone is ahead of UTC, s.
+        part: s per number of the last column, which is a part of a second; 0 if it is none.
+        base: of the digits.
     """
 
     name: str
@@ -46,6 +48,8 @@ class TableClock:
     rank: int = 5
     zone: float = 0.0
     zero_s: float = 0.0  # unix s of its zero, if that is another date
+    part: float = 0.0
+    base: int = 10
 
     @property
     def is_open(self) -> bool:

@@ -22,6 +22,7 @@ from typing import Literal
 Order = Literal["mdy", "dmy"]
 
 DAY = 86400.0
+LAST_YEAR_S = 5e10  # of the years that a date has room for
 OLD_YEARS = 70  # from which on a year of two digits is one of the last century
 _DATE = re.compile(r"^\s*(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})(?!\d)")
 ZONES = {
@@ -51,6 +52,9 @@ _MONTH_FIRST = re.compile(
 _DASHED = re.compile(r"^(\s*\d{4}-\d\d-\d\d)_(\d\d)[-:](\d\d)[-:](\d\d)(?:[-_.](\d{3}))?\b")  # of a DOT
 _PLACE = re.compile(r"\s*\[[\w/+-]+\]\s*$")  # of a zone whose offset is there, as Java writes it
 _MINUTES = re.compile(r"^\s*([0-5]?\d):([0-5]\d)[.,](\d{1,6})\s*$")  # of a spreadsheet, which leaves out the hour
+_DAYS = re.compile(
+    r"^\s*(-?\d+) days?,? *(?:\+?(\d{1,2}:\d{2}:\d{2}(?:\.\d{1,12})?))?\s*$"
+)  # a difference, as Python writes it
 _PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d+)?\s*$")
 
 
@@ -65,7 +69,7 @@ class _Date:
 
 def is_moment(text: str) -> bool:
     """Whether a cell looks like a date, a time of day, or both."""
-    if any(pattern.match(text) for pattern in (_DATE, _CLOCK, _PACKED, _IN_WORDS, _MINUTES)):
+    if any(pattern.match(text) for pattern in (_DATE, _CLOCK, _PACKED, _IN_WORDS, _MINUTES, _DAYS)):
         return True
     match = _MONTH_FIRST.match(_plain(text)) if text.lstrip()[:1].isalpha() else None
     return match is not None and (match["year"] or match["last"]) is not None
@@ -82,12 +86,19 @@ def _with_colons(match: re.Match[str]) -> str:
 
 def is_time_of_day(text: str) -> bool:
     """Whether a cell is a time of day alone."""
-    return is_of_hour(text) or _CLOCK.match(text) is not None or _PACKED_CLOCK.match(text) is not None
+    return (
+        is_of_hour(text) or is_duration(text) or _CLOCK.match(text) is not None or _PACKED_CLOCK.match(text) is not None
+    )
 
 
 def is_of_hour(text: str) -> bool:
     """Whether a cell is minutes and seconds, without the hour."""
     return _MINUTES.match(text) is not None
+
+
+def is_duration(text: str) -> bool:
+    """Whether a cell is a number of days and a time: 0 days 00:00:01.5."""
+    return _DAYS.match(text) is not None
 
 
 def are_packed(cells: Sequence[str], newest: float, *, named: bool) -> bool:
@@ -166,6 +177,8 @@ def seconds_of_day(text: str) -> float | None:
     """Seconds since midnight UTC of a time of day; negative or above a day with an offset from UTC."""
     if (match := _MINUTES.match(text)) is not None:
         return int(match[1]) * 60 + int(match[2]) + float(f"0.{match[3]}")
+    if (match := _DAYS.match(text)) is not None:
+        return int(match[1]) * DAY + (seconds_of_day(match[2]) or 0.0 if match[2] else 0.0)
     match = _CLOCK.match(text)
     if match is None:
         packed = _PACKED_CLOCK.match(text)
@@ -230,6 +243,8 @@ def dated_name(name: str) -> float | None:
 
 def utc_text(seconds: float) -> str:
     """A time in words: 2026-01-01 10:30:25.000 UTC."""
+    if not abs(seconds) < LAST_YEAR_S:
+        return f"{seconds:.6g} s since 1970"
     moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(seconds, 3))
     return f"{moment:%Y-%m-%d %H:%M:%S}.{moment.microsecond // 1000:03d} UTC"
 

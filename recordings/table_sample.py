@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuscope.recordings import table_names as names
+from imuscope.recordings.hexadecimal import are_hexadecimal, number_of
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_clock import Epoch, TableClock
 from imuscope.recordings.table_dates import are_dates, are_packed, cells_of, is_moment
@@ -40,6 +41,8 @@ class TableSample:
     def numbers(self, column: int) -> Floats:
         """Numbers of a column in the sample."""
         cells = cells_of(self.form.sample, column)
+        if are_hexadecimal(cells):
+            return np.array([number_of(cell) for cell in cells], np.float64)
         plain = [cell.replace(",", ".") if self.form.decimal == "," else cell for cell in cells]
         matches = np.array([float(cell) for cell in plain if "," not in cell and is_number(cell)], np.float64)
         return matches[np.isfinite(matches)]
@@ -47,6 +50,10 @@ class TableSample:
     def cells(self, column: int) -> list[str]:
         """Cells of a column in the sample."""
         return cells_of(self.form.sample, column)
+
+    def is_hexadecimal(self, column: int) -> bool:
+        """Whether a column is written in hexadecimal digits."""
+        return are_hexadecimal(self.cells(column))
 
     def is_text(self, column: int) -> bool:
         """Whether the cells of a column are dates or times of day."""

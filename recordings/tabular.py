@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.plural import counted, plural
+from imuscope.recordings import hexadecimal
 from imuscope.recordings.axis_choice import axis_of_table
 from imuscope.recordings.clock_steps import ClockWatch, periods_of
 from imuscope.recordings.mcap_reader import FileDamage
@@ -33,8 +34,9 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock, SourceDevice
 from imuscope.recordings.table_axis import TimeAxis, order_words, origin_of, step_limits
-from imuscope.recordings.table_cells import numbers, times_of
+from imuscope.recordings.table_cells import digits, numbers, times_of
 from imuscope.recordings.table_clock import TableClock
+from imuscope.recordings.table_dates import cells_of
 from imuscope.recordings.table_format import TableFormat, format_of, renamed
 from imuscope.recordings.table_headings import ColumnHeading, unique
 from imuscope.recordings.table_lines import NO_MARKS, LineMarks
@@ -160,6 +162,8 @@ class CsvSource(TableSource):
         self.refusal: RecordingError | None = None
         self._unreadable = UnreadableCells(lambda i: self.headings[i].text or self.names[i])
         self._timeless = 0  # rows with numbers but without a time
+        cells = (cells_of(self.form.sample, i) for i in range(len(self.headings)))
+        self._hexadecimal = {i for i, some in enumerate(cells) if hexadecimal.are_hexadecimal(some)}
         self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
         names = [one.text for one in self.headings]  # a column of this name beside the arrival is that of our exports
         self._segment = names.index(SEGMENT) if self.arrival_column is not None and SEGMENT in names else None
@@ -345,7 +349,7 @@ class CsvSource(TableSource):
                     others = [batch.column(column) for column in of_clock.columns]
                     columns[of_clock.name] = (times_of(of_clock, others, decimal).values[known], "s")
                 continue
-            matches = numbers(batch.column(i), decimal)
+            matches = digits(batch.column(i)) if i in self._hexadecimal else numbers(batch.column(i), decimal)
             self._unreadable.note(i, batch.column(i), matches, parsed)
             columns[name] = (matches.values[known], heading.unit)
             is_filled |= np.isfinite(matches.values[~known])

@@ -134,7 +134,7 @@ def possible_units(
         dated = is_dated(first * factor, newest)
         if its_rate * each > FASTEST:
             continue
-        if step and not _is_rate(its_rate, inertial=inertial, fraction=fraction, dated=dated):
+        if step and not _is_rate(its_rate, each, inertial=inertial, fraction=fraction, dated=dated):
             continue
         if rate and step and abs(its_rate - rate) > CLOSE * rate:
             continue
@@ -144,10 +144,11 @@ def possible_units(
     return sorted(matches, key=lambda one: not one.dated)
 
 
-def _is_rate(rate: float, *, inertial: bool, fraction: bool, dated: bool) -> bool:
+def _is_rate(rate: float, each: float, *, inertial: bool, fraction: bool, dated: bool) -> bool:
+    """Whether a sensor can have a rate of times, each of which several rows have."""
     if rate > (FASTEST_FRACTION if fraction else FASTEST):
         return False
-    return rate >= ((SLOWEST_DATED if dated or fraction else SLOWEST_INERTIAL) if inertial else SLOWEST)
+    return rate * each >= ((SLOWEST_DATED if dated or fraction else SLOWEST_INERTIAL) if inertial else SLOWEST)
 
 
 def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, newest: float) -> UnitReading | None:

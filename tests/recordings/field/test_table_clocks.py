@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import tempfile
 from pathlib import Path
@@ -14,30 +13,11 @@ from hypothesis import strategies as st
 
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.tabular import CsvSource, TableRows
 from tests.each_row import each_row
+from tests.recordings.field.text_tables import EPOCH, N, read, table
 
-N = 300
-EPOCH = 1_500_000_000
-GYRO = ",".join(("gx", "gy", "gz"))
-WRITTEN = 1_790_000_000
 UTC_PARTS = "UTC_Year,UTC_Month,UTC_Day,UTC_Hour,UTC_Minute,UTC_Second,UTC_Nano"
 MIDNIGHT = "f'{(8639900 + n) // 360000 % 24:02}:{(8639900 + n) // 6000 % 60:02}:{(8639900 + n) % 6000 / 100:05.2f}'"
-
-
-def read(path: Path, text: str, options: TableOptions | None = None) -> tuple[CsvSource, TableRows]:
-    """A table of one block."""
-    path.write_text(text, encoding="utf-8")
-    os.utime(path, (WRITTEN, WRITTEN))
-    source = CsvSource(path, options)
-    [rows] = list(source.rows())
-    return source, rows
-
-
-def table(heading: str, cell: str, separator: str = ",") -> str:
-    """A table with that expression of the row's number as its times."""
-    lines = [f"{eval(cell, {'n': n})}{separator}{separator.join((str(n % 5), '0', '0'))}" for n in range(N)]
-    return "\n".join([f"{heading}{separator}{GYRO.replace(',', separator)}", *lines]) + "\n"
 
 
 @each_row(
