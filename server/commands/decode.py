@@ -31,6 +31,7 @@ from imuscope.server.printable import printable
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
 _CELLS = 30
 _EVERY_S = 0.1
+MOST_DAMAGE = 5  # sentences
 MOST_SENTENCES = 12  # on the clock of a file
 
 
@@ -95,7 +96,7 @@ def decode_file(
         DecodeError: decoding failed; no files are left behind.
     """
     _check_output(out, path, part)
-    bar, rejected, clocks = Bar(notes), list[str](), list[str]()
+    bar, rejected, clocks, empty = Bar(notes), list[str](), list[str](), ""
     try:
         with tempfile.TemporaryDirectory(prefix=".decode-", dir=out.parent) as folder:
             source = open_file(path, reading.protocol, reading.table)
@@ -105,16 +106,17 @@ def decode_file(
             )
             clocks = time_sentences(columns)
             rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
+            empty = empty_words(columns, path.name)
             written = _written(columns, path, out, part, lambda share: bar.show(0.5 + share / 2))
     except RecordingError as error:
-        if rejected:
-            raise DecodeError(rejected[0]) from None
+        if rejected or empty:
+            raise DecodeError((rejected or [empty])[0]) from None
         raise DecodeError(f"{error.message} {error.hint}".strip()) from None
     except OSError as error:
         raise DecodeError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
     finally:
         bar.clear()
-    for words in [*clocks, *rejected, *(damage.words for damage in source.damage[:5])]:
+    for words in [*clocks, *rejected, *(damage.words for damage in source.damage[:MOST_DAMAGE])]:
         print(f"imuscope: {printable(words)}", file=notes)
     return written
 
@@ -153,13 +155,28 @@ def _written(
     return export(format, request, out, step)
 
 
-def time_sentences(columns: ColumnStore) -> list[str]:
+def time_sentences(columns: ColumnStore, *, of_device: bool = True) -> list[str]:
     """The clock that is the time axis of a file that imuscope did not record, why, and its steps; and remarks on it."""
     axis = (columns.manifest.get("time") or {}).get("sentences", [])
     events = [one["text"] for one in columns.manifest["events"] if _concerns_time(one, bool(axis))]
-    events = [*axis, *(words for words in events if words not in axis)]
+    if of_device or any(words in events for words in axis):
+        events = [*axis, *(words for words in events if words not in axis)]
     more = [f"… and {len(events) - MOST_SENTENCES} more events of its clock."] if len(events) > MOST_SENTENCES else []
     return [*events[:MOST_SENTENCES], *more]
+
+
+def empty_words(columns: ColumnStore, name: str) -> str:
+    """Words on a file without samples: its contents and its damage; "" if it has some."""
+    manifest = columns.manifest
+    if any(one["kind"] != "bytes" for one in manifest["channels"]):
+        return ""
+    counts = {kind: n for one in manifest["figures"].values() for kind, n in one["messages"].items()}
+    kinds = ", ".join(f"{kind} ({n})" for kind, n in list(counts.items())[:MOST_SENTENCES])
+    remarks = [one["text"] for one in manifest["events"] if one["data"].get("reason") == REMARK]
+    remarks = [] if any("no stamp" in words for words in remarks) else remarks
+    texts = [f"It holds: {kinds}."] if kinds else []
+    damage = [one["words"] for one in manifest["damage"][:MOST_DAMAGE]]
+    return " ".join([f"{name} has no numbers that can be shown.", *remarks, *texts, *damage])
 
 
 def _concerns_time(event: dict[str, Any], has_axis: bool) -> bool:

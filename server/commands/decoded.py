@@ -12,7 +12,7 @@ from typing import TextIO
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.commands.decode import Bar, time_sentences
+from imuscope.server.commands.decode import MOST_DAMAGE, Bar, empty_words, time_sentences
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
@@ -26,12 +26,13 @@ class DecodedFileError(Exception):
 
 
 @contextlib.contextmanager
-def decoded(path: Path, reading: DecodeOptions, notes: TextIO) -> Iterator[ColumnStore]:
+def decoded(path: Path, reading: DecodeOptions, notes: TextIO, *, of_device: bool = False) -> Iterator[ColumnStore]:
     """The columns of a file; they are gone afterwards.
 
     Args:
         reading: decode options; without a protocol it is detected.
         notes: stream for the progress bar, and for the clock that is the time axis.
+        of_device: whether that is printed also where it is the clock of a device, as usual.
 
     Raises:
         DecodedFileError: the file cannot be decoded, or the work on its columns raises a DomainError.
@@ -44,9 +45,13 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO) -> Iterator[Colum
                 source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=compute_signals
             )
             bar.clear()
-            for words in time_sentences(store):
+            if words := empty_words(store, path.name):
+                raise DecodedFileError(printable(words))
+            for words in time_sentences(store, of_device=of_device):
                 print(f"imuscope: {printable(words)}", file=notes)
             yield store
+            for one in store.manifest["damage"][:MOST_DAMAGE]:
+                print(f"imuscope: {printable(one['words'])}", file=notes)
     except (RecordingError, DomainError) as error:
         raise DecodedFileError(f"{error.message} {error.hint}".strip()) from None
     except OSError as error:

@@ -45,7 +45,7 @@ def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO,
     Raises:
         DecodedFileError: the file cannot be decoded.
     """
-    with decoded(path, reading, notes) as store:
+    with decoded(path, reading, notes, of_device=True) as store:
         if format == "json":
             out.write(json.dumps(as_json(store), ensure_ascii=False, allow_nan=False) + "\n")
         else:
