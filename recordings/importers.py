@@ -27,8 +27,9 @@ from imuscope.protocols.family import Damage, LogFormat, ProtocolInfo
 from imuscope.protocols.registry import PROTOCOLS, detect, permissive_decoder
 from imuscope.recordings import sidecar, vendor_logs
 from imuscope.recordings.capture_timing import CaptureTiming
+from imuscope.recordings.damaged_capture import checked, damaged_frames, damaged_sentences, has_unchecked_sentences
 from imuscope.recordings.file_reading import over
-from imuscope.recordings.mcap_reader import MAGIC, FileDamage, McapReader
+from imuscope.recordings.mcap_reader import MAGIC, FileDamage, McapReader, remark
 from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.optional_packages import installation_of, lacks
@@ -93,9 +94,9 @@ class CaptureSource:
         self.header: Mapping[str, str] = {}
         self._files = files
         self._size = sum(file.stat().st_size for file in files)
+        self.damage: list[FileDamage] = []
         self.protocol = protocol or self._recognise(score)
         self.devices = {DEVICE: SourceDevice(DEVICE, self.protocol, {"source": self.path.name, **about})}
-        self.damage: list[FileDamage] = []
 
     def _recognise(self, score: float) -> str:
         with open_regular(self.path) as file:
@@ -160,6 +161,19 @@ class CaptureSource:
     def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
         """Metadata stored beside the bytes: none."""
         return iter(())
+
+
+class SentenceSource(CaptureSource):
+    """Sentences of NMEA without checksums, which are added."""
+
+    def _recognise(self, score: float) -> str:
+        with closing(self._bytes()) as file:
+            guesses = detect(file.read(GUESS_BYTES))
+        return guesses[0].protocol if guesses and guesses[0].score >= score else ""
+
+    def _bytes(self) -> BinaryIO:
+        self.damage[:] = [remark("Its sentences have no checksums: damage in them cannot be found.")]
+        return _Generated(checked(_blocks(self._files)))  # type: ignore[return-value]
 
 
 class IndexedSource(CaptureSource):
@@ -299,15 +313,43 @@ def open_file(
     if suffix in TABLES:
         if not protocol and _is_no_table(path, head):
             raise _unknown(path, head)
+        if not protocol and head.lstrip().startswith(b"$"):
+            capture = CaptureSource([path], "bin")
+            return capture if capture.protocol else _sentences(path) or _table(request)
         return CaptureSource([path], "bin", protocol) if protocol else _table(request)
     source = CaptureSource([path], "bin", protocol)
     if not source.protocol:
+        if (sentences := _sentences(path)) is not None:
+            return sentences
         if not _is_no_table(path, head) and is_table(path):
             return _table(request)
         source = CaptureSource([path], "bin", score=WEAK_SCORE)
         if not source.protocol or known_file(head) is not None:
             raise _unknown(path, head)
     return source
+
+
+def _sentences(path: Path) -> CaptureSource | None:
+    """A file of sentences without checksums; None for any other.
+
+    Raises:
+        RecordingError: their checksums are wrong.
+    """
+    with open_regular(path) as file:
+        data = file.read(GUESS_BYTES)
+    if not data.lstrip().startswith(b"$"):
+        return None
+    if has_unchecked_sentences(data):
+        source = SentenceSource([path], "bin")
+        return source if source.protocol else None
+    if words := damaged_sentences(data):
+        raise _damaged(path, words)
+    return None
+
+
+def _damaged(path: Path, frames: str) -> RecordingError:
+    words = f"{path.name} begins with {frames}, all with a bad checksum."
+    return RecordingError(words, "Something changed its bytes, such as a transfer as text. Copy or record it again.")
 
 
 def _is_no_table(path: Path, head: bytes) -> bool:
@@ -334,6 +376,10 @@ def _unknown(path: Path, head: bytes) -> RecordingError:
     known = known_file(head, path.suffix.lower())
     if known is not None:
         return RecordingError(f"{path.name} is {known.name}, which imuscope does not read.", known.remedy)
+    with open_regular(path) as file:
+        frames = damaged_frames(file.read(GUESS_BYTES))
+    if frames:
+        return _damaged(path, frames)
     kinds = ", ".join((".mcap", *vendor_logs.log_suffixes(), ".csv", *reader_suffixes()))
     hint = f"Supported: {kinds}, and captures, whose protocol --protocol can name."
     return RecordingError(f"{path.name} is not a format imuscope knows.", hint)
@@ -406,7 +452,7 @@ def _blocks(files: Sequence[Path]) -> Generator[bytes, None, None]:
 class _Generated:
     """Bytes generated as they are read."""
 
-    def __init__(self, pieces: Generator[bytes, None, None]) -> None:
+    def __init__(self, pieces: Iterator[bytes]) -> None:
         self._pieces = pieces
         self._held = b""
 
@@ -421,4 +467,5 @@ class _Generated:
 
     def close(self) -> None:
         """Close the file that is read, if any."""
-        self._pieces.close()
+        if isinstance(self._pieces, Generator):
+            self._pieces.close()

@@ -42,6 +42,7 @@ class KnownFile:
 
 FEWEST_FRAMES = 8
 WITMOTION = "a binary log of WitMotion"
+AS_CANDUMP = "Convert it to the text of candump, for instance with python -m can.logconvert IN OUT.log."
 AS_TEXT = "Give the text file that its program makes of it."
 FILES = (
     KnownFile("a PNG image", OTHER, (b"\x89PNG\r\n\x1a\n",)),
@@ -67,6 +68,8 @@ FILES = (
     KnownFile("a RAR archive", UNPACK, (b"Rar!\x1a\x07",)),
     KnownFile("an xz archive", UNPACK, (b"\xfd7zXZ\x00",)),
     KnownFile("a tar archive", UNPACK, (b"ustar",), 257),
+    KnownFile("a bzip2 archive", UNPACK, (b"BZh",)),
+    KnownFile("an lz4 archive", UNPACK, (b"\x04\x22\x4d\x18",)),
     KnownFile("a program", OTHER, (b"\x7fELF", b"MZ\x90\x00")),
     KnownFile(
         "a Python pickle",
@@ -81,9 +84,18 @@ FILES = (
         "Save the payload of the stream as a file.",
         (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x0a\x0d\x0d\x0a"),
     ),
+    KnownFile("a CAN log of Vector (BLF)", AS_CANDUMP, (b"LOGG\x90\x00\x00\x00",)),
+    KnownFile("a CAN trace of PEAK (TRC)", AS_CANDUMP, (b";$FILEVERSION", b";##########", b";---+--")),
+    KnownFile("a CAN log of python-can", AS_CANDUMP, (b"timestamp,arbitration_id,extended,",)),
+    KnownFile("an Avro file", "Write it as Parquet or CSV.", (b"Obj\x01",)),
     KnownFile(
-        "a CAN log of Vector (BLF)", "Convert it to the text of candump, or to MCAP.", (b"LOGG\x90\x00\x00\x00",)
+        "a measurement of LabVIEW (TDMS)", "Write its channels as CSV, for instance with npTDMS.", (b"TDSm", b"TDSh")
     ),
+    KnownFile("a recording of Lab Streaming Layer (XDF)", "Write its streams as CSV, with pyxdf.", (b"XDF:",)),
+    KnownFile(
+        "a binary log of NovAtel", "Convert it to ASCII with NovAtel Convert.", (b"\xaa\x44\x12", b"\xaa\x44\x13")
+    ),
+    KnownFile("a binary log of Septentrio (SBF)", "Convert it to CSV or NMEA with SBF Converter.", (b"$@",)),
     KnownFile(
         "an ASAM measurement (MDF)",
         "Write its channels as CSV or Parquet, for instance with asammdf.",

@@ -15,6 +15,8 @@ PERIOD_WORDS = {
     "day": "The time axis is the time of day in the messages of the GNSS receiver.",
     "week": "The time axis is the time of week in the messages of the GNSS receiver.",
 }
+RECORDING_WORDS = "The time axis is the time of the devices, on the clock of the host that recorded them."
+CAN_WORDS = "The time axis is the clock of the device, on the times of the log."
 DEVICE_WORDS = "The time axis is the clock of the device."
 ARRIVAL_WORDS = "The time axis is the arrival, as chosen for this file."
 LOG_TIME_WORDS = "The time axis is the log time of each message, as chosen for this file."
@@ -48,6 +50,20 @@ def capture_words(source: CaptureSource) -> list[str]:
 def axis_event(events: Sequence[wire.EventInfo]) -> str:
     """The sentence on the time axis, from the events; "" without one."""
     return next((one.text for one in events if one.kind == "clock" and one.data.get("kind") == "axis"), "")
+
+
+def axis_sentences(source: Source, events: Sequence[wire.EventInfo], *, is_empty: bool) -> list[str]:
+    """The clock that is the time axis of a file that imuscope did not record, and what its date comes from.
+
+    Args:
+        is_empty: whether there are no samples with a clock of their own.
+    """
+    if isinstance(source, CaptureSource) and not is_empty:
+        return capture_words(source)
+    words = axis_event(events)
+    if not words and not is_empty and isinstance(source, MessageFile):
+        words = CAN_WORDS if source.timed else DEVICE_WORDS
+    return [words] if words else []
 
 
 def segments_of(events: Sequence[wire.EventInfo], source: Source) -> dict[str, list[float]]:

@@ -50,7 +50,7 @@ from imuscope.server.devices.stream_diagnostics import doubt_text
 from imuscope.server.library.axis_words import (
     ARRIVAL_WORDS,
     LOG_TIME_WORDS,
-    axis_event,
+    axis_sentences,
     axis_words,
     capture_words,
     segments_of,
@@ -362,14 +362,6 @@ def _end(source: Source) -> float:
     return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource | MessageFile) else 0.0
 
 
-def _axis_sentences(source: Source, sink: RecordingSink) -> list[str]:
-    """The clock that is the time axis, and what its date comes from."""
-    words = axis_event(sink.events)
-    if isinstance(source, CaptureSource) and sink.infos and not sink.by_arrival:
-        return capture_words(source)
-    return [words] if words else []
-
-
 def _manifest(
     source: Source,
     sink: RecordingSink,
@@ -411,7 +403,9 @@ def _manifest(
         "events_left_out": sink.left_out,
         "clock": "arrival" if sink.by_arrival else "",
         "segments": {} if sink.by_arrival else segments_of(sink.events, source),
-        "time": {"sentences": sentences} if (sentences := _axis_sentences(source, sink)) else None,
+        "time": {"sentences": sentences}
+        if (sentences := axis_sentences(source, sink.events, is_empty=not sink.infos or sink.by_arrival))
+        else None,
         "markers": markers,
         "snapshots": snapshots,
         "damage": source.damage,

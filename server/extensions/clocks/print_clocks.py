@@ -22,6 +22,7 @@ from imuscope.recordings.time_units import rate_text
 from imuscope.server.commands.decoded import decoded
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, as_json, clocks_of
+from imuscope.server.library.axis_words import RECORDING_WORDS
 
 HEADINGS = ("", "clock", "unit", "zero", "rate", "resolution", "drift", "jitter", "steps", "repeats", "bursts")
 SHOWN = 0.005  # of a share, in whole percents
@@ -46,6 +47,8 @@ def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO,
         DecodedFileError: the file cannot be decoded.
     """
     with decoded(path, reading, notes, of_device=True) as store:
+        if not store.manifest.get("time"):
+            print(f"imuscope: {RECORDING_WORDS}", file=notes)
         if format == "json":
             out.write(json.dumps(as_json(store), ensure_ascii=False, allow_nan=False) + "\n")
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from imuscope.protocols.messages.stamps import StampTrack
 from imuscope.protocols.nmea import sentence
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.commands.decode import time_sentences
 from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.devices import protocol_set
@@ -371,6 +373,50 @@ def test_the_clock_of_a_capture_and_its_date_are_said(tmp_path: Path) -> None:
     store = opened(field_file("c32_idtp_wrap.bin"), tmp_path)
     said = ["The time axis is the clock of the device.", "Its date is that of the file's last change."]
     assert time_sentences(store) == store.manifest["time"]["sentences"] == said
+
+
+@each_row("name", ["gnss.nmea", "gnss.txt", "gnss.csv"])
+def test_sentences_are_read_whatever_the_file_is_called(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(sentences([37_800.0 + n for n in range(20)]))
+    time, *_ = columns_of(opened(path, tmp_path), "GNGGA")
+    np.testing.assert_allclose(time, 1_767_263_400 + np.arange(20), atol=1e-6)
+
+
+@each_row("name", ["gnss.nmea", "gnss.csv"])
+def test_sentences_without_checksums_are_read_with_a_remark(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(re.sub(rb"\*..\r", b"", sentences([37_800.0 + n for n in range(20)])))
+    store = opened(path, tmp_path)
+    time, *_ = columns_of(store, "GNGGA")
+    np.testing.assert_allclose(time, 1_767_263_400 + np.arange(20), atol=1e-6)
+    assert [one["words"] for one in store.manifest["damage"]] == [
+        "Its sentences have no checksums: damage in them cannot be found."
+    ]
+
+
+@each_row(
+    ("name", "words"),
+    [
+        ("gnss.nmea", "40 sentences of NMEA"),
+        ("gnss.csv", "40 sentences of NMEA"),
+        ("gnss.ubx", "50 frames of UBX"),
+        ("mti.bin", "50 frames of Xbus"),
+    ],
+)
+def test_frames_with_a_bad_checksum_are_named(name: str, words: str, tmp_path: Path) -> None:
+    """It was no format that imuscope knows, or a table without times."""
+    path = tmp_path / name
+    match name:
+        case "gnss.ubx":
+            data = b"".join(ubx(7, bytes([n, *bytes(91)]))[:-1] + b"\x01" for n in range(50))
+        case "mti.bin":
+            data = b"".join(bytes([0xFA, 0xFF, 0x36, 5, 0x10, 0x20, 2, 0, n, 0]) for n in range(50))
+        case _:
+            data = re.sub(rb"\*..\r", b"*0X\r", sentences([37_800.0 + n for n in range(20)])).replace(b"*0X", b"*00")
+    path.write_bytes(data + b"\n")
+    with pytest.raises(RecordingError, match=rf"begins with {words}, all with a bad checksum"):
+        open_file(path)
 
 
 def test_the_log_of_the_field_has_its_times(tmp_path: Path) -> None:

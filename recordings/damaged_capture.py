@@ -1,0 +1,83 @@
+"""Bytes of a known protocol that no checksum confirms: frames with a wrong one, and sentences without any."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+from imuscope.protocols.events import RejectedFrame
+from imuscope.protocols.gnss_time import TIME_AT
+from imuscope.protocols.nmea import checksum
+from imuscope.protocols.registry import PROTOCOLS, permissive_decoder
+
+FEWEST = 5  # frames
+MOST = 0.8  # of the frames or lines are such
+UBX, UBX_SIZE = b"\xb5\x62", 8  # mark of a frame, and its bytes beside the payload
+_SENTENCE = re.compile(rb"^[$!][A-Z][A-Z0-9]{2,9},[^*\r\n]*(\*[0-9A-Fa-f]{2})?\s*$")
+
+
+def has_unchecked_sentences(data: bytes) -> bool:
+    """Whether the lines of a file are sentences of a GNSS receiver without a checksum."""
+    sums = list(_sums(data))
+    return len(sums) >= FEWEST and sums.count(b"") >= MOST * len(sums)
+
+
+def damaged_sentences(data: bytes) -> str:
+    """Words on sentences of a GNSS receiver, in a file where none has a right checksum; "" if there are none."""
+    sums = list(_sums(data))
+    return f"{len(sums)} sentences of NMEA" if len(sums) >= FEWEST and sums.count(b"") < MOST * len(sums) else ""
+
+
+def damaged_frames(data: bytes) -> str:
+    """Words on frames in the first bytes of a file: "100 frames of UBX"; "" if there are none, or whole ones."""
+    if words := damaged_sentences(data):
+        return words
+    if (count := _ubx_frames(data)) >= FEWEST:
+        return f"{count} frames of UBX"
+    for name, row in PROTOCOLS.items():
+        decoder = permissive_decoder(name)
+        decoder.feed(data, 0)
+        events = decoder.drain(stalled=True)
+        rejects = [one for one in events if isinstance(one, RejectedFrame) and one.reason == "bad_checksum"]
+        ends = {one.offset + one.size for one in rejects}  # others have the mark of a frame by chance
+        following = sum(1 for one in rejects if one.offset in ends)
+        if len(rejects) >= max(FEWEST, MOST * len(events)) and following >= MOST * (len(rejects) - 1):
+            return f"{len(rejects)} frames of {row.page.short or name}"
+    return ""
+
+
+def _ubx_frames(data: bytes) -> int:
+    """Number of frames from the first mark on, each where the one before ends."""
+    at, count = data.find(UBX), 0
+    while at >= 0 and data.startswith(UBX, at) and at + 6 <= len(data):
+        at += UBX_SIZE + int.from_bytes(data[at + 4 : at + 6], "little")
+        count += 1
+    return count
+
+
+def _sums(data: bytes) -> Iterator[bytes]:
+    """Checksums of whole lines, b"" for one without; nothing if few lines are sentences, or none has a time."""
+    lines = [line for line in data.splitlines()[:-1] if line.strip()]
+    matches = [match for line in lines if (match := _SENTENCE.match(line)) is not None]
+    kinds = {match[0].partition(b",")[0][-3:].decode() for match in matches}
+    if lines and len(matches) >= MOST * len(lines) and kinds & TIME_AT.keys():
+        yield from (match[1] or b"" for match in matches)
+
+
+def checked(blocks: Iterable[bytes]) -> Iterator[bytes]:
+    """The lines of a file, sentences of NMEA with a checksum."""
+    held = b""
+    for block in blocks:
+        held += block
+        cut = held.rfind(b"\n") + 1
+        yield b"".join(map(_checked, held[:cut].splitlines(keepends=True)))
+        held = held[cut:]
+    yield _checked(held)
+
+
+def _checked(line: bytes) -> bytes:
+    match = _SENTENCE.match(line)
+    if match is None or match[1]:
+        return line
+    text = line.strip()
+    return text + b"*%02X\r\n" % checksum(text[1:])
