@@ -409,6 +409,11 @@ def _sorted(blocks: Sequence[TableRows]) -> TableRows:
     return replace(last, time=time, arrival=arrival, columns=columns, segment=segment)
 
 
+def is_rate_name(name: str) -> bool:
+    """Whether a value with this name in lower case is a sampling rate."""
+    return _RATE_NAME.match(name) is not None
+
+
 def _head_rate(form: TableFormat) -> float:
     """Sampling rate in the head of a file, Hz; 0 without one."""
     for name, text in form.metadata.items():

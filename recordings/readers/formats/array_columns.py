@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.arrow_table import BATCH_ROWS, ArrowColumns
 from imuscope.recordings.table_format import MAX_COLUMNS
+from imuscope.recordings.tabular import is_rate_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -41,7 +42,12 @@ def columns_of(
     rows = max(counts, key=lambda size: (counts[size], size))
     columns: dict[str, Array] = {}
     others: list[str] = []
+    rates = {name: array for name, array in arrays.items() if array.size == 1 and is_rate_name(_last(name))}
+    if len(usable) == 1 and _begins_with_time(matrix := _matrix(next(iter(usable.values())), rows)):
+        arrays, usable = {"": matrix}, {"": matrix}  # a whole table, whose name says nothing on its columns
     for name, array in arrays.items():
+        if name in rates:
+            continue
         matrix = _matrix(array, rows) if name in usable else None
         if matrix is None:
             others.append(f"{name} {'x'.join(map(str, array.shape)) or 'single value'}")
@@ -61,7 +67,20 @@ def columns_of(
             yield pa.RecordBatch.from_arrays([_arrow(one) for one in native], names=list(map(str, range(len(names)))))
 
     headings = names if any(not name.isdigit() for name in names) else [""] * len(names)
-    return ArrowColumns(headings, batches, left_out)
+    metadata = {_last(name): str(array.reshape(-1)[0]) for name, array in rates.items()}
+    return ArrowColumns(headings, batches, left_out, metadata)
+
+
+def _last(name: str) -> str:
+    """The name of a field, in lower case."""
+    return name.rpartition(".")[2].lower()
+
+
+def _begins_with_time(matrix: Array | None) -> TypeGuard[Array]:
+    """Whether the first of several columns rises in every row."""
+    if matrix is None or matrix.dtype.names or matrix.ndim < 2 or matrix.shape[1] < 2:
+        return False
+    return matrix.dtype.kind in "fiu" and bool((np.diff(matrix[:, 0].astype(np.float64)) > 0).all())
 
 
 def _is_table(array: Array) -> bool:

@@ -2,7 +2,8 @@
 
     a file ─> headings, record batches ─> cells as text ─> CsvSource
 
-A column of dates becomes ns since 1970. A column of something else than numbers, texts and dates is left out.
+A column of moments becomes ns since 1970; days and times of day become texts. A column of something else than numbers,
+texts and dates is left out.
 """
 
 from __future__ import annotations
@@ -109,12 +110,15 @@ def heading_of(name: str, kind: pa.DataType) -> str | None:
     """The heading of a column of this type; None for a type that is not read."""
     import pyarrow.types as types
 
-    if types.is_timestamp(kind) or types.is_date(kind):
+    if types.is_timestamp(kind) or types.is_duration(kind):
         return f"{name} [ns]"
-    if types.is_duration(kind):
-        return f"{name} [ns]"
+    if types.is_dictionary(kind):
+        return heading_of(name, kind.value_type)
+    if types.is_date(kind) or types.is_time(kind):
+        return name
     plain = types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind) or types.is_decimal(kind)
-    return name if plain or types.is_string(kind) or types.is_large_string(kind) else None
+    is_text = types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind)
+    return name if plain or is_text else None
 
 
 def _as_text(column: pa.Array) -> pa.Array:
@@ -122,12 +126,14 @@ def _as_text(column: pa.Array) -> pa.Array:
     import pyarrow.compute as pc
     import pyarrow.types as types
 
+    if types.is_dictionary(column.type):
+        column = column.dictionary_decode()
     kind = column.type
     if types.is_string(kind):
         return column
     if types.is_boolean(kind):
         column = column.cast(pa.int8())
-    elif types.is_date(kind) or types.is_timestamp(kind):
+    elif types.is_timestamp(kind):
         column = column.cast(pa.timestamp("ns", getattr(kind, "tz", None)), safe=False).cast(pa.int64())
     elif types.is_duration(kind):
         column = column.cast(pa.duration("ns"), safe=False).cast(pa.int64())

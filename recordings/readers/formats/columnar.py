@@ -1,13 +1,18 @@
-"""Parquet and Arrow files (IPC files and streams, Feather), as tables. The unit of a column is its field's metadata."""
+"""Parquet and Arrow files (IPC files and streams, Feather), as tables. The unit of a column is its field's metadata.
+
+Fields of structures and places of lists of one length are columns: gyro.x.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats.array_columns import AXES
 from imuscope.recordings.readers.formats.arrow_table import (
     BATCH_ROWS,
     SENSELESS,
@@ -22,27 +27,80 @@ from imuscope.recordings.regular_file import open_regular
 if TYPE_CHECKING:
     import pyarrow as pa
 
+MOST_PLACES = 64  # of a list, to be columns
 LARGEST_GROUP = 1 << 30  # bytes of a row group or batch, unpacked
 DAMAGED = "Write it again, or give another file."
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Numbers of a file: of a column, of a field of its structures, or of one place of its lists, which is a number."""
+
+    column: str
+    name: str
+    heading: str
+    field: str = ""
+    at: int = -1
+
+    def of(self, column: pa.Array) -> pa.Array:
+        import pyarrow.compute as pc
+
+        if self.field:
+            return pc.struct_field(column, self.field)
+        return pc.list_element(column, self.at) if self.at >= 0 else column
+
+
+def _places_of(column: pa.Field) -> list[_Place]:
+    """The numbers of a column; none if it has something else."""
+    import pyarrow.types as types
+
+    name, kind = column.name, column.type
+    if types.is_struct(kind):
+        inner = [(f"{name}.{one.name}", one.name, -1, one.type) for one in kind]
+    elif types.is_fixed_size_list(kind) and kind.list_size <= MOST_PLACES:
+        suffixes = AXES if kind.list_size == len(AXES) else tuple(map(str, range(kind.list_size)))
+        inner = [(f"{name}.{suffix}", "", at, kind.value_type) for at, suffix in enumerate(suffixes)]
+    else:
+        inner = [(name, "", -1, kind)]
+    headings = [heading_of(text, one) for text, _, _, one in inner]
+    return [
+        _Place(name, text, heading, field, at)
+        for (text, field, at, _), heading in zip(inner, headings, strict=True)
+        if heading is not None
+    ]
+
+
+def _flat(batches: Iterator[pa.RecordBatch], places: Sequence[_Place]) -> Iterator[pa.RecordBatch]:
+    """Batches with a column for each place."""
+    import pyarrow as pa
+
+    for batch in batches:
+        arrays = [one.of(batch.column(one.column)) for one in places]
+        yield pa.RecordBatch.from_arrays(arrays, names=[str(number) for number in range(len(arrays))])
 
 
 def _table(request: OpenRequest, kind: str, schema: pa.Schema, batches: Callable[[list[str]], Any]) -> ArrowSource:
     """The columns of a file that are read."""
     headings: dict[str, str] = {}
+    places: list[_Place] = []
     left_out: list[str] = []
     for column in schema:
-        heading = heading_of(column.name, column.type)
-        if heading is None or column.name in headings:
+        inner = _places_of(column)
+        if not inner or column.name in {one.column for one in places}:
             left_out.append(column.name)
             continue
+        places += inner
         about = column.metadata or {}
         unit, frame = (about.get(key, b"").decode(errors="replace") for key in (b"unit", b"frame"))
-        details = "; ".join(filter(None, (unit, frame))) if heading == column.name else ""
-        headings[column.name] = f"{heading} [{details}]" if details else heading
+        details = "; ".join(filter(None, (unit, frame)))
+        for one in inner:
+            named = one.heading == one.name and details
+            headings[one.name] = f"{one.heading} [{details}]" if named else one.heading
     words = [f"Columns without numbers are left out: {', '.join(left_out[:10])}."] if left_out else []
     if not headings:
         raise RecordingError(f"{request.path.name} has no columns of numbers.", "Give a table of samples.")
-    columns = ArrowColumns(list(headings.values()), lambda: batches(list(headings)), words)
+    names = list(dict.fromkeys(one.column for one in places))
+    columns = ArrowColumns(list(headings.values()), lambda: _flat(batches(names), places), words)
     return ArrowSource(request.path, columns, kind, request.table)
 
 

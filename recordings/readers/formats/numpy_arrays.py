@@ -22,6 +22,7 @@ MAGIC = b"\x93NUMPY"
 LARGEST = 1 << 30  # bytes of all arrays of an archive
 MOST_ARRAYS = 1000
 HEADER_BYTES = 1 << 16
+OBJECTS = "Save its numbers as an array with numpy.save, or as a CSV file."
 DAMAGED = "Save it again with numpy.save or numpy.savez."
 
 
@@ -32,6 +33,8 @@ def _open_npy(request: OpenRequest) -> ArrowSource:
     try:
         array: Array = np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # whatever numpy raises for a header from outside
+        if "Python objects" in str(error):
+            raise RecordingError(f"{path.name} has objects, which can run programs, or is damaged.", OBJECTS) from None
         raise RecordingError(f"{path.name} is a damaged NumPy array: {first_line(error)}.", DAMAGED) from None
     return ArrowSource(path, columns_of(path.name, {"": array}, []), "npy", request.table)
 

@@ -177,3 +177,60 @@ def test_hdf5_is_known_by_its_first_bytes(head: bytes, name: str, tmp_path: Path
     assert "-v7" in refused.value.hint
     with pytest.raises(ValueError, match="HDF5"):
         inspect_file(path, io.StringIO())
+
+
+def moments(kind: str) -> dict[str, pa.Array]:
+    """Columns of the times, of some types."""
+    times = pa.array(NS, pa.timestamp("ns"))
+    match kind:
+        case "dictionary":
+            return {"time": times.cast(pa.string()).dictionary_encode()}
+        case "date and time":
+            return {"day": times.cast(pa.date32(), safe=False), "time": times.cast(pa.time64("ns"))}
+        case _:
+            return {"time": times}
+
+
+@each_row("kind", ["dictionary", "date and time", "plain"])
+def test_times_of_every_type_are_read(kind: str, tmp_path: Path) -> None:
+    """Tables of Polars and of categories in pandas had no column of times."""
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table({**moments(kind), "gx": GYRO[:, 0]}), path)
+    rows = rows_of(opened(path, tmp_path), "gx")
+    np.testing.assert_allclose(rows.time, NS / 1e9, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(rows.columns[0], GYRO[:, 0])
+
+
+def test_structures_and_lists_of_one_length_are_columns(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    lists = pa.array(GYRO.tolist(), pa.list_(pa.float64(), 3))
+    structures = pa.array([{"x": x, "y": y, "z": z, "name": "a"} for x, y, z in GYRO.tolist()])
+    columns = {"time": pa.array(NS, pa.timestamp("ns")), "gyro": lists, "acc": structures, "free": [[1.0]] * COUNT}
+    pq.write_table(pa.table(columns), path, row_group_size=150)
+    store = opened(path, tmp_path)
+    for name in ("gyro", "acc"):
+        np.testing.assert_array_equal(np.stack(rows_of(store, name).columns, axis=1), GYRO)
+    assert "Columns without numbers are left out: free." in damage_of(store)
+
+
+@each_row("suffix", ["mat", "npz"])
+def test_a_rate_beside_the_arrays_counts_their_rows(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{suffix}"
+    arrays = {"Fs": 200.0, "gyro": GYRO}
+    savemat(path, arrays) if suffix == "mat" else np.savez(path, **arrays)
+    store = opened(path, tmp_path)
+    np.testing.assert_allclose(np.diff(rows_of(store, "gyro").time), 0.005, atol=1e-6)
+    assert "counts the rows, 200 Hz" in store.manifest["time"]["sentences"][0]
+
+
+def test_one_matrix_with_the_time_in_front_is_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    savemat(path, {"data": np.column_stack([np.arange(COUNT) / 100, GYRO, GYRO])})
+    np.testing.assert_allclose(np.diff(rows_of(opened(path, tmp_path), "column 2").time), 0.01, atol=1e-6)
+
+
+def test_an_array_of_objects_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.npy"
+    np.save(path, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(RecordingError, match="has objects"):
+        open_file(path)
