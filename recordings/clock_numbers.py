@@ -18,6 +18,7 @@ from imuscope.recordings.time_units import (
     RECENT,
     SPELLINGS,
     UNITS,
+    USUAL_S,
     Floats,
     UnitReading,
     decided,
@@ -96,15 +97,17 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
         return sample.open_clock(column, rank) if may_be_seconds and not is_date else serial
     if not readings and (counted := _of_another_zero(sample, column, rank)) is not None:
         return counted
-    chosen = decided(readings, values, inertial=sample.is_inertial, newest=sample.newest)
+    is_running = names.RUNNING.search(names.words_of(sample.headings[column].name)) is not None
+    is_odd = is_running and len(readings) > 1  # not to be decided by a date
+    chosen = None if is_odd else decided(readings, values, inertial=sample.is_inertial, newest=sample.newest)
     sure: Sure = "inferred"
     by_head = [one for one in readings if sample.rate and abs(one.rate - sample.rate) <= CLOSE * sample.rate]
     if chosen is None and len(by_head) == 1:
         [chosen] = readings = by_head
     if chosen is None and len(values) < names.FEWEST:
-        dated = [one for one in readings if one.dated]
-        fraction = bool((values != np.round(values)).any())
-        if len(dated) == 1 or fraction or len(values) == 1:
+        dated = [one for one in readings if one.dated and len(values) == 1]
+        is_usual = bool((values != np.round(values)).any()) and 1 / FASTEST < np.ptp(values) < USUAL_S
+        if dated or is_usual or len(values) == 1:
             chosen, sure = dated[0] if len(dated) == 1 else UnitReading("s", 0.0, False), "assumed"
     distinct = np.unique(values)
     is_one_jump = len(distinct) == 2 < len(values) and distinct[1] > 1000 * abs(distinct[0]) > 0

@@ -21,6 +21,7 @@ _FRAME = re.compile(r"(ENU|NED|NWU|ECEF|WGS84|body)\b")  # of quantities, as exp
 _HEAD = re.compile(
     r"^\s*(?P<name>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>(?:[^()]|\([^()]*\))*)\))?\s*$"  # m/(s^2) has two pairs
 )
+_WIDE = str.maketrans("（）［］", "()[]")
 _INDEX = re.compile(r"^(?P<group>.+?)(?:\[(?P<index>\d+)\]|\((?P<round>\d+)\))$")
 _AXIS = re.compile(r"^(?P<group>.+?)(?:[._/](?P<axis>[^._/]+)|(?<=[a-z])(?P<letter>[WXYZ]))$")
 _LAST = re.compile(r"^(?P<group>.*?[^\s\-:/])[\s\-:/]*(?<!\s-)(?P<axis>[w-zW-Z])$")  # "a -y" is not y
@@ -55,16 +56,17 @@ class ColumnHeading:
     @classmethod
     def of(cls, text: str) -> ColumnHeading:
         """The heading in a cell."""
-        plain = text.strip().strip("\ufeff")
+        whole = text.strip().strip("\ufeff")
+        plain = whole.translate(_WIDE)
         match = _HEAD.match(plain)
         if match is None or _INDEX.match(plain):
-            return cls(plain, plain, "")
+            return cls(whole, plain, "")
         unit = match["square"] or match["round"] or ""
         behind = _AXIS_UNIT.match(plain)
         if behind is not None and (behind["unit"] in _NAMED or _spelled(behind["unit"])):
-            return cls(plain, behind["name"], unit_of(behind["unit"]))
+            return cls(whole, behind["name"], unit_of(behind["unit"]))
         frame = next(filter(_FRAME.match, (part.strip() for part in unit.split(";"))), "")
-        return cls(plain, match["name"], unit_of(unit), frame)
+        return cls(whole, match["name"], unit_of(unit), frame)
 
 
 def unit_of(text: str) -> str:

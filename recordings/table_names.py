@@ -62,6 +62,9 @@ TIME = re.compile(
 ELAPSED = re.compile(
     rf"^(?:(?:elapsed|ins|gps|unix)_)?(?:{'|'.join(one for one in SPELLINGS if len(one) > 3)})(?:_elapsed)?$"
 )
+RUNNING = re.compile(r"(?:^|_)(?:uptime|elapsed|boot|runtime|laufzeit|since_(?:re)?(?:boot|start))(?:_|$)")
+UNIX = re.compile(r"(?:^|_)(?:unix|posix|utc)(?:_|$)")
+"""Headings of times that are no date, and of those that are one."""
 TIMELIKE = re.compile("tim|stamp|clock|epoch")
 ZONE = re.compile(
     r"^(?:utc|gmt)?\s*(?P<sign>[+-])(?P<hours>\d{1,2}):?(?P<minutes>\d\d)?$", re.IGNORECASE
@@ -80,7 +83,8 @@ IS_GNSS = re.compile(r"^(?:\w+_)?(?:lat|latitude|lon|long|longitude)(?:_|$)")
 _SENSORS = "acc|gyr|mag|imu|grav|orient|rot|quat|att|euler|baro|press|temp|light|prox|gps|gnss|pos|loc|wifi|ble"
 SENSOR = re.compile(_SENSORS, re.IGNORECASE)
 INERTIAL = re.compile(
-    r"acc(?!ur|ou|es|ep|um)|gyr|angular|omega|imu|^[ag][ _.]?[xyz]$|^[aw]_rs|pqr|uvw|quat|attitude|roll|pitch",
+    r"acc(?!ur|ou|es|ep|um)|gyr|angular|omega|imu|^[ag][ _.]?[xyz]$|^[aw]_rs|pqr|uvw|quat|attitude|roll|pitch|"
+    r"beschleunig|drehrate|aceler|giro[sc]|ускорен|гироск|加速度|角速度|陀螺|ジャイロ|가속도",
     re.IGNORECASE,
 )
 

@@ -90,7 +90,10 @@ class TableSample:
     def readings(self, column: int) -> list[UnitReading]:
         values, has_decimals = self.numbers(column), any(map(names.DECIMALS.search, self.cells(column)))
         rate = self.options.rate
-        return possible_units(values, inertial=self.is_inertial, newest=self.newest, rate=rate, fraction=has_decimals)
+        inertial, newest = self.is_inertial, self.newest
+        found = possible_units(values, inertial=inertial, newest=newest, rate=rate, fraction=has_decimals)
+        is_date = names.UNIX.search(names.words_of(self.headings[column].name)) is not None
+        return [one for one in found if one.dated or not is_date] or found
 
     def column_named(self, name: str) -> int:
         """Place of a column by its heading or number from 1.

@@ -25,11 +25,39 @@ SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
     **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"), "µs"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecond", "nanoseconds"), "ns"),
+    **dict.fromkeys(
+        (
+            "sek",
+            "sekunden",
+            "seconde",
+            "secondes",
+            "segundos",
+            "secondi",
+            "seconden",
+            "с",
+            "сек",
+            "секунды",
+            "秒",
+            "초",
+        ),
+        "s",
+    ),
+    **dict.fromkeys(
+        ("millisekunden", "millisecondes", "milisegundos", "millisecondi", "мс", "мсек", "毫秒", "ミリ秒", "밀리초"),
+        "ms",
+    ),
+    **dict.fromkeys(
+        ("mikrosekunden", "microsecondes", "microsegundos", "microsecondi", "мкс", "微秒", "マイクロ秒", "마이크로초"),
+        "µs",
+    ),
+    **dict.fromkeys(
+        ("nanosekunden", "nanosecondes", "nanosegundos", "nanosecondi", "нс", "纳秒", "ナノ秒", "나노초"), "ns"
+    ),
 }
 LONG: Mapping[str, str] = {
-    **dict.fromkeys(("min", "mins", "minute", "minutes"), "min"),
-    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), "h"),
-    **dict.fromkeys(("d", "day", "days"), "d"),
+    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten", "minutos", "minuti", "мин", "分钟", "分"), "min"),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "stunden", "heures", "horas", "ore", "小时", "時間"), "h"),
+    **dict.fromkeys(("d", "day", "days", "tage", "jours"), "d"),
 }
 """Spellings of units that only a heading can name."""
 FACTORS: Mapping[str, float] = {**UNITS, "min": 60.0, "h": 3600.0, "d": 86_400.0}
@@ -40,6 +68,7 @@ SLOWEST_INERTIAL, SLOWEST_DATED = 0.41, 0.05  # Hz, of an inertial sensor; with 
 SLOW_DATED, SLOW_OLD = 2.5, 11.5  # Hz: below, a date does not decide; recent, of an inertial sensor; or old
 WEEKS = 12 * 86400.0  # s
 RECENT = 6 * 365 * 86400.0  # s before the file was written
+USUAL_S = 2.0  # of a step in s of few numbers with decimals
 LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart
 LONG_RUN, FASTEST_LONG = 86400.0, 11_000.0  # who samples faster does not run for so long
 FEW = 8  # steps

@@ -192,3 +192,39 @@ def test_usual_logs_of_an_inertial_sensor_are_not_asked_about(rate: float, unit:
     """Asking is always right, and of no use where the answer is plain."""
     times = tuple((112.5 + np.arange(50) / rate).tolist())
     assert check(Table("timestamp", unit, times, 6 if unit == "s" else 0, "ax,ay,az")) == unit
+
+
+@each_row(
+    ("heading", "unit"),
+    [
+        ("Zeit (Sekunden)", "s"),
+        ("Millisekunden", "ms"),
+        ("temps [secondes]", "s"),
+        ("tiempo_milisegundos", "ms"),
+        ('"Время, мс"', "ms"),
+        ("время (мкс)", "µs"),
+        ("时间(毫秒)", "ms"),
+        ("時間（秒）", "s"),
+        ("時間（ナノ秒）", "ns"),
+        ("time （ms）", "ms"),
+    ],
+)
+def test_a_unit_in_another_language_is_that_of_the_heading(heading: str, unit: str) -> None:
+    times = tuple((0.01 * np.arange(20)).tolist())
+    assert check(Table(heading, unit, times, 3 if unit == "s" else 0, "a,b,c")) == unit
+
+
+@each_row(
+    ("heading", "unit", "times"),
+    [
+        ("t", "µs", (0.0, 0.000889)),
+        ("timestamp", "ms", (1_600_000.0, 1_600_000.0078)),
+        ("uptime", "ms", (1_700_000.0, 1_700_000.01, 1_700_000.02)),
+        ("time_elapsed", "µs", (1_700_000_000.0, 1_700_000_000.2, 1_700_000_000.4)),
+    ],
+)
+def test_two_rows_and_running_times_do_not_decide_between_units(
+    heading: str, unit: str, times: tuple[float, ...]
+) -> None:
+    """Such numbers are dates in one unit; a heading that says how long a device runs speaks against it."""
+    assert check(Table(heading, unit, times, 0, "a,b,c")) in ("", unit)
