@@ -64,7 +64,7 @@ ELAPSED = re.compile(
 )
 RUNNING = re.compile(r"(?:^|_)(?:uptime|elapsed|boot|runtime|laufzeit|since_(?:re)?(?:boot|start))(?:_|$)")
 UNIX = re.compile(r"(?:^|_)(?:unix|posix|utc)(?:_|$)")
-"""Headings of times that are no date, and of those that are one."""
+"""Headings of times since the start of a device, and of those since 1970."""
 TIMELIKE = re.compile("tim|stamp|clock|epoch")
 ZONE = re.compile(
     r"^(?:utc|gmt)?\s*(?P<sign>[+-])(?P<hours>\d{1,2}):?(?P<minutes>\d\d)?$", re.IGNORECASE

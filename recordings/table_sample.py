@@ -91,9 +91,9 @@ class TableSample:
         values, has_decimals = self.numbers(column), any(map(names.DECIMALS.search, self.cells(column)))
         rate = self.options.rate
         inertial, newest = self.is_inertial, self.newest
-        found = possible_units(values, inertial=inertial, newest=newest, rate=rate, fraction=has_decimals)
+        readings = possible_units(values, inertial=inertial, newest=newest, rate=rate, fraction=has_decimals)
         is_date = names.UNIX.search(names.words_of(self.headings[column].name)) is not None
-        return [one for one in found if one.dated or not is_date] or found
+        return [one for one in readings if one.dated or not is_date] or readings
 
     def column_named(self, name: str) -> int:
         """Place of a column by its heading or number from 1.
