@@ -197,6 +197,8 @@ class Recording:
         signals: of all devices.
         events: in the order of time.
         start, end: unix s of the first and the last sample; None in a file without samples.
+        remarks: what is damaged in the file, was left out of it or could not be read, in sentences: cells of a table by
+            column and row.
         clock: which clock is the time axis of a file that imuscope did not record, why, and how sure that is; {} of a
             device's bytes, whose clock is known.
     """
@@ -209,6 +211,7 @@ class Recording:
         self.start: float | None = manifest["started"]
         self.end: float | None = manifest["ended"]
         self.clock: Mapping[str, Any] = manifest.get("time") or {}
+        self.remarks = tuple(str(one["words"]) for one in manifest.get("damage", ()))
         fields = ("id", "name", "protocol", "product", "serial_number", "firmware")
         self.devices = tuple(Device(**{name: one[name] for name in fields}) for one in manifest["devices"])
         by_id = {one.id: one for one in self.devices}

@@ -105,10 +105,10 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     if chosen is None and len(by_head) == 1:
         [chosen] = readings = by_head
     if chosen is None and len(values) < names.FEWEST:
-        dated = [one for one in readings if one.dated and len(values) == 1]
-        is_usual = bool((values != np.round(values)).any()) and 1 / FASTEST < np.ptp(values) < USUAL_S
-        if dated or is_usual or len(values) == 1:
-            chosen, sure = dated[0] if len(dated) == 1 else UnitReading("s", 0.0, False), "assumed"
+        is_usual = bool((values != np.round(values)).any()) and 0 < np.ptp(values) <= USUAL_S
+        likely = [one for one in readings if (one.dated if len(values) == 1 else is_usual and one.unit == "s")]
+        if len(likely) == 1 or len(values) == 1:
+            chosen, sure = likely[0] if len(likely) == 1 else UnitReading("s", 0.0, False), "assumed"
     distinct = np.unique(values)
     is_one_jump = len(distinct) == 2 < len(values) and distinct[1] > 1000 * abs(distinct[0]) > 0
     if chosen is None or is_one_jump or names.has_odd_unit(sample.headings[column]):

@@ -48,7 +48,7 @@ def numbers(column: pa.Array, decimal: str = ".") -> Cells:
         matches, odd = np.full(len(filled), np.nan), []
         for row, text in enumerate(filled.to_pylist()):
             try:
-                matches[row] = np.nan if text is None else float(text)
+                matches[row] = np.nan if text is None else float(text.strip('" '))
             except ValueError:
                 if (number := hexadecimal.prefixed(text)) is not None:
                     matches[row] = number

@@ -21,6 +21,7 @@ from typing import Literal
 
 Order = Literal["mdy", "dmy"]
 
+HOUR = 3600.0
 DAY = 86400.0
 LAST_YEAR_S = 5e10  # of the years that a date has room for
 OLD_YEARS = 70  # from which on a year of two digits is one of the last century
@@ -110,7 +111,7 @@ def are_packed(cells: Sequence[str], newest: float, *, named: bool) -> bool:
         return bool(cells) and all(moment is not None and moment <= newest for moment in moments)
     seconds = [seconds_of_day(cell) or 0.0 for cell in cells]
     steps = sorted(after - before for before, after in pairwise(seconds))
-    is_even = len(steps) > 1 and 0 < steps[-1] < 2 * steps[0]
+    is_even = len(steps) > 1 and 0 < steps[-1] < min(2 * steps[0], HOUR)
     return named or cells[0].startswith("0") or (is_even and len({cell[:4] for cell in cells}) > 1)
 
 

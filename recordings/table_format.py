@@ -119,7 +119,7 @@ def split(line: str, separator: str) -> list[str]:
     if separator == " ":
         return [cell.strip('"') for cell in line.split()]
     try:
-        return next(csv.reader([line], delimiter=separator), [])
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
     except csv.Error:  # a cell of more than 128 kB
         return line.split(separator)
 
@@ -219,6 +219,8 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     if count == 1 and first < len(lines) and not may_be_narrow:
         hint = "Give a table that has their times, too, or their rate: --rate 100."
         raise RecordingError(f"{name} has one column of numbers.", hint)
+    if count > 1 and first == len(lines) and sum(map(bool, map(str.strip, lines))) == 1:
+        raise RecordingError(f"{name} has a heading, but no rows.", "Give a table with samples.")
     if count < 2 - may_be_narrow or first == len(lines):
         raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
     if not any(above.values()) and _is_numbering(rows[:2]):

@@ -29,7 +29,7 @@ from imuscope.protocols.plural import counted, plural
 from imuscope.recordings import hexadecimal
 from imuscope.recordings.axis_choice import axis_of_table
 from imuscope.recordings.clock_steps import ClockWatch, periods_of
-from imuscope.recordings.mcap_reader import FileDamage
+from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock, SourceDevice
@@ -385,6 +385,8 @@ class CsvSource(TableSource):
             self.damage.append(FileDamage(-1, f"{rows} left out ({self.axis.name})."))
         if words := self.unreadable():
             self.damage.append(FileDamage(-1, words))
+        if words := self._unreadable.rounded():
+            self.damage.append(remark(words))
 
     def unreadable(self) -> str:
         """A sentence on unreadable cells, by column and row; "" if there are none."""

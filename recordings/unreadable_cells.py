@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MOST_NAMED = 4
+EXACT = 2.0**53  # whole numbers up to it are floats
+MOST_TRIED = 100  # numbers of a block
 
 
 class UnreadableCells:
@@ -27,16 +29,24 @@ class UnreadableCells:
         self._name = name
         self._texts: dict[int, tuple[int, int, str]] = {}  # column → cells, first row, its text
         self._numeric: set[int] = set()  # columns with a number
+        self._rounded: dict[int, str] = {}  # column → a whole number that float64 does not hold
 
     def clear(self) -> None:
         """Forget all."""
         self._texts.clear()
         self._numeric.clear()
+        self._rounded.clear()
 
     def note(self, column: int, texts: pa.Array, cells: Cells, before: int) -> None:
         """Take note of a block of a column, `before` rows of which were read before."""
         if column not in self._numeric and np.isfinite(cells.values).any():
             self._numeric.add(column)
+        if column not in self._rounded:
+            sizes = np.abs(cells.values)
+            large = np.flatnonzero((sizes >= EXACT) & (sizes < np.inf))[:MOST_TRIED]
+            pairs = ((str(texts[int(row)].as_py()).strip(), cells.values[row]) for row in large)
+            for text in (text for text, value in pairs if _is_whole(text) and int(text) != int(value)):
+                self._rounded.setdefault(column, text)
         if len(cells.odd):
             first = int(cells.odd[0])
             count, row, text = self._texts.get(column, (0, before + first + 1, str(texts[first].as_py())))
@@ -55,6 +65,17 @@ class UnreadableCells:
         ]
         return f"{cells} left empty: {', '.join(named)}."
 
+    def rounded(self) -> str:
+        """A sentence on whole numbers that are rounded; "" if none are."""
+        if not self._rounded:
+            return ""
+        listed = ", ".join(f"{self._name(i)} ({text:.40})" for i, text in self._rounded.items())
+        return f"Whole numbers beyond 2⁵³ are rounded: {listed}."
+
     def texts(self) -> dict[int, str]:
         """The first text of each column that has nothing but texts."""
         return {i: text for i, (_, _, text) in self._texts.items() if i not in self._numeric}
+
+
+def _is_whole(text: str) -> bool:
+    return text.lstrip("+-").isdecimal()

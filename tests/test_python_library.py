@@ -107,6 +107,14 @@ def test_a_step_of_the_clock_begins_a_segment(table: Path) -> None:
         assert [event.data["by_s"] for event in recording.events if event.data.get("kind") == "back"] == [-2.0]
 
 
+def test_what_could_not_be_read_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time (s),a,note\n1500000000,1,on\n1500000001,x,on\n1500000002,3,off\n")
+    with imuscope.open(path) as recording:
+        cells = "1 cell was not a number and was left empty: a in row 2 ('x')."
+        assert recording.remarks == (cells, "Columns without numbers are left out: note ('on').")
+
+
 def test_analyses_and_exports_are_those_of_the_command_line(drive: Path, tmp_path: Path) -> None:
     data = ("--data", str(tmp_path / "data"))
     with imuscope.open(drive) as recording:

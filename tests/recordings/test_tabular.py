@@ -84,6 +84,30 @@ def test_columns_go_together_and_keep_their_units(tmp_path: Path) -> None:
     assert columns.manifest["damage"] == []
 
 
+def test_whole_numbers_that_are_rounded_are_reported(tmp_path: Path) -> None:
+    rows = "1760000000,9007199254740993,1e300,9007199254740992\n1760000001,9007199254740995,1e300,9007199254740994\n"
+    columns = table(tmp_path / "a.csv", "time (s),id,a,b\n" + rows)
+    words = "Whole numbers beyond 2⁵³ are rounded: id (9007199254740993)."
+    assert [one["words"] for one in columns.manifest["damage"]] == [words]
+
+
+def test_quoted_cells_behind_blanks_are_read(tmp_path: Path) -> None:
+    head = '"x, y", "Время, мс", "ax"\n'
+    columns = table(tmp_path / "a.csv", head + "".join(f'{n}, {1666669005 + 10 * n}, "{n / 4}"\n' for n in range(20)))
+    assert [info["name"] for info in columns.manifest["channels"]] == ["x, y", "ax"]
+    rows = columns.exact(columns.manifest["channels"][1]["id"], 0, 20)
+    np.testing.assert_array_equal(rows.columns[0], np.arange(20) / 4)
+    np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)
+
+
+def test_a_heading_without_rows_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time (s),gyr_x\n")
+    with pytest.raises(RecordingError, match="a.csv has a heading, but no rows") as error:
+        open_file(path)
+    assert error.value.hint == "Give a table with samples."
+
+
 def test_cells_that_are_not_numbers_are_reported(tmp_path: Path) -> None:
     text = "time,x\n1760000000,1\n1760000001,many\n1760000002,3,4\nnever,5\n1760000004,6\n"
     columns = table(tmp_path / "a.csv", text)

@@ -221,6 +221,7 @@ def test_a_unit_in_another_language_is_that_of_the_heading(heading: str, unit: s
         ("timestamp", "ms", (1_600_000.0, 1_600_000.0078)),
         ("uptime", "ms", (1_700_000.0, 1_700_000.01, 1_700_000.02)),
         ("time_elapsed", "µs", (1_700_000_000.0, 1_700_000_000.2, 1_700_000_000.4)),
+        ("device_time", "ms", (50.0, 100.0, 150.0)),
     ],
 )
 def test_two_rows_and_running_times_do_not_decide_between_units(
