@@ -64,6 +64,7 @@ def test_it_installs_one_name(installed: Path) -> None:
     assert {name for name in names if not name.endswith(".dist-info")} == {"imuscope"}
     assert not [path for path in installed.rglob("*") if path.is_symlink()]
     assert (installed / "imuscope" / "server" / "page" / "index.html").is_file()
+    assert (installed / "imuscope" / "py.typed").is_file()
 
 
 def test_a_source_distribution_has_the_finished_page(source_distribution: Path) -> None:

@@ -183,6 +183,16 @@ def test_the_examples_of_the_guide_run(drive: Path, tmp_path: Path, monkeypatch:
     assert run_examples(blocks, drive, tmp_path, monkeypatch)["rate"].title == "Rate of turn"
 
 
+def test_the_examples_of_the_guide_are_typed(tmp_path: Path) -> None:
+    """A script elsewhere, under mypy --strict: the package says that it has types."""
+    blocks = re.findall(r"^```python[^\n]*\n(.*?)^```", GUIDE.read_text(), re.MULTILINE | re.DOTALL)
+    (tmp_path / "script.py").write_text("\n".join(blocks) + "\nreveal_type(rate.time)\n")
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout
+    assert "numpy.float64" in done.stdout
+
+
 def test_the_notebook_runs(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cells = json.loads(NOTEBOOK.read_text())["cells"]
     names = run_examples(

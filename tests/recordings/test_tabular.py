@@ -103,7 +103,7 @@ def test_quoted_cells_behind_blanks_are_read(tmp_path: Path) -> None:
 def test_a_heading_without_rows_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time (s),gyr_x\n")
-    with pytest.raises(RecordingError, match="a.csv has a heading, but no rows") as error:
+    with pytest.raises(RecordingError, match=r"a\.csv has a heading, but no rows") as error:
         open_file(path)
     assert error.value.hint == "Give a table with samples."
 
