@@ -5,6 +5,20 @@ reads no more of them than is asked of it.
 
 Times are unix s. Values have the type in which the device sent them; units and frames are beside them, not in the
 values. Nothing is interpolated, and nothing runs across a step of the clock unless you do that: `Signal.segments`.
+
+The examples here are of this table, whose clock goes back:
+
+>>> import tempfile
+>>> file = Path(tempfile.mkdtemp(), "walk.csv")
+>>> times = [1500000000 + k / 100 - (2 if k >= 12 else 0) for k in range(20)]
+>>> rows = [f"{time:.2f},{k / 2},{k},0" for k, time in enumerate(times)]
+>>> _ = file.write_text("\\n".join(["time (s),gyr_x (rad/s),gyr_y (rad/s),gyr_z (rad/s)", *rows]))
+>>> recording = open(file)
+>>> recording
+<Recording walk.csv: walk; 2 signals, 0.280 s>
+>>> gyr = recording["gyr"]
+>>> gyr
+<Signal 'gyr' of walk: 20 × 3 rad/s>
 """
 
 from __future__ import annotations
@@ -131,6 +145,9 @@ class Signal:
     def column(self, name: str | int) -> NDArray[Any]:
         """(n,) one column, by its name or number.
 
+        >>> gyr.column("x")[:3].tolist()
+        [0.0, 0.5, 1.0]
+
         Raises:
             ImuscopeError: there is none of that name.
         """
@@ -141,13 +158,21 @@ class Signal:
         return np.concatenate(parts) if parts else np.empty(0, self._store.shapes[self._channel].dtypes[at])
 
     def between(self, begin_s: float, end_s: float) -> Signal:
-        """The samples from `begin_s` to `end_s`, seconds from the beginning of the recording, both included."""
+        """The samples from `begin_s` to `end_s`, seconds from the beginning of the recording, both included.
+
+        >>> gyr.between(0, 0.015).values.tolist()
+        [[0.0, 0.0, 0.0], [0.5, 1.0, 0.0]]
+        """
         origin = self._store.manifest["started"] or 0.0
         lo, hi = self._store.between(self._channel, origin + begin_s, origin + end_s)
         return self._part(max(lo, self.start), min(hi, self.stop))
 
     def segments(self) -> list[Signal]:
-        """The signal in parts, cut where the clock was set or the device restarted: times rise within each."""
+        """The signal in parts, cut where the clock was set or the device restarted: times rise within each.
+
+        >>> [len(part) for part in gyr.segments()]
+        [12, 8]
+        """
         starts = self._store.manifest.get("segments", {}).get(self.device.id, ())
         time = self._store.clock(self._channel, self.start, self.stop, "key")
         cuts = [int(at) for at in np.searchsorted(time, starts)]
@@ -155,7 +180,11 @@ class Signal:
         return [self._part(self.start + a, self.start + b) for a, b in pairwise(edges) if b > a]
 
     def to_arrow(self) -> pyarrow.Table:
-        """A table with `time`, `arrival` and a column for each of this signal's; units and frame in its metadata."""
+        """A table with `time`, `arrival` and a column for each of this signal's; units and frame in its metadata.
+
+        >>> gyr.to_arrow().column_names
+        ['time', 'arrival', 'x', 'y', 'z']
+        """
         import pyarrow as pa
 
         arrays = [self.time, self.arrival, *(self.column(k) for k in range(len(self.columns)))]
@@ -282,6 +311,9 @@ class Recording:
         self, analysis: str, *signals: str, begin_s: float = 0.0, end_s: float | None = None, **options: float | str
     ) -> dict[str, dict[str, Any]]:
         """Run an analysis of the page: "statistics", "psd", "allan" …; `imuscope analyse --help` lists them.
+
+        >>> recording.analyse("statistics", "gyr.x")["gyr.x"]["max"]
+        9.5
 
         Args:
             signals: names; none for all that it can be applied to.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import json
 import re
 import subprocess
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import imuscope
+import imuscope.recording
 from imuscope.recording import Signal
 from tests.server_process import ROOT, ServerProcess
 from tests.server_process import imuscope as run_command
@@ -191,6 +192,16 @@ def test_the_examples_of_the_guide_are_typed(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stdout
     assert "numpy.float64" in done.stdout
+
+
+def test_the_examples_of_its_docstrings_are_right() -> None:
+    names = {**vars(imuscope.recording)}
+    [module, *others] = sorted(doctest.DocTestFinder().find(imuscope.recording), key=lambda one: one.name)
+    runner = doctest.DocTestRunner()
+    for one in (module, *others):
+        one.globs = names
+        assert runner.run(one, clear_globs=False).failed == 0, one.name
+    assert runner.summarize().attempted > 10
 
 
 def test_the_notebook_runs(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
