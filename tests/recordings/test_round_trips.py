@@ -254,6 +254,24 @@ def test_a_euroc_folder_is_the_same_in_si_units(
 
 
 @each_row("format", [name for name in FORMATS if name.startswith("rosbag2-") or name == "euroc"])
+def test_a_table_with_units_is_held_by_what_filters_read(format: str, tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    units = {"gyro_bias": "deg/s", "gyro": "deg/s", "user_acc": "m/s^2", "Accelerometer": "m/s^2"}
+    numbers = {name: np.sin(np.arange(60).reshape(20, 3) + at) for at, name in enumerate(units)}
+    times = 1.7e9 + np.arange(20) / 100 - 2.0 * (np.arange(20) >= 12)
+    rows = np.column_stack([times, *numbers.values()])
+    head = ["time (s)", *(f"{name}_{axis} ({unit})" for name, unit in units.items() for axis in "xyz")]
+    path.write_text("\n".join([",".join(head), *(",".join(map(repr, row)) for row in rows.tolist())]))
+    with imuscope.open(path) as source, opened_again(format, source, tmp_path) as again:
+        turn, acceleration = (one for one in again.signals if one.columns == ("x", "y", "z"))
+        scale = DEG if format == "euroc" else 1.0
+        np.testing.assert_allclose(turn.values, numbers["gyro"] * scale, rtol=2e-15)
+        np.testing.assert_array_equal(acceleration.values, numbers["Accelerometer"])
+        np.testing.assert_array_equal(turn.time, source["gyro"].time)
+        assert [len(part) for part in turn.segments()] == [12, 8]
+
+
+@each_row("format", [name for name in FORMATS if name.startswith("rosbag2-") or name == "euroc"])
 def test_segments_are_restored(format: str, tmp_path: Path) -> None:
     """A device that restarted: its sample time begins at 0 again, and nothing else says so in these files."""
     data = gzip.decompress((ROOT / "tests" / "golden" / "can" / "mti.log.gz").read_bytes())

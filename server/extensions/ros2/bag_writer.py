@@ -28,7 +28,7 @@ from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.extensions.ros2 import type_support
 from imuscope.server.extensions.ros2.key_expressions import name_of, node_names
 from imuscope.server.extensions.ros2.messages import FrameNames, MessageBuilder, builders_of, clock_builder
-from imuscope.server.extensions.ros2.quantities import Place, recorded_quantities
+from imuscope.server.extensions.ros2.quantities import HINT, Place, recorded_quantities
 from imuscope.server.wire_codec import SampleFrame
 
 ROWS = 512  # of the busiest channel at once: fewer than a join keeps
@@ -48,7 +48,7 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
     ranges = {info["id"]: request.rows(info["id"]) for info in infos if info["id"] in held}
     total = sum(past - first for first, past in ranges.values())
     if not total:
-        raise ExportError("No message of ROS holds these channels.", "Choose others, or export MCAP or CSV.")
+        raise ExportError("No message of ROS holds these channels.", HINT)
     writer = Writer(out, version=8, storage_plugin=StoragePlugin[storage])
     if storage == "MCAP":
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)  # of the chunks in the file

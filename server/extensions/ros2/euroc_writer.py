@@ -25,7 +25,7 @@ from imuscope.recordings.exporters.request import ExportError, ExportRequest, Ex
 from imuscope.recordings.topics import stamps
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.extensions.ros2.joined_rows import values_of
-from imuscope.server.extensions.ros2.quantities import Place, recorded_quantities
+from imuscope.server.extensions.ros2.quantities import HINT, Place, recorded_quantities
 
 HEADINGS = (
     "#timestamp [ns]",
@@ -47,7 +47,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
         if of.turn and of.acceleration:
             devices.append((device, of.turn, of.acceleration))
     if not devices:
-        raise ExportError("No device has a rate of turn and an acceleration.", "Choose both, or another format.")
+        raise ExportError("No device has a rate of turn and an acceleration in known units.", HINT)
     for number, (device, turn, acceleration) in enumerate(devices):
         folder = out / "mav0" / f"imu{number}"
         folder.mkdir(parents=True)
@@ -88,14 +88,15 @@ def _about(request: ExportRequest, device: Mapping[str, Any], places: tuple[Plac
     held = {place.channel for place in places}
     others = [info["name"] for info in request.infos if info["device"] == device["id"] and info["id"] not in held]
     interval = usual_interval(request.columns, places[0].channel)
-    axes = AXES[sensors_of(device["protocol"], device.get("product", "")).axes]
+    own = AXES[sensors_of(device["protocol"], device.get("product", "")).axes]
+    axes = f"Axes of the device: {own}." if device["protocol"] else "Axes are as in the file."
     identity = ", ".join("1.0" if at % 5 == 0 else "0.0" for at in range(16))
     return "\n".join(
         (
             f"# {json.dumps(request.title)}, exported by imuscope",
             "sensor_type: imu",
             f"comment: {json.dumps(request.device_name(device['id']))}",
-            f"# Axes of the device: {axes}.",
+            f"# {axes}",
             f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{identity}]",
             f"rate_hz: {1 / interval:.6g}" if interval else "# rate_hz is not known.",
             "# Noise is not known without an Allan analysis: imuscope analyse FILE allan --format kalibr",

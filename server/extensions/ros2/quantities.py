@@ -18,9 +18,9 @@ from imuscope.recordings.entities import Attitude, devices_of
 Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
 
 TO_SI: Mapping[str, Mapping[str, float]] = {
-    "turn": {"rad/s": 1.0, "°/s": 0.017453292519943295},
+    "turn": {"rad/s": 1.0, "°/s": 0.017453292519943295, "deg/s": 0.017453292519943295},
     "acceleration": {"m/s²": 1.0, "g": 9.80665, "mg": 9.80665e-3},
-    "field": {"T": 1.0, "mT": 1e-3, "µT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+    "field": {"T": 1.0, "mT": 1e-3, "µT": 1e-6, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "gauss": 1e-4, "mG": 1e-7},
     "pressure": {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1000.0, "bar": 1e5},
     "temperature": {"°C": 1.0},
     "velocity": {"m/s": 1.0},
@@ -30,6 +30,14 @@ TITLES: Mapping[str, str] = {  # of quantities in files of other programs
     **{"angular_velocity": "Rate of turn", "linear_acceleration": "Acceleration", "fluid_pressure": "Pressure"},
     **{"magnetic_field": "Magnetic field", "w_RS_S": "Rate of turn", "a_RS_S": "Acceleration"},
 }
+HINT = "Choose others, name the units of a table with --columns FILE, or export MCAP or CSV."
+TABLE_TITLES: Mapping[str, re.Pattern[str]] = {
+    "Rate of turn": re.compile(r"gyr|angular|omega|drehrate|pqr|^w$|角速度|陀螺", re.I),
+    "Acceleration": re.compile(r"acc(?!ur|um)|beschleunig|^a$|加速度", re.I),
+    "Magnetic field": re.compile(r"^mag|^b$|地磁|磁", re.I),
+}
+"""Vectors of tables by their headings; their units tell the rest."""
+_NOT_MEASURED = re.compile(r"bias|offset|drift|noise|std|var|cov|err|free|user|lin|grav|world|global|earth|estim", re.I)
 WORLD_FRAMES = ("ENU", "NED", "NWU")
 _LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)
 _HEIGHT = re.compile("^(alt|height$|h_?ell)", re.I)
@@ -150,7 +158,19 @@ def quantities_of(device: Mapping[str, Any], channels: Sequence[Info]) -> Device
 def recorded_quantities(device: Mapping[str, Any], channels: Sequence[Info]) -> DeviceQuantities:
     """The quantities of a device in a recording, which may be one of messages or a EuRoC table: as `quantities_of`."""
     own = [info for info in channels if info["device"] == device["id"]]
-    return quantities_of(device, [{**info, "title": TITLES.get(str(info["title"]), info["title"])} for info in own])
+    named = TITLES if device["protocol"] else {**{title: _title_of(title) for title in _titles(own)}, **TITLES}
+    return quantities_of(device, [{**info, "title": named.get(str(info["title"]), info["title"])} for info in own])
+
+
+def _titles(channels: Sequence[Info]) -> set[str]:
+    return {str(info["title"]) for info in channels if info["kind"] == "vector"}
+
+
+def _title_of(heading: str) -> str:
+    """The title of the quantity that a heading of a table names; the heading itself for others."""
+    if _NOT_MEASURED.search(heading):
+        return heading
+    return next((title for title, pattern in TABLE_TITLES.items() if pattern.search(heading)), heading)
 
 
 def _every(info: Info) -> Place:
