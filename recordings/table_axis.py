@@ -85,6 +85,11 @@ class TimeAxis:
     def name(self) -> str:
         return self.clock.name or "the time"
 
+    @property
+    def clocks(self) -> list[str]:
+        """Names of the clocks that may be columns."""
+        return [self.name, *(one.name for one in self.others)]
+
     def sentences(self) -> list[str]:
         """The clock, its unit, why, and its date; then repeats and out-of-order rows."""
         clock = self.clock
@@ -103,7 +108,7 @@ class TimeAxis:
         if self.dated_by:
             texts.append(f"Its date is that of {self.dated_by}.")
         if self.others:
-            texts.append(f"Other clocks are columns: {', '.join(one.name for one in self.others)}.")
+            texts.append(f"Other clocks are columns: {', '.join(self.clocks[1:])}.")
         if self.order:
             texts.append(f"The rows {self.order}; they are read in the order of their times.")
         if self.watch is not None:
@@ -125,7 +130,7 @@ class TimeAxis:
             "why": clock.why,
             "dated_by": self.dated_by,
             "rate": 1 / self.usual_s if self.usual_s else None,
-            "others": [one.name for one in self.others],
+            "others": self.clocks[1:],
             "options": dict(self.options),
             "repeats": watch.repeats if watch is not None else 0,
             "out_of_order": watch.out_of_order if watch is not None else 0,

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imuscope.recordings.clock_steps import StepOfClock, step_words
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 MOST_EVENTS = 100  # of the steps of one clock
 MOST_NAMED = 10  # columns
+BY_UNIT = -1  # decimals of a column
 QUATERNION, EULER = ("q0", "q1", "q2", "q3"), ("roll", "pitch", "yaw")
 
 
@@ -44,6 +46,7 @@ class _Tables:
         self._writer = writer
         self._plans: dict[tuple[str, ...], list[tuple[int, list[str]]]] = {}  # by table and columns
         self._filled: set[int] = set()  # channels with a number
+        self._whole: set[int] = set()  # channels that have only whole numbers
 
     def add(self, rows: TableRows) -> None:
         """Add a block of rows."""
@@ -58,6 +61,10 @@ class _Tables:
             self._writer.append(number, [rows.arrival, rows.time, *columns])
             if number not in self._filled and any(np.isfinite(column).any() for column in columns):
                 self._filled.add(number)
+            if number in self._whole and not all(map(_are_whole, columns)):
+                self._whole.discard(number)
+                for column in self.infos[number - 1].columns:
+                    column.decimals = BY_UNIT
         if rows.segment is not None:
             for number in np.unique(rows.segment[rows.segment > 0]).tolist():
                 begin = float(rows.time[rows.segment == number].min())
@@ -66,14 +73,14 @@ class _Tables:
         self.first = min(self.first, float(rows.arrival.min()))
         self.last = max(self.last, float(rows.arrival.max()))
 
-    @property
-    def shown(self) -> list[wire.ChannelInfo]:
-        """Channels with a number; all if there are none."""
-        return [info for info in self.infos if info.id in self._filled] or self.infos
+    def shown(self, clocks: Collection[str] = ()) -> list[wire.ChannelInfo]:
+        """Channels with a number; all if there are none. Those of `clocks` are last."""
+        filled = [info for info in self.infos if info.id in self._filled] or self.infos
+        return sorted(filled, key=lambda info: info.name in clocks)
 
     def empty(self) -> list[str]:
         """Headings of the columns that are not shown."""
-        shown = {info.id for info in self.shown}
+        shown = {info.id for info in self.shown()}
         plans = [one for plan in self._plans.values() for one in plan]
         return [heading for number, headings in plans if number not in shown for heading in headings]
 
@@ -87,6 +94,8 @@ class _Tables:
                 wire.ColumnInfo(inner, "f8", rows.columns[heading][1], axis=axis_of(inner, len(members)))  # type: ignore[arg-type]
                 for heading, inner in members
             ]
+            for column in columns:
+                column.decimals = 0  # until a number has some
             frames = {rows.frames.get(heading, "") for heading, _ in members}
             frame = frames.pop() if len(frames) == 1 else ""
             has_axes = len(columns) == 3 and all(one.axis or one.name.isdecimal() for one in columns)
@@ -108,8 +117,13 @@ class _Tables:
             )
             self._writer.channel(info.id, ChannelLayout(("f8",) * len(columns), (False,) * len(columns)))
             self.infos.append(info)
+            self._whole.add(info.id)
             plan.append((info.id, [heading for heading, _ in members]))
         return plan
+
+
+def _are_whole(column: NDArray[np.float64]) -> bool:
+    return bool((np.isnan(column) | (column == np.floor(column))).all())
 
 
 def decode_tables(
@@ -155,7 +169,7 @@ def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
         "started": tables.first,
         "ended": tables.last,
         "devices": [device],
-        "channels": tables.shown,
+        "channels": tables.shown(axis.clocks if axis is not None else ()),
         "events": events,
         "events_left_out": left_out,
         "time": axis.described() if axis is not None else None,

@@ -62,6 +62,14 @@ def test_lines_with_another_number_of_fields_are_skipped_and_told(tmp_path: Path
     assert [one.words for one in source.damage] == ["2 lines do not have 3 fields and were skipped."]
 
 
+def test_what_was_measured_is_before_clocks_and_whole_numbers_have_no_decimals(tmp_path: Path) -> None:
+    rows = "".join(f"{n * 10_000},{START + n / 100},{n % 2},{n},{n / 3},9\n" for n in range(60_000))
+    columns = table(tmp_path / "a.csv", f"TimeUS,time (s),state,count,acc_x,acc_y\n{rows}".replace(",1,", ",0.5,", 1))
+    channels = columns.manifest["channels"]
+    decimals = {info["title"]: [one["decimals"] for one in info["columns"]] for info in channels}
+    assert list(decimals.items()) == [("state", [-1]), ("count", [0]), ("acc", [-1, -1]), ("time", [-1])]
+
+
 def test_times_of_no_calendar_are_counted_from_when_the_file_was_written(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t;x\n10.5;1\n11.5;2\n")

@@ -43,13 +43,15 @@ it("the age of an old value does not stand in the column of σ", () => {
   expect([first?.colSpan, second?.hidden]).toEqual([1, false]);
 });
 
-it("a number that is too long for its column has those of its statistics", () => {
+it("a number that is too long for its column has that of its mean", () => {
   const lives = [new LiveText(), new LiveText(), new LiveText()] as const;
   const [now, mean, sd] = lives;
   const tr = el("tr", {}, ...lives.map(({ node }) => el("td", {}, node)));
   now.set("1 500 000 000.000");
-  for (let n = 0; n < 2; n++) widen({ now, mean, sd, tr });
+  sd.set("0.63");
+  for (let n = 0; n < 2; n++) widen({ now, mean });
   expect([...tr.children].map((cell) => [cell.textContent, (cell as HTMLTableCellElement).colSpan])).toEqual([
-    ["1 500 000 000.000", 3],
+    ["1 500 000 000.000", 2],
+    ["0.63", 1],
   ]);
 });

@@ -70,7 +70,7 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
       for (const line of lines) {
         const text = valueText(line, at);
         line.now.set(text);
-        if (text.length > WIDEST) widen(line);
+        if (text.length > WIDEST && line.mean) widen(line);
         const stale = deps.held() ? undefined : staleness(line, at, deps.store.edgeOf(line.channel.info.device));
         line.tr.classList.toggle("old", stale !== undefined);
         line.old?.set(stale === undefined ? "" : ` ${stale}`);
@@ -84,15 +84,14 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
   };
 }
 
-/** Characters of a number that fit in its column. */
-const WIDEST = 12;
+/** Characters of a number that fit in its column; those of a name and its unit before the numbers. */
+const WIDEST = 10;
+const LONGEST = 5;
 
-/** Gives a long number, of a clock for instance, the columns of its statistics, which would be as long. */
-export function widen({ now, mean, sd, tr }: Pick<Line, "now" | "mean" | "sd" | "tr">): void {
-  if (!mean || tr.classList.contains("wide")) return;
-  tr.classList.add("wide");
-  now.node.parentElement?.setAttribute("colspan", "3");
-  for (const live of [mean, sd]) live?.node.parentElement?.remove();
+/** Gives a long number, of a clock or a position, the column of its mean, which would be as long. */
+export function widen({ now, mean }: Pick<Line, "now" | "mean">): void {
+  now.node.parentElement?.setAttribute("colspan", "2");
+  mean?.node.parentElement?.remove();
 }
 
 /** A value this long overdue is old, s; and by this many of its usual spacings. */
@@ -115,7 +114,7 @@ export function staleness(
 /** Shows how old the value is in place of its statistics: an age is neither a mean nor a σ, and has both cells. */
 export function showAge({ mean, sd }: Pick<Line, "mean" | "sd">, stale: string | undefined): void {
   const [cell, other] = [mean?.node.parentElement, sd?.node.parentElement];
-  if (!cell || !other) return;
+  if (!cell?.parentElement || !other) return; // a long number stands there
   if (stale !== undefined) mean?.set(TEXT.ageOf(stale));
   if (other.hidden === (stale !== undefined)) return;
   cell.setAttribute("colspan", stale === undefined ? "1" : "2");
@@ -154,12 +153,19 @@ function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps
 function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel, deps: Deps): Line {
   const now = new LiveText();
   const help = row.info?.doc || row.channel.doc;
-  const name = el(
+  let name = el(
     "th",
     { scope: "row", class: row.colour ? `axis-${row.colour}` : "plain", ...(help ? { title: help } : {}) },
     row.label,
   );
   if (row.unit) name.append(unit(row.unit));
+  if (row.colour !== "" && row.label.length + (row.unit ?? "").length > LONGEST) {
+    // above its numbers, as the name of a quantity with axes
+    body.append(el("tr", { class: "long-name" }, name));
+    name.setAttribute("colspan", "4");
+    name.setAttribute("scope", "rowgroup");
+    name = el("th", { scope: "row" }, el("span", { class: "visually-hidden" }, row.label));
+  }
   // A row with statistics has four cells; a plain one gives its words and its number half of the width each.
   if (row.colour !== "") {
     const [mean, sd] = [new LiveText(), new LiveText()];

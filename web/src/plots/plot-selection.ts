@@ -216,7 +216,7 @@ function sentence(name: string): string {
 
 function otherPlots(channel: Channel): PlotSpec[] {
   const { kind, columns } = channel.info;
-  if (kind === "quaternion" || (kind === "vector" && columns.some(({ axis }) => axis === "x"))) {
+  if (hasAxes(channel)) {
     return [
       spec(
         channel,
@@ -315,9 +315,16 @@ function plotsByRule(channels: readonly Channel[]): PlotSpec[] {
   const motion = motionPlots(channels);
   for (const { series } of motion) taken.add(series[0]!.channel);
   shown.push(...motion);
-  const others = channels.filter((channel) => !taken.has(channel)).flatMap(otherPlots);
-  if (shown.length > 0) return toldApart([...shown, ...others]);
-  return toldApart(others.map((plot, k) => ({ ...plot, primary: k < FALLBACK })));
+  const rest = channels.filter((channel) => !taken.has(channel));
+  if (shown.length > 0) return toldApart([...shown, ...rest.flatMap(otherPlots)]);
+  // of a table whose units are not known: what has axes is looked at first
+  const [vectors, others] = [rest.filter(hasAxes), rest.filter((channel) => !hasAxes(channel))];
+  const plots = [...vectors, ...others].flatMap(otherPlots);
+  return toldApart(plots.map((plot, k) => ({ ...plot, primary: k < FALLBACK })));
+}
+
+function hasAxes({ info: { kind, columns } }: Channel): boolean {
+  return kind === "quaternion" || (kind === "vector" && columns.some(({ axis }) => axis === "x"));
 }
 
 /** A series by its channel, if the plot's title does not tell it, and its label. */

@@ -32,6 +32,8 @@ const LINE = 1.15;
 /** Least distance of letters at the right end and of tick labels, px. */
 const LETTERS_APART = 11.5;
 const LABELS_APART = 12;
+/** No tick label is centred above this, where the title reaches under the labels, px. */
+const TITLE_PX = 28;
 /** A tick label may be set this much narrower to fit the gutter: six digits of pressure on a phone. */
 const CONDENSED = 0.68;
 /** New samples alone redraw a window that stands still this often, ms. */
@@ -220,7 +222,7 @@ export class Plot {
       x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
       x.fillRect(w.left, y, w.width, Math.max(hair, 1));
       if (
-        y < inset + (this.wideTitle && !look.narrow ? 22 : 5) ||
+        y < inset + (this.wideTitle && !look.narrow ? TITLE_PX : 5) ||
         y > sheet.height - 5 ||
         used.some((other) => Math.abs(other - y) < LABELS_APART)
       )
