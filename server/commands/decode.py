@@ -21,6 +21,7 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sources import damage_of
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extension import FileOutput, file_outputs
@@ -116,7 +117,7 @@ def decode_file(
         raise DecodeError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
     finally:
         bar.clear()
-    for words in [*clocks, *rejected, *(damage.words for damage in source.damage[:MOST_DAMAGE])]:
+    for words in [*clocks, *rejected, *(damage.words for damage in damage_of(source)[:MOST_DAMAGE])]:
         print(f"imuscope: {printable(words)}", file=notes)
     return written
 

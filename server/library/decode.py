@@ -38,7 +38,7 @@ from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.formats.log_clock import LogTimes
-from imuscope.recordings.sources import ChunkBlock, McapSource, Source
+from imuscope.recordings.sources import ChunkBlock, McapSource, Source, damage_of
 from imuscope.recordings.tabular import TableSource
 from imuscope.server import previous_names, wire, wire_codec
 from imuscope.server.devices.decode_options import DecodeOptions, recorded
@@ -408,7 +408,7 @@ def _manifest(
         else None,
         "markers": markers,
         "snapshots": snapshots,
-        "damage": source.damage,
+        "damage": damage_of(source),
         "health": sink.health_history.names,
         "figures": {
             device: {

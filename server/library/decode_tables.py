@@ -16,6 +16,7 @@ from imuscope.recordings.clock_steps import StepOfClock, step_words
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.recordings.mcap_reader import remark
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sources import damage_of
 from imuscope.recordings.table_axis import TimeAxis
 from imuscope.recordings.table_headings import axis_of, grouped
 from imuscope.recordings.tabular import DEVICE, TableRows, TableSource
@@ -176,7 +177,7 @@ def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
         "segments": {DEVICE: sorted({*segments, *tables.segments.values()})},
         "markers": [],
         "snapshots": {},
-        "damage": source.damage,
+        "damage": damage_of(source),
         "figures": {DEVICE: {"bytes": 0, "lost": 0, "gaps": 0, "rejects": 0, "messages": tables.counts}},
     }
 

@@ -27,6 +27,7 @@ from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
 from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES, packet_folder
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import add_outer_damage
 from imuscope.recordings.upload_names import clean_name
 
 if TYPE_CHECKING:
@@ -152,6 +153,7 @@ def temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Ca
         unpacked.remove()
         raise
     unpacked.keep_for(source)
+    add_outer_damage(source, unpacked.damage)
     return source
 
 
@@ -192,7 +194,7 @@ def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
         raise RecordingError(words, "Unpack it, and give one of them.")
     if errors and len(files) > 1:
         named = ", ".join(list(errors)[:NAMED])
-        source.damage.append(remark(f"Of {request.path.name} these are left out: {named}."))
+        add_outer_damage(source, [remark(f"Of {request.path.name} these are left out: {named}.")])
     return source
 
 

@@ -12,13 +12,14 @@ import weakref
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
 
 LARGEST = 4 << 30  # bytes of all files in an archive
 FREE_SHARE = 2  # of the free disk, 1/FREE_SHARE may be used
 LARGEST_RATIO, RATIO_FROM = 200, 64 << 20  # beyond that many bytes, more of each compressed byte is a bomb
-PIECE = 1 << 16
+PIECE, SMALL_PIECE = 1 << 16, 1 << 8  # of a piece that is damaged at its end nothing is read
 CODECS = {".gz": "gzip", ".zst": "zstd", ".zstd": "zstd", ".lz4": "lz4", ".bz2": "bz2"}
 
 
@@ -50,12 +51,15 @@ def inflated(data: bytes, codec: str, most: int) -> tuple[bytes, str]:
 class UnpackedFolder:
     """A temporary folder for the files of an archive; gone with the source that reads them.
 
+    `damage` lists the damage of the archive.
+
     Args:
         archive: for messages, and the date of its files.
     """
 
     def __init__(self, archive: Path) -> None:
         self._archive = archive
+        self.damage: list[FileDamage] = []
         self.path = Path(tempfile.mkdtemp(prefix="imuscope-unpacked-"))
         self._size = archive.stat().st_size
         self._written = 0
@@ -68,6 +72,23 @@ class UnpackedFolder:
     def keep_for(self, source: object) -> None:
         """Remove it when the source is gone, or the program ends."""
         weakref.finalize(source, self.remove)
+
+    def rewrite(self, name: str, content: BinaryIO | Any, words: str) -> Path:
+        """Write a damaged file again, as far as it can be read; returns its path.
+
+        Args:
+            words: on the damage.
+        """
+        out = self.path / name
+        out.unlink(missing_ok=True)
+        self._written = 0
+        try:
+            self.write(name, content, SMALL_PIECE)
+        except OSError:
+            self.damage.append(FileDamage(-1, f"{self._archive.name} is damaged or was cut: {words}."))
+        stamp = self._archive.stat().st_mtime
+        os.utime(out, (stamp, stamp))
+        return out
 
     def check(self, size: int) -> None:
         """Check that so many further bytes are within the limits.
@@ -83,11 +104,12 @@ class UnpackedFolder:
             words = f"{self._archive.name} becomes more than {LARGEST_RATIO} times as large: it may be made to harm."
             raise RecordingError(words, "If it is sound, unpack it, and give a file of it.")
 
-    def write(self, name: str, content: BinaryIO | Any) -> Path:
+    def write(self, name: str, content: BinaryIO | Any, size: int = PIECE) -> Path:
         """Write a file from a stream; returns its path.
 
         Args:
             name: of the file, without a folder.
+            size: bytes read at once.
 
         Raises:
             RecordingError: it exceeds the limits.
@@ -95,7 +117,7 @@ class UnpackedFolder:
         """
         out = self.path / name
         with out.open("xb") as file:
-            while piece := content.read(PIECE):
+            while piece := content.read(size):
                 self.check(len(piece))
                 self._written += len(piece)
                 file.write(piece)
@@ -105,19 +127,20 @@ class UnpackedFolder:
 
 
 def decompressed(path: Path, folder: UnpackedFolder, name: str, codec: str) -> Path:
-    """A compressed file written into a folder; returns its path.
+    """A compressed file written into a folder; returns its path. Of one that was cut, all before is written.
 
     Raises:
         RecordingError: it is damaged from its beginning on, or exceeds the limits.
     """
     import pyarrow as pa
 
-    out = folder.path / name
     try:
         with open_regular(path) as file, pa.CompressedInputStream(pa.PythonFile(file), codec) as stream:
             return folder.write(name, stream)
     except (OSError, pa.ArrowException) as error:
-        if out.is_file() and out.stat().st_size:
-            return out  # a file that was cut: all before
-        words = str(error).splitlines()[0]
+        words = str(error).splitlines()[0].rstrip(".")
+        with open_regular(path) as file, pa.CompressedInputStream(pa.PythonFile(file), codec) as stream:
+            out = folder.rewrite(name, stream, f"{words:.100}")
+        if out.stat().st_size:
+            return out
         raise RecordingError(f"{path.name} cannot be unpacked: {words:.100}.", "It is damaged.") from None

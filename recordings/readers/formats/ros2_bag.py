@@ -29,7 +29,7 @@ from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES, BagPiece
 from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.sources import ChunkBlock
+from imuscope.recordings.sources import ChunkBlock, add_outer_damage, damage_of
 
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27
@@ -176,7 +176,7 @@ class SplitBag(MessageFile):
                 damage.append(FileDamage(-1, error.message))
                 continue
             known = {one.words for one in damage}
-            damage += [one for one in source.damage if one.words not in known]
+            damage += [one for one in damage_of(source) if one.words not in known]
             self._preamble = source.preamble
         self.damage[:] = damage
         self.segments = self._named
@@ -241,6 +241,7 @@ def _opened_file(path: Path) -> MessageFile:
             unpacked.remove()
             raise
         unpacked.keep_for(source)
+        add_outer_damage(source, unpacked.damage)
         return source
     if head.startswith(MAGIC):
         return MessageSource(path)

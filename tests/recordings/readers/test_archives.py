@@ -181,3 +181,22 @@ def test_the_library_lists_takes_and_hands_out_these_files(tmp_path: Path) -> No
         library.add_file(path)
     assert json.dumps(sorted(entry.path.name for entry in library.all())) == '["a.bag", "b.bag.gz", "c.BIN"]'
     assert {".bag", ".db3", ".ulg", ".zip", ".parquet", ".npz", ".mat"} <= set(suffixes())
+
+
+def test_an_archive_that_was_cut_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    """A short one was refused, and of a long one nobody said that the end is missing."""
+    for count in (COUNT, 50 * COUNT):
+        lines = "".join(f"{n / 100:.2f},{n % 7}\n" for n in range(count))
+        packed = gzip.compress(f"time (s),gx\n{lines}".encode())
+        path = tmp_path / f"log-{count}.csv.gz"
+        path.write_bytes(packed[: 2 * len(packed) // 3])
+        store = opened(path, tmp_path / f"store-{count}")
+        assert count / 3 < len(rows_of(store, "gx").time) < count
+        assert f"{path.name} is damaged or was cut: Truncated compressed stream." in damage_of(store)
+
+
+def test_what_a_zip_has_beside_a_bag_is_said(tmp_path: Path) -> None:
+    """It was forgotten when the bag was read."""
+    bag = ros1_bag(tmp_path / "a.bag").read_bytes()
+    store = opened(zipped(tmp_path / "log.zip", {"a.bag": bag, "README.txt": b"hello"}), tmp_path)
+    assert "Of log.zip these are left out: README.txt." in damage_of(store)
