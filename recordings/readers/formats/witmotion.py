@@ -6,12 +6,16 @@
     0x51  acceleration, 16 g / 32768      0x54  magnetic field, counts         0x59  quaternion, w first, 1 / 32768
     0x52  angular velocity, 2000 °/s / 32768
 
+Sensors with Bluetooth 5.0 have frames of 20 bytes without a sum, one for each sample:
+
+    0x55  0x61  acceleration, angular velocity, angles as above, 18 bytes     0x55  0x71  answers, left out
+
 A cycle begins with the type that the first frame has; with 0x50, if there is one. Without 0x50 the rows have no time,
 and their rate has to be given. The last two bytes of most types are a temperature or a voltage, by a formula of the
 model: they are left out, as are other types.
 
 Source: https://docs.wit-motion.com/guides/high-precision/hwt905-ttl/protocol (Output Data Format), and the same
-formulas in the data sheets of WT901 and BWT61CL.
+formulas in the data sheets of WT901 and BWT61CL; WT901BLE5.0 Communication Protocol.
 """
 
 from __future__ import annotations
@@ -28,11 +32,12 @@ from imuscope.protocols.plural import counted
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource
-from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 
 MARK, LENGTH, SUM = 0x55, 11, 10
 CLOCK = 0x50
+BLUETOOTH_LENGTH, SAMPLE, ANSWER = 20, 0x61, 0x71
 FEWEST_FRAMES = 8  # at the begin of a file
 LARGEST = 1 << 28
 SCALE = 32_768.0
@@ -82,8 +87,35 @@ def _frames(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(windows[whole])
 
 
+def _bluetooth_frames(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The frames of 20 bytes, (n, 20): those that begin where another one ends, or are followed by one."""
+    if len(data) < BLUETOOTH_LENGTH:
+        return np.empty((0, BLUETOOTH_LENGTH), np.uint8)
+    windows = np.lib.stride_tricks.sliding_window_view(data, BLUETOOTH_LENGTH)
+    is_mark = (windows[:, 0] == MARK) & ((windows[:, 1] == SAMPLE) | (windows[:, 1] == ANSWER))
+    starts = np.flatnonzero(is_mark)
+    beside = np.isin(starts + BLUETOOTH_LENGTH, starts) | np.isin(starts - BLUETOOTH_LENGTH, starts)
+    whole, end = [], 0
+    for start in starts[beside].tolist():
+        if start >= end:
+            whole.append(start)
+            end = start + BLUETOOTH_LENGTH
+    return np.asarray(windows[whole])
+
+
+def is_bluetooth(head: bytes) -> bool:
+    """Whether the first bytes of a file are frames of 20 bytes without a gap, but for the one in which it begins."""
+    for offset in range(min(BLUETOOTH_LENGTH, len(head))):
+        data = np.frombuffer(head[offset : offset + FEWEST_FRAMES * BLUETOOTH_LENGTH], np.uint8)
+        if data[0] == MARK and len(_bluetooth_frames(data)) == FEWEST_FRAMES:
+            return True
+    return False
+
+
 def is_witmotion(head: bytes) -> bool:
     """Whether the first bytes of a file are frames without a gap, but for the one in which it begins."""
+    if is_bluetooth(head):
+        return True
     for offset in range(LENGTH):
         data = np.frombuffer(head[offset : offset + FEWEST_FRAMES * LENGTH], np.uint8)
         if head[offset : offset + 1] == bytes([MARK]) and len(_frames(data)) == FEWEST_FRAMES:
@@ -98,12 +130,32 @@ def _open(request: OpenRequest) -> ArrowSource:
         raise RecordingError(f"{path.name} is too large for a log of WitMotion.", "Give a part of it.")
     with open_regular(path) as file:
         data = np.frombuffer(file.read(), np.uint8)
-    frames = _frames(data)
-    arrays, units, left_out = _table(path, frames)
+    if is_bluetooth(data[:HEAD_BYTES].tobytes()):
+        frames = _bluetooth_frames(data)
+        arrays, units, left_out = _samples(frames)
+    else:
+        frames = _frames(data)
+        arrays, units, left_out = _table(path, frames)
     lost = len(data) - frames.size
-    if lost >= LENGTH:
+    if lost >= frames.shape[1]:
         left_out.append(f"{counted(lost, 'byte is', 'bytes are')} in no whole frame, and left out.")
     return ArrowSource(path, columns_of(path.name, arrays, left_out, units), "witmotion", request.table)
+
+
+def _samples(frames: NDArray[np.uint8]) -> tuple[dict[str, Array], dict[str, str], list[str]]:
+    """Columns of frames of 20 bytes, their units, and a sentence on frames that are left out."""
+    is_sample = frames[:, 1] == SAMPLE
+    answers = len(frames) - int(is_sample.sum())
+    left_out = [f"{counted(answers, 'answer is', 'answers are')} left out."] if answers else []
+    values = np.ascontiguousarray(frames[is_sample, 2:]).view("<i2")
+    arrays: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    for place, number in enumerate((0x51, 0x52, 0x53)):
+        of = TYPES[number]
+        for column, name in enumerate(of.names):
+            arrays[name] = values[:, 3 * place + column] * of.factor
+            units[name] = of.unit
+    return arrays, units, left_out
 
 
 def _table(path: Path, frames: NDArray[np.uint8]) -> tuple[dict[str, Array], dict[str, str], list[str]]:

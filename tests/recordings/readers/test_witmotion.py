@@ -94,3 +94,31 @@ def test_other_bytes_are_not_taken_for_frames(data: bytes, tmp_path: Path) -> No
     (tmp_path / "a.bin").write_bytes(data)
     with pytest.raises(RecordingError):
         open_file(tmp_path / "a.bin")
+
+
+def sample(n: int) -> bytes:
+    """A frame of 20 bytes."""
+    return b"\x55\x61" + struct.pack("<9h", 100 * n, 0, 2048, -100 * n, 0, 16384, 0, 16384, -16384)
+
+
+@each_row("begin", [0, 7])
+def test_frames_by_bluetooth_are_rows(begin: int, tmp_path: Path) -> None:
+    """They were named, and not read."""
+    path = tmp_path / "ble.bin"
+    path.write_bytes((b"".join(map(sample, range(40))) + b"\x55\x71" + bytes(18) + sample(40) + sample(41))[begin:])
+    with pytest.raises(RecordingError, match="no column of times"):
+        opened(path)
+    store = opened(path, 50.0)
+    found = {info["name"]: (info["id"], info["unit"]) for info in store.manifest["channels"]}
+    assert {name: unit for name, (_, unit) in found.items()} == {
+        **{"Acceleration": "g", "Angular velocity": "deg/s", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
+    }
+    rows = store.exact(found["Acceleration"][0], 0, 1000)
+    first = 1 if begin else 0
+    np.testing.assert_allclose(rows.columns[0], np.arange(first, 42) * 100 * 16 / 32_768)
+    np.testing.assert_allclose(rows.columns[2], 1.0)
+    np.testing.assert_allclose(np.diff(rows.time), 0.02, atol=1e-6)
+    assert store.exact(found["Angular velocity"][0], 0, 1).columns[2][0] == 1000
+    assert store.exact(found["Yaw"][0], 0, 1).columns[0][0] == -90
+    assert store.manifest["damage"][0]["words"] == "1 answer is left out."
+    assert sum(survives_damage(path, tmp_path))
