@@ -36,7 +36,7 @@ from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.recordings.readers.bag_folder import METADATA, is_bag_folder
 from imuscope.recordings.readers.formats.euroc_folder import DATA, sensor_folders
 from imuscope.recordings.readers.formats.oxts_folder import packet_folder
-from imuscope.recordings.readers.known_files import known_file
+from imuscope.recordings.readers.known_files import known_file, seeming
 from imuscope.recordings.readers.registry import (
     HEAD_BYTES,
     FileReader,
@@ -377,11 +377,11 @@ def _unknown(path: Path, head: bytes) -> RecordingError:
     if known is not None:
         return RecordingError(f"{path.name} is {known.name}, which imuscope does not read.", known.remedy)
     with open_regular(path) as file:
-        frames = damaged_frames(file.read(GUESS_BYTES))
-    if frames:
+        data = file.read(GUESS_BYTES)
+    if frames := damaged_frames(data):
         return _damaged(path, frames)
     kinds = ", ".join((".mcap", *vendor_logs.log_suffixes(), ".csv", *reader_suffixes()))
-    hint = f"Supported: {kinds}, and captures, whose protocol --protocol can name."
+    hint = f"{seeming(data)} Supported: {kinds}, and captures, whose protocol --protocol can name."
     return RecordingError(f"{path.name} is not a format imuscope knows.", hint)
 
 

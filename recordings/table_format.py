@@ -222,6 +222,8 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     if count > 1 and first == len(lines) and sum(map(bool, map(str.strip, lines))) == 1:
         raise RecordingError(f"{name} has a heading, but no rows.", "Give a table with samples.")
     if count < 2 - may_be_narrow or first == len(lines):
+        if len(heading := [line for line in lines if line.strip()]) == 1 and separator in heading[0]:
+            raise RecordingError(f"{name} has a heading, but no rows.", "Give a table with samples.")
         raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
     if not any(above.values()) and _is_numbering(rows[:2]):
         first, rows = first + 1, rows[1:]

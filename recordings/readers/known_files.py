@@ -41,6 +41,8 @@ class KnownFile:
 
 
 FEWEST_FRAMES = 8
+LONGEST_CHARACTER = 4  # bytes in UTF-8
+_CONTROLS = {chr(one) for one in range(32)} - set("\t\n\r\f\x1b")
 WITMOTION = "a binary log of WitMotion"
 AS_CANDUMP = "Convert it to the text of candump, for instance with python -m can.logconvert IN OUT.log."
 AS_TEXT = "Give the text file that its program makes of it."
@@ -101,6 +103,10 @@ FILES = (
         "Write its channels as CSV or Parquet, for instance with asammdf.",
         (b"MDF     ", b"UnFinMF "),
     ),
+    KnownFile(
+        "a pointer of Git LFS instead of the file", "Fetch the file with git lfs pull.", (b"version https://git-lfs",)
+    ),
+    KnownFile("a bag of an old ROS 1", "Migrate it with rosbag fix.", (b"#ROSBAG V1", b"#ROSRECORD V1")),
     KnownFile("a LAS point cloud", OTHER, (b"LASF",)),
     KnownFile(
         "a text log of ArduPilot", "Give the .BIN file, or the CSV file of mavlogdump.", (b"FMT, 128,", b"FMT,128,")
@@ -128,6 +134,19 @@ FILES = (
     KnownFile("a temporary file of SQLite", "Give the .db3 file beside it.", suffixes=(".db3-shm", ".db3-wal")),
     KnownFile("an Excel workbook", "Save it as CSV.", suffixes=(".xlsx", ".xls", ".ods")),
 )
+
+
+def seeming(data: bytes) -> str:
+    """A sentence on the first bytes of a file of no known format, and what to do."""
+    if len(set(data)) == 1:
+        return f"All its bytes are {data[0]}, as after a copy that failed: copy it again."
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        text = data[: error.start].decode() if len(data) - error.start < LONGEST_CHARACTER else ""
+    if text and not any(one in _CONTROLS for one in text):
+        return "It is a text without rows of numbers: give those."
+    return "It is binary, without a mark that is known: numbers alone can be saved with numpy.save, or as CSV."
 
 
 def known_file(head: bytes, suffix: str = "") -> KnownFile | None:

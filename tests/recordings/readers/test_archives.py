@@ -200,3 +200,29 @@ def test_what_a_zip_has_beside_a_bag_is_said(tmp_path: Path) -> None:
     bag = ros1_bag(tmp_path / "a.bag").read_bytes()
     store = opened(zipped(tmp_path / "log.zip", {"a.bag": bag, "README.txt": b"hello"}), tmp_path)
     assert "Of log.zip these are left out: README.txt." in damage_of(store)
+
+
+@each_row(
+    ("data", "words"),
+    [
+        (bytes(1000), "All its bytes are 0, as after a copy that failed"),
+        (b"Dear all,\nplease find the log attached.\n\xc3\xa4", "It is a text without rows of numbers"),
+        (bytes(range(256)) * 3, "It is binary, without a mark that is known"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12\n", "Fetch the file with git lfs pull"),
+        (b"#ROSBAG V1.2\n" + bytes(200), "Migrate it with rosbag fix"),
+    ],
+    ids=["zeros", "text", "binary", "lfs", "old bag"],
+)
+def test_an_unknown_file_is_answered_with_what_it_seems_to_be(data: bytes, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.bin"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError) as caught:
+        open_file(path)
+    assert words in f"{caught.value.message} {caught.value.hint}"
+
+
+def test_a_table_of_a_heading_alone_is_said_to_have_no_rows(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,gx,gy\n")
+    with pytest.raises(RecordingError, match="has a heading, but no rows"):
+        open_file(path)
