@@ -25,6 +25,7 @@ from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.typed_rows import KEY, TypedTables, csv_line
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.table_dates import is_moment
 from imuscope.recordings.table_format import LONGEST_LINE, MAX_COLUMNS, is_number
 from imuscope.recordings.table_names import JSON_NAMES, JSON_RATES, TIME, TIMES, words_of
 
@@ -36,6 +37,7 @@ DEEPEST = 32  # brackets in brackets
 FEWEST = 2  # samples
 MOST_CELLS = 64  # of a list in a sample
 UNITS = ("unit", "units", "SIUN")
+INDEX = "index"
 HINT = "Give its samples as a list of objects, as JSON lines, or as a CSV file with a row for each."
 _HEAD = re.compile(r'\s*(?:\{\s*["}]|\[\s*(?:\{\s*["}]|\[\s*[\[\]{"\d-]|-?\d[\d.eE+-]*\s*,))')
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]', re.DOTALL)
@@ -190,6 +192,7 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
         beside: members of the object that holds it.
     """
     if isinstance(value, list):
+        names, index = _names(beside), _index(beside.get("index"), len(value))
         for one in value:
             if isinstance(one, dict) and (len(value) < FEWEST or _holds_samples(one)):
                 yield from _samples(one, "", one)
@@ -198,8 +201,12 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
             elif isinstance(one, dict):
                 yield from (((_name(one, name), beside), _flat(inner)) for inner in _of_batch(one))
             elif isinstance(one, list):
-                yield (name, beside), _row(one, _names(beside))
+                yield (name, beside), _row(one, names) | next(index, {})
     elif isinstance(value, dict):
+        if _is_indexed(value) and all(isinstance(one, dict) for one in value.values()):  # a row for each
+            rows = zip(value.values(), _index([*value], len(value)), strict=False)
+            yield from (((_name(one, name), beside), _flat(one) | number) for one, number in rows)
+            return
         if columns := _columns(value):
             for cells in zip(*columns.values(), strict=True):
                 yield (name, value), dict(zip(columns, cells, strict=True))
@@ -240,12 +247,25 @@ def _columns(value: Mapping[str, Any]) -> dict[str, Sequence[Any]]:
     size = max(map(len, plain.values()), default=0)
     columns = {key: one for key, one in plain.items() if len(one) == size and key not in JSON_NAMES}
     numbers = sum(all(map(_is_cell, one)) for one in columns.values())
+    keys = [list(value[key]) for key in columns if _is_indexed(value[key])]
+    if keys and INDEX not in columns and all(one == keys[0] for one in keys):
+        cells = [row[INDEX] for row in _index(keys[0], size) if row]
+        columns = {INDEX: cells, **columns} if cells else columns
     return columns if len(columns) >= FEWEST and numbers else {}
 
 
 def _is_indexed(value: Any) -> bool:
-    """Whether an object counts its members: 0, 1, …, as pandas writes a column."""
-    return isinstance(value, dict) and len(value) >= FEWEST and all(map(str.isdecimal, value))
+    """Whether an object counts its members, 0, 1, …, or has a time for each, as pandas writes a column."""
+    if not isinstance(value, dict) or len(value) < FEWEST:
+        return False
+    return all(map(str.isdecimal, value)) or all(map(is_moment, value))
+
+
+def _index(cells: Any, count: int) -> Iterator[Sample]:
+    """The cell of the index for each row; nothing in them where it only counts."""
+    there = cells if isinstance(cells, list) and len(cells) == count and _is_plain(cells) else []
+    counts = [str(one) for one in there] == [str(number) for number in range(count)]
+    yield from ({INDEX: one} for one in there) if there and not counts else ({} for _ in range(count))
 
 
 def _is_cell(value: Any) -> bool:

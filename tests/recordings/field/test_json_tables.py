@@ -186,3 +186,33 @@ def test_text_in_utf_16_is_read(encoding: str, text: str, tmp_path: Path) -> Non
     rows = rows_of(opened(path), "a")
     np.testing.assert_array_equal(rows.columns[0], np.arange(N) % 7)
     np.testing.assert_allclose(np.diff(rows.time), 0.02, atol=1e-6)
+
+
+@each_row("form", ["split", "index", "columns"])
+@each_row("index", ["ms", "dates"])
+def test_the_index_of_pandas_is_a_column(form: str, index: str, tmp_path: Path) -> None:
+    """Times in the names of members were lost, so that there was no column of times."""
+    names = [str(1000 * START + 20 * n) if index == "ms" else TIMES[n] for n in range(N)]
+    rows = [{"acc_x": n % 7, "acc_y": 0.5} for n in range(N)]
+    value: Any = dict(zip(names, rows, strict=True))
+    if form == "columns":
+        value = {key: {name: row[key] for name, row in zip(names, rows, strict=True)} for key in rows[0]}
+    elif form == "split":
+        cells: list[Any] = [int(name) for name in names] if index == "ms" else names
+        value = {"columns": [*rows[0]], "index": cells, "data": [[*row.values()] for row in rows]}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(value))
+    acceleration = rows_of(opened(path), "acc")
+    np.testing.assert_allclose(acceleration.time, START + np.arange(N) / 50, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(acceleration.columns[0], np.arange(N) % 7)
+
+
+@each_row("form", ["split", "columns"])
+def test_an_index_that_only_counts_is_no_column(form: str, tmp_path: Path) -> None:
+    value: Any = {key: {str(n): n / 50 for n in range(N)} for key in ("time", "gx")}
+    if form == "split":
+        value = {"columns": ["time", "gx"], "index": [*range(N)], "data": [[n / 50, n / 50] for n in range(N)]}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(value))
+    store = opened(path)
+    assert [one["name"] for one in store.manifest["channels"]] == ["gx"]
