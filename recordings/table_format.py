@@ -15,7 +15,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import dropwhile, pairwise
 from pathlib import Path
 
 from imuscope.recordings.mcap_writer import RecordingError
@@ -173,7 +173,8 @@ def has_rows(path: Path) -> bool:
         form = format_of(path)
     except RecordingError:
         return False
-    return len(form.sample) >= FEWEST_ROWS and all(map(_is_data, form.sample[:FEWEST_ROWS]))
+    rows = [*dropwhile(lambda row: not _is_data(row), form.sample)]
+    return len(rows) >= FEWEST_ROWS and all(map(_is_data, rows[:FEWEST_ROWS]))
 
 
 def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
@@ -211,6 +212,11 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         if len(cells) == count and not _is_data(cells) and sum(map(bool, map(_LETTER.search, cells))) > (count > 2):
             heading_at = at if not above[False] and not is_comment else heading_at
             above[is_comment].append(cells)
+    while heading_at < first - 1 < len(lines) - 1 and _is_like(
+        row := _head_cells(lines[first - 1], separator, count), _head_cells(lines[first], separator, count)
+    ):
+        first -= 1
+        above[False] = [cells for cells in above[False] if cells != row]
     if first == len(lines) and above[False]:  # without a row of numbers, the first line that can be the heading is it
         first, above[False] = heading_at + 1, above[False][:1]
     rows = [split(line, separator) for line in lines[first:] if line.strip()]
@@ -383,6 +389,16 @@ def _is_data(cells: Sequence[str]) -> bool:
     filled = [cell for cell in cells if cell.strip()]
     values = [cell for cell in filled if is_number(cell) or is_moment(cell)]
     return bool(values) and len(values) >= 0.75 * len(filled)
+
+
+def _is_like(cells: Sequence[str], row: Sequence[str]) -> bool:
+    """Whether a line between the heading and the first row of numbers is a row with more texts: on, n.a., a note."""
+    if len(cells) != len(row) or not any(map(is_number, cells)):
+        return False
+    if is_number(cells[0]) and is_number(row[0]):
+        return True
+    values = [is_number(cell) or is_moment(cell) for cell in cells if cell.strip()]
+    return values[0] and not is_number(row[0]) and 2 * sum(values) >= len(values)
 
 
 def _decimal(sample: Sequence[Sequence[str]], separator: str) -> str:

@@ -84,7 +84,7 @@ _SENSORS = "acc|gyr|mag|imu|grav|orient|rot|quat|att|euler|baro|press|temp|light
 SENSOR = re.compile(_SENSORS, re.IGNORECASE)
 INERTIAL = re.compile(
     r"acc(?!ur|ou|es|ep|um)|gyr|angular|omega|imu|^[agw][ _.]?[xyz]$|^[aw]_rs|pqr|uvw|quat|attitude|roll|pitch|"
-    r"beschleunig|drehrate|aceler|giro[sc]|ускорен|гироск|加速度|角速度|陀螺|ジャイロ|가속도",
+    r"beschl|drehrate|aceler|giro[sc]|ускорен|гироск|加速度|角速度|陀螺|ジャイロ|가속도",
     re.IGNORECASE,
 )
 

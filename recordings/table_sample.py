@@ -106,7 +106,8 @@ class TableSample:
                 return there.index(name)
         if name.isdecimal() and 1 <= int(name) <= len(self.headings):
             return int(name) - 1
-        hint = f"There are: {', '.join(one.text for one in self.headings)[:300]}."
+        named = ", ".join(one.text for one in self.headings if one.text)[:300]
+        hint = f"There are: {named}." if named else f"They are numbered from 1 to {len(self.headings)}."
         raise RecordingError(f"{self.file} has no column {name!r:.60}.", hint)
 
     def open_clock(self, column: int, rank: int, epoch: Epoch = "start") -> TableClock:

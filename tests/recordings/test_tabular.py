@@ -108,6 +108,20 @@ def test_quoted_cells_behind_blanks_are_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)
 
 
+@each_row("first", ["0,1,on,x", "0,,n.a.,", "0,on,off,x", '0,1,"a, b",see below'])
+def test_first_rows_with_texts_are_rows(first: str, tmp_path: Path) -> None:
+    """Regression: rows before the first one of numbers alone were taken for lines above the table."""
+    rows = "".join(f"{n},{n},{n / 2},\n" for n in range(2, 20))
+    columns = table(tmp_path / "a.csv", f"time (s),a,b,note\n{first}\n1,1,off,y\n{rows}")
+    assert columns.rows(1) == 20
+
+
+def test_a_line_of_units_is_not_a_row(tmp_path: Path) -> None:
+    columns = table(tmp_path / "a.csv", "time,a,b\ns,-,m/s\n" + "".join(f"{n},{n},{n / 2}\n" for n in range(20)))
+    assert columns.rows(1) == 20
+    assert [info["unit"] for info in columns.manifest["channels"]] == ["-", "m/s"]
+
+
 def test_a_heading_without_rows_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time (s),gyr_x\n")

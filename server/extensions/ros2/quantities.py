@@ -36,7 +36,7 @@ TABLE_TITLES: Mapping[str, re.Pattern[str]] = {
     "Acceleration": re.compile(r"acc(?!ur|um)|beschleunig|^a$|加速度", re.I),
     "Magnetic field": re.compile(r"^mag|^b$|地磁|磁", re.I),
 }
-"""Vectors of tables by their headings; the rest follows from their units."""
+"""Vectors of tables by their headings, if their units fit."""
 _NOT_MEASURED = re.compile(r"bias|offset|drift|noise|std|var|cov|err|free|user|lin|grav|world|global|earth|estim", re.I)
 WORLD_FRAMES = ("ENU", "NED", "NWU")
 _LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)
