@@ -74,12 +74,14 @@ class RecordRequest:
         sources: each with its decode options.
         duration_s: seconds of data; None to record until stopped.
         data: the data folder, for known settings of the device.
+        patience_s: longest wait for the first byte; None to wait until stopped.
     """
 
     sources: tuple[tuple[str, DecodeOptions], ...]
     path: Path
     duration_s: float | None
     data: Path
+    patience_s: float | None = None
 
 
 def record(request: RecordRequest, notes: TextIO) -> str:
@@ -147,7 +149,8 @@ async def _record(request: RecordRequest, notes: TextIO) -> tuple[RecordStatus, 
     if state.message:
         raise RecordError(f"{state.message} {state.hint}".rstrip())
     if not status.size:
-        raise RecordError(f"No data was received, so nothing was recorded. {why}")
+        result = "No data was received" + (", so nothing was recorded" if request.patience_s is None else "")
+        raise RecordError(f"{result}. {why}")
     return status, name
 
 
@@ -186,8 +189,11 @@ async def _until_end(
                 printed_texts.add(text)
                 print(f"imuscope: {printable(text)}", file=notes, flush=True)
 
+    began = recorder.now()
     while not ended.is_set():
         wait_s = POLL_S
+        if request.patience_s is not None and not status.first_ns:
+            wait_s = min(wait_s, began + request.patience_s - recorder.now())
         if request.duration_s is not None and status.first_ns:
             wait_s = min(wait_s, status.first_ns / 1e9 + request.duration_s - recorder.now())
         if wait_s <= 0:

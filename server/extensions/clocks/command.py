@@ -23,6 +23,7 @@ from imuscope.server.commands.file_arguments import add_table
 from imuscope.server.devices.decode_options import DecodeOptions
 
 MOST_S = 3600.0
+PATIENCE_S = 30.0  # with a source that sends nothing: a serial port may be tried at several baud rates
 
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -87,7 +88,7 @@ def _received(options: argparse.Namespace, reading: DecodeOptions) -> Iterator[P
         path = Path(folder) / "live.mcap"
         source = parse_source_options(options.file, reading)
         try:
-            record(RecordRequest((source,), path, options.seconds, data), sys.stderr)
+            record(RecordRequest((source,), path, options.seconds, data, PATIENCE_S), sys.stderr)
         except (RecordError, LinkError) as error:
             raise UsageError(str(error)) from None
         yield path

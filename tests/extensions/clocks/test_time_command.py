@@ -138,3 +138,21 @@ def test_a_live_source_is_received_for_some_seconds(tmp_path: Path, capsys: pyte
     for words, problem in ((["none:here"], "none:here"), (["sim:xbus", "--seconds", "0"], "--seconds 0")):
         assert main(["time", *words, *data]) == 1
         assert problem in capsys.readouterr().err
+
+
+def test_a_source_that_sends_nothing_is_not_waited_for_without_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("imuscope.server.extensions.clocks.command.PATIENCE_S", 0.2)
+    assert main(["time", "udp://127.0.0.1:0", "--seconds", "1", "--data", str(tmp_path)]) == 1
+    assert "No data was received. " in capsys.readouterr().err
+
+
+def test_a_file_without_numbers_is_an_error_that_says_what_it_holds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing was printed, and the exit code was 0."""
+    empty = tmp_path / "empty.mtb"
+    empty.write_bytes(bytes.fromhex("faff3000d1") * 20)
+    assert main(["time", str(empty)]) == 1
+    assert "empty.mtb has no numbers that can be shown. It holds: " in capsys.readouterr().err
