@@ -8,6 +8,7 @@ the others down.
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -104,16 +105,23 @@ class Server:
             names: names or titles of signals, "DEVICE/NAME" for those of one device; none for all. Signals that are
                 described later are included.
             history_s: begin with what the server has kept of the last seconds; the newest of it comes first.
-            timeout_s: longest time without a sample.
+            timeout_s: longest time without a sample of these.
 
         Raises:
             ImuscopeError: nothing arrived for `timeout_s`, or the connection was lost.
         """
         self._send({"op": "subscribe", "channels": None, "history": history_s})
+        newest = time.monotonic()
         while True:
             while not self._waiting:
                 self._receive(timeout_s)
-            yield from self._batches(self._waiting.pop(0), names)
+            for batch in self._batches(self._waiting.pop(0), names):
+                yield batch
+                newest = time.monotonic()
+            if timeout_s is not None and time.monotonic() - newest > timeout_s:
+                listed = ", ".join(dict.fromkeys(one.title for one in self.signals))
+                chosen = ", ".join(map(repr, names))
+                raise ImuscopeError(f"Nothing of {chosen} arrived for {timeout_s:g} s; the server sends: {listed}.")
 
     def close(self) -> None:
         """End the connection."""

@@ -173,6 +173,10 @@ def test_a_server_is_an_iterator(server: ServerProcess) -> None:
         assert (np.diff(times) > 0).all()
         history = next(live.stream("RateOfTurn", history_s=60, timeout_s=PATIENCE_S))
         assert len(history) > 0
+        with pytest.raises(
+            imuscope.ImuscopeError, match=r"Nothing of 'Rate' arrived .*; the server sends: .*Rate of turn"
+        ):
+            next(live.stream("Rate", timeout_s=0.2))
     for address in (server.url.replace("http://", "tcp://"), server.url.removeprefix("http://")):
         with imuscope.connect(address) as live:
             assert live.version
