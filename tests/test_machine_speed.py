@@ -108,6 +108,7 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "server/test_message_recording.py": ({"clock": 1}, STAMPS),
     "server/test_metrics.py": ({"clock": 1}, TODAY),
     "extensions/rerun/test_rerun.py": ({"limit": 1, "wait": 1}, "the pace of a device; a wait that must not end"),
+    "test_python_library.py": ({"limit": 1}, "a wait that must end without a sample"),
     "extensions/ros2/test_ros2.py": ({"clock": 2}, TODAY),
     "server/test_settings_diff.py": ({"wait": 1}, "the device's up-time goes on"),
     "server/test_stream.py": ({"clock": 5, "limit": 1}, "the end of patience; a stamp is of today"),
