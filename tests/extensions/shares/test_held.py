@@ -8,6 +8,7 @@ import re
 import signal
 import socket
 import termios
+import threading
 import time
 from pathlib import Path
 
@@ -74,6 +75,57 @@ async def test_every_client_gets_every_byte_and_one_of_each_share_may_write(port
         first.close()
         await eventually(lambda: len(clients(link)) == 1, link)
         second.close()
+
+
+async def test_a_program_reads_nothing_of_what_came_before_it(port: DevicePort, tmp_path: Path) -> None:
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        for _ in range(3):
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            port.send(b"left unread")
+            assert await received(link, 11) == b"left unread"
+            os.close(driver)
+            await eventually(lambda: not clients(link), link)
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            port.send(b"new")
+            assert await received(link, 3) == b"new"
+            assert read_exactly(driver, 3) == b"new"
+            os.close(driver)
+            await eventually(lambda: not clients(link), link)
+
+
+async def test_a_program_that_opens_its_terminal_again_misses_nothing_after_its_first_byte(
+    port: DevicePort, tmp_path: Path
+) -> None:
+    number, ended = 0, threading.Event()
+
+    def speak() -> None:
+        nonlocal number
+        while not ended.wait(0.0005):
+            port.send(b"%d\n" % number)
+            number += 1
+
+    async with shared(port, str(tmp_path / "imu0")) as link:
+        listener = asyncio.create_task(drained(link))
+        speaker = threading.Thread(target=speak)
+        speaker.start()
+        try:
+            for _ in range(60):
+                driver = opened(tmp_path / "imu0")
+                lines = (await asyncio.to_thread(read_exactly, driver, 200)).split(b"\n")[1:-1]
+                os.close(driver)
+                heard = [int(line) for line in lines]
+                assert heard == list(range(heard[0], heard[0] + len(heard)))
+        finally:
+            ended.set()
+            speaker.join()
+            listener.cancel()
+
+
+async def drained(link: SharedPortLink) -> None:
+    while True:
+        await link.read()
 
 
 async def test_datagrams_go_both_ways(port: DevicePort) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import grp
 import os
 import pwd
@@ -117,7 +118,16 @@ class PtyShare(Share):
         if (other := _holder_of(path)) is not None:
             words = f"{path} is offered by another holder (process {other})"
             raise ShareError(f"{words}; choose another path or end that one")
-        master, slave = os.openpty()
+        self._make()
+
+    def _make(self) -> None:
+        """Make a terminal, to which the path leads from now on; ShareError: it cannot be."""
+        path = self.address.path
+        try:
+            master, slave = os.openpty()
+        except OSError as error:
+            words = f"{path} cannot be created: {error.strerror or error}"
+            raise ShareError(f"{words}; close programs that have terminals open") from None
         try:
             tty.setraw(slave)
             name = os.ttyname(slave)
@@ -161,7 +171,7 @@ class PtyShare(Share):
     def update(self) -> tuple[Client | None, Client | None]:
         if self._master < 0:
             return None, None
-        events = sum(event for _, event in self._poll.poll(0))
+        events = self._events()
         is_open = not events & select.POLLHUP
         if not self.clients and (is_open or events & select.POLLIN):  # or it came, wrote and left since the last look
             return self._add(self.address.path, self._master, terminal=self._slave), None
@@ -172,9 +182,38 @@ class PtyShare(Share):
                 client.baud = RATES.get(termios.tcgetattr(self._master)[4])
         return None, None
 
+    def _events(self) -> int:
+        return sum(event for _, event in self._poll.poll(0))
+
     def clean(self) -> None:
-        with contextlib.suppress(termios.error):
-            termios.tcflush(self._master, termios.TCIOFLUSH)
+        """Also ends the exclusive use by a program that has left (TIOCEXCL): it lasts as long as a terminal, which that
+        of a device does not.
+        """
+        if self._master < 0 or not self._events() & select.POLLHUP:
+            return
+        try:
+            slave = os.open(self._slave, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError:  # in exclusive use, or of another owner
+            self._renew()
+            return
+        try:
+            fcntl.ioctl(slave, termios.TIOCNXCL)
+            termios.tcflush(slave, termios.TCIOFLUSH)  # that of the master leaves what the slave has received
+        except (OSError, termios.error):
+            pass
+        finally:
+            os.close(slave)
+
+    def _renew(self) -> None:
+        """Replace the terminal; it stays if that fails."""
+        old = self._master
+        self._poll.unregister(old)
+        try:
+            self._make()
+        except ShareError:
+            self._poll.register(old, select.POLLIN)
+        else:
+            os.close(old)
 
     def drop(self, client: Client) -> None:
         """Hang up: the programs that have it open see an unplugged port; the path leads to a new one."""

@@ -130,9 +130,7 @@ class Sharing:
             for client in share.clients:
                 self._follow_rate(client, now)
             if left is not None:
-                self._read_last(left)
-                self._left(left)
-                share.clean()
+                self._left_terminal(share, left)
             if came is not None:
                 self._came(share, came)
         self._take_turn(now)
@@ -210,13 +208,26 @@ class Sharing:
         return next((share for share in self.shares if client in share.clients), None)
 
     def _hung_up(self, client: Client) -> None:
-        self._read_last(client)
         share = self._share_of(client)
         if share is not None and share.address.kind == "pty":
-            share.clients.remove(client)  # its terminal stays; `look` notices who opens it next
-            self._left(client)
+            share.clients.remove(client)  # its terminal stays; `update` notices who opens it next
+            self._left_terminal(share, client)
         else:
+            self._read_last(client)
             self._drop(client)
+
+    def _left_terminal(self, share: Share, client: Client) -> None:
+        """Forget the client of a terminal, with what it has not read. A program that has opened it again since reads on
+        where the last one ended: it would miss what comes until the next look.
+        """
+        self._read_last(client)
+        self._left(client)
+        came, _ = share.update()
+        if came is None:
+            share.clean()
+            came, _ = share.update()  # as it may have been opened before that
+        if came is not None:
+            self._came(share, came)
 
     def _follow_rate(self, client: Client, now: float) -> None:
         """Set the port to the rate that a client set after it has sent to the device; before, the rate has no meaning.
