@@ -68,7 +68,10 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "links/test_baud_scan.py": ({"wait": 1}, "the plug is pulled at any moment of the search"),
     "links/test_capture_file.py": ({"clock": 2, "wait": 2}, "a file is read ahead, and nothing tells how far"),
     "links/test_foxglove_source.py": ({"clock": 5}, STAMPS),
-    "extensions/shares/test_held.py": ({"clock": 4, "wait": 1}, "a holder that is quiet for a time of its own process"),
+    "extensions/shares/test_held.py": (
+        {"clock": 4, "wait": 1, "limit": 1},
+        f"a holder that is quiet for a time of its own process; {PACE}",
+    ),
     "extensions/shares/test_held_clients.py": (
         {"clock": 6},
         "a client that is quiet for a time of its holder",
@@ -110,6 +113,7 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "extensions/rerun/test_rerun.py": ({"limit": 1, "wait": 1}, "the pace of a device; a wait that must not end"),
     "test_python_library.py": ({"limit": 1}, "a wait that must end without a sample"),
     "extensions/ros2/test_ros2.py": ({"clock": 2}, TODAY),
+    "server/test_simulate.py": ({"wait": 2}, "a device sends while nobody reads it"),
     "server/test_settings_diff.py": ({"wait": 1}, "the device's up-time goes on"),
     "server/test_stream.py": ({"clock": 5, "limit": 1}, "the end of patience; a stamp is of today"),
     "server_process.py": ({"clock": 2, "wait": 1}, "the end of patience; a look now and then"),

@@ -90,6 +90,7 @@ async def _run(
     baud = options.faults.baud or 115_200
     set_rate(simulator_thread.slave, baud)
     bridge = Bridge(simulator_thread) if tcp is not None else None
+    simulator_thread.release()  # so that it notices which program opens the port
     where = f"{pty} ({simulator_thread.slave})"
     if bridge is not None and tcp is not None:
         where = f"tcp://{await bridge.listen(*tcp)}"

@@ -40,6 +40,7 @@ So a test with a simulator covers the same code as a sensor: the port, the readi
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import fcntl
 import logging
@@ -106,6 +107,7 @@ class SimulatorThread(threading.Thread):
         self.slave = os.ttyname(self._slave_fd)
         self._master_lock = threading.Lock()  # held while the master is closed or its other end is opened
         self._backlog = b""  # bytes not accepted yet by the pseudo-terminal, which holds 4 kB
+        self._is_used = True  # a program has the port open, or this thread keeps it
         self._stopped = False
         self._cycled = False
 
@@ -164,7 +166,9 @@ class SimulatorThread(threading.Thread):
         """Wait until something is due, `until_ns` at the latest; bytes from the host are put on the line."""
         due = [at for direction in (self._to_host, *self._to_device) if (at := direction.next_ns) is not None]
         wait_ns = min([until_ns, *due]) - self._now_ns()
-        for fd, event in poll.poll(max(wait_ns, 0) / 1e6):
+        events = poll.poll(max(wait_ns, 0) / 1e6)
+        self._follow_use(dict(events).get(self._master, 0))
+        for fd, event in events:
             if fd == self._master and event & select.POLLIN:
                 try:
                     data = os.read(self._master, 4096)
@@ -176,12 +180,29 @@ class SimulatorThread(threading.Thread):
             elif fd == self._master:
                 time.sleep(TICK_NS / 1e9)  # the port is not open, which poll reports without waiting
 
+    def _follow_use(self, event: int) -> None:
+        """Note whether a program has the port open. What the last one left unread is gone with it, as at a real port:
+        the next one must not take it for new.
+        """
+        was_used, self._is_used = self._is_used, not event & select.POLLHUP
+        if self._is_used or not was_used:
+            return
+        self._backlog = b""
+        with contextlib.suppress(OSError, termios.error), self._master_lock:
+            fd = fcntl.ioctl(self._master, TIOCGPTPEER, os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
+            try:
+                termios.tcflush(fd, termios.TCIFLUSH)
+            finally:
+                os.close(fd)
+
     def _put(self, data: bytes) -> None:
-        """Write bytes to the port. Bytes beyond its buffer are lost, as at a real port that is not read.
+        """Write bytes to the port, if it is open. Bytes beyond its buffer are lost, as at a real port that is not read.
 
         A pseudo-terminal buffers far less than a real port, and its reader shares a process with this thread: both
         are delayed together during a compilation. So the remainder of a real port's buffer is kept here.
         """
+        if not self._is_used:
+            return
         self._backlog += data
         if not self._backlog:
             return

@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import socket
 import stat
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import serial
 
+from imuscope.protocols.events import Batch
 from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.xbus.decoder import XbusDecoder
 from tests.each_row import each_row
 from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S
@@ -63,6 +66,26 @@ def test_another_program_opens_it_as_a_serial_port(tmp_path: Path) -> None:
             client.until(0x31, GO_TO_CONFIG)
             client.until(0x01, REQUEST_ID)
     assert not path.is_symlink()
+
+
+def test_a_program_gets_nothing_of_what_came_before_it(tmp_path: Path) -> None:
+    """As at a real port, which has no memory of what nobody read: it would be taken for new, and end in a gap."""
+    path = tmp_path / "imu0"
+    with simulated("xbus?rate=400", "--pty", str(path), "--data", str(tmp_path)):
+        newest = -100  # its first samples come after it has woken up
+        for _ in range(3):
+            time.sleep(0.2)  # more than a terminal holds
+            decoder, numbers = XbusDecoder(), list[int]()
+            port = os.open(path, os.O_RDWR | os.O_NOCTTY)
+            while len(numbers) < 20:
+                decoder.feed(os.read(port, 4096), 0)
+                batches = [one for one in decoder.drain() if isinstance(one, Batch)]
+                numbers += [number for one in batches for number in one.columns["PacketCounter"].tolist()]
+            time.sleep(0.05)  # some are left unread
+            os.close(port)
+            assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+            assert numbers[0] > newest + 20
+            newest = numbers[-1]
 
 
 def test_another_program_connects_by_tcp(tmp_path: Path) -> None:
