@@ -5,8 +5,9 @@
     header.stamp            the time axis of the recording
     time of the bag         arrival at the host
 
-What no message holds is named in metadata.yaml, as custom data `imuscope.left_out`; `imuscope.segments` has the times
-at which a segment of a clock begins, unix s by device.
+What no message holds is named in metadata.yaml, as custom data `imuscope.left_out`; `imuscope.rows_left_out` counts the
+samples without a message, because a number of theirs is missing, by topic; `imuscope.segments` has the times at which a
+segment of a clock begins, unix s by device.
 
 Source: rosbag2 (docs.ros.org), "metadata.yaml", version 8, which Humble reads as well.
 """
@@ -77,6 +78,8 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
                 writer.write(connections[topic], arrival, data)
             done += sum(past - first for first, past in window.values())
             step(done / total)
+        rows_left_out = {topic: one.left_out for topic, one in topics if one.left_out}
+        writer.set_custom_data("imuscope.rows_left_out", json.dumps(rows_left_out))
     return [out]
 
 

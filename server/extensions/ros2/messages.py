@@ -73,6 +73,9 @@ class MessageBuilder:
         columns: values of the messages from complete rows; rows without a message are left out beforehand.
         encoder: with the texts of the messages.
         stamp: path of the time.
+
+    Attributes:
+        left_out: rows without a message so far.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class MessageBuilder:
         keep: Callable[[RowBlock], Mask] | None = None,
     ) -> None:
         self.type, self.channels = type, channels
+        self.left_out = 0
         self._join, self._columns, self._stamp, self._keep = join, columns, stamp, keep
         self._texts, self._lengths = texts, lengths
         self._encoder: RowEncoder | None = None
@@ -108,7 +112,9 @@ class MessageBuilder:
             return (), []
         rate = self._rate.update(block)
         if self._keep is not None:
-            block = _rows(block, np.flatnonzero(self._keep(block)))
+            kept = np.flatnonzero(self._keep(block))
+            self.left_out += len(block.times) - len(kept)
+            block = _rows(block, kept)
         n = len(block.times)
         if n == 0:
             return (), []

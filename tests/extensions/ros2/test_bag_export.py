@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import sqlite3
 import zipfile
 from contextlib import closing
@@ -90,6 +91,18 @@ def test_rosbags_reads_every_sample(mti: imuscope.Recording, suffix: str, tmp_pa
     assert "MTData2/StatusWord" in left_out
     assert "MTData2/MagneticField" in left_out  # in arbitrary units
     assert "RateOfTurn" not in left_out
+
+
+def test_samples_that_lack_a_number_are_left_out_and_counted(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    cells = [f"{1.7e9 + n / 100:.2f},0.1,{'' if n in (3, 7) else 0.2},0.3" for n in range(20)]
+    path.write_text("\n".join(["time (s),gyr_x (rad/s),gyr_y (rad/s),gyr_z (rad/s)", *cells]))
+    with imuscope.open(path) as source:
+        [bag] = source.export(tmp_path / f"walk{FORMATS[BAGS[0]].suffix}")
+    [(topic, some)] = messages(bag).items()
+    assert len(some) == 18
+    about = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert json.loads(about["custom_data"]["imuscope.rows_left_out"]) == {topic: 2}
 
 
 def test_a_bag_is_opened_again(mti: imuscope.Recording, tmp_path: Path) -> None:
