@@ -24,6 +24,7 @@ from typing import Any
 
 from tests.fork_server import Child, ForkServer
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -186,6 +187,13 @@ class ServerProcess:
         request = urllib.request.Request(f"{self.url.rstrip('/')}{path}", content, head, method=method)
         with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
             return json.loads(answer.read() or b"null")
+
+    def wait_until_open(self, devices: int) -> None:
+        """Wait until so many silent devices have their ports open: a port that is opened discards what came before."""
+        block_until(
+            lambda: sum("is open" in one["message"] for one in self.ask("GET", "/api/devices")) == devices,
+            lambda: f"{devices} open ports: {self.ask('GET', '/api/devices')}",
+        )
 
     def stop(self) -> int:
         """End the process, kindly first. Returns its exit status."""

@@ -59,6 +59,7 @@ def test_a_recording_is_whole_and_the_history_bounded_within_a_limit(tmp_path: P
             pid = server.process.pid
             limit = data_of(pid) + (HISTORY_MB + ROOM_MB) * MB
             resource.prlimit(pid, resource.RLIMIT_DATA, (limit, limit))
+            server.wait_until_open(3)
             speakers.go()
             sent = speakers.sent()["devices"]
             total = sum(one["bytes"] for one in sent)

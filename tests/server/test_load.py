@@ -63,6 +63,7 @@ def test_many_clients_lose_no_sample(tmp_path: Path) -> None:
     with Speakers(DEVICES, RATE, SECONDS) as speakers:
         sources = [f"serial://{terminal}?baud=2000000&protocol=xbus" for terminal in speakers.terminals]
         with ServerProcess(*sources, data=tmp_path, arguments=("--record",)) as server:
+            server.wait_until_open(DEVICES)
             good, sent = asyncio.run(crowded(server, speakers))
             assert good.lost == 0
             with urllib.request.urlopen(f"{server.url}/api/devices", timeout=PATIENCE_S) as answer:

@@ -23,7 +23,7 @@ from imuscope.server.wire import ChannelInfo
 Floats = NDArray[np.float64]
 
 _NAMES: dict[str, tuple[re.Pattern[str], str]] = {
-    "gyroscope": (re.compile(r"rate.?of.?turn|angular.?(rate|velocity)|gyro|pqr", re.I), "rad/s"),
+    "gyroscope": (re.compile(r"rate.?of.?turn|angular.?(rate|velocity)|gyr|pqr", re.I), "rad/s"),
     "accelerometer": (re.compile(r"accel|specific.?force|(^|\.)acc", re.I), "m/s²"),
     "magnetometer": (re.compile(r"magn|(^|\.)mag", re.I), ""),
 }

@@ -16,7 +16,13 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
 from imuscope.server.extensions.analysis.triads import Samples, finite
 from imuscope.server.extensions.calibration.export import FORMATS, exported
-from imuscope.server.extensions.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
+from imuscope.server.extensions.calibration.kinds import (
+    CalibrationInputs,
+    CalibrationOptions,
+    evaluated,
+    is_table,
+    method_for,
+)
 from imuscope.server.extensions.calibration.mounting import VerticalAxis
 from imuscope.server.extensions.calibration.report import CalibrationReport, SensorCorrection
 from imuscope.server.library.recording_detail import channels_of
@@ -86,7 +92,7 @@ def calibrate_file(path: Path, reading: DecodeOptions, request: CalibrateRequest
 def _calibrated(store: ColumnStore, name: str, request: CalibrateRequest) -> Calibration:
     infos = _of_one_device(store, name, request.device)
     inputs = CalibrationInputs.of(infos)
-    method = method_for(request.kind, inputs, name)
+    method = method_for(request.kind, inputs, name, is_table=is_table(store.manifest, infos[0].device))
     triads = method.triads(inputs)
     t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
     samples: dict[str, Samples] = {}

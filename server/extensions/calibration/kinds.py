@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.sample_quality import stuck_or_clipped
@@ -130,8 +131,12 @@ METHODS: Mapping[str, CalibrationMethod] = {
 }
 
 
-def method_for(kind: str, inputs: CalibrationInputs, device: str) -> CalibrationMethod:
-    """A calibration of a device.
+HINT = "Add it to the output configuration of the device."
+TABLE_HINT = "Name columns and units of the table, gyr_x in rad/s: with --columns, or Read otherwise… on the page."
+
+
+def method_for(kind: str, inputs: CalibrationInputs, device: str, *, is_table: bool = False) -> CalibrationMethod:
+    """A calibration of a device, or of the columns of a table.
 
     Raises:
         DomainError: "not-found": there is no such calibration; "not-now": the device does not show its sensor.
@@ -140,12 +145,16 @@ def method_for(kind: str, inputs: CalibrationInputs, device: str) -> Calibration
     if method is None:
         raise DomainError("not-found", f"Calibration {kind:.40} not found.", f"There are: {', '.join(METHODS)}.")
     missing = method.missing(inputs)
+    if missing and is_table:
+        raise DomainError("not-now", f"{device} has no columns of {' and '.join(missing)}.", TABLE_HINT)
     if missing:
         raise DomainError("not-now", f"{device} sends no data of its {' and '.join(missing)}.", HINT)
     return method
 
 
-HINT = "Add it to the output configuration of the device."
+def is_table(manifest: Mapping[str, Any], device: str) -> bool:
+    """Whether a device of a recording is a table of another program."""
+    return all(not one["protocol"] for one in manifest["devices"] if one["id"] == device)
 
 
 def evaluated(

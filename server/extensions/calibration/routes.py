@@ -31,6 +31,7 @@ from imuscope.server.extensions.calibration.kinds import (
     CalibrationInputs,
     CalibrationMethod,
     CalibrationOptions,
+    is_table,
     method_for,
 )
 from imuscope.server.extensions.calibration.mounting import VerticalAxis
@@ -222,12 +223,14 @@ async def _stretch(
         return triads, name, copy
     store = await recording_of(body.source, services)
     t0, t1 = time_range(body.t0, body.t1, MAX_TIME)
-    inputs = CalibrationInputs.of(_of_one_device(channels_of(store).values(), body.device))
+    infos = _of_one_device(channels_of(store).values(), body.device)
+    inputs = CalibrationInputs.of(infos)
+    table = bool(infos) and is_table(store.manifest, infos[0].device)
 
     async def place() -> SampleSource:
         return RecordedSource(store.folder, t0, t1, body.base)
 
-    return method_for(kind, inputs, "The recording").triads(inputs), body.source, place
+    return method_for(kind, inputs, "The recording", is_table=table).triads(inputs), body.source, place
 
 
 def _of_one_device(infos: Iterable[ChannelInfo], device: str) -> list[ChannelInfo]:

@@ -96,6 +96,20 @@ def test_iron_is_found_from_turns_in_all_directions(tmp_path: Path, capsys: pyte
     assert np.allclose(body["correction"]["bias"], IRON, atol=2e-3)
 
 
+def test_a_table_is_calibrated_by_its_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    draw = np.random.default_rng(4)
+    turn = np.deg2rad(np.array([0.3, -0.2, 0.1]) + draw.normal(0, 0.02, (6000, 3)))
+    rows = np.column_stack([1.7e9 + np.arange(6000) / 100, turn])
+    file = tmp_path / "rest.csv"
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    file.write_text("\n".join(["time (s),gyr_x (rad/s),gyr_y (rad/s),gyr_z (rad/s)", *lines]))
+    body = json.loads(printed(capsys, "calibrate", file, "gyroscope", "--format", "json"))
+    assert np.allclose(body["correction"]["bias"], [0.3, -0.2, 0.1], atol=2e-3)
+    assert main(["calibrate", str(file), "magnetometer"]) == 1
+    words = capsys.readouterr().err
+    assert "rest.csv has no columns of magnetometer. Name columns and units of the table" in words
+
+
 def test_a_calibration_that_is_not_determined_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = at_rest(tmp_path / "rest.bin", seconds=3.0)
     assert refused(capsys, "calibrate", file, "gyroscope").startswith("imuscope: ")

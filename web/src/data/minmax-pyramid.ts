@@ -16,16 +16,9 @@
  * OR gives the flags ever set, ~AND those ever cleared, so that a 5 ms fault is still a mark in an overview of hours ("worst
  * status").
  */
+import type { Column } from "../wire/codec";
 
-export type ColumnValues =
-  | Float32Array
-  | Float64Array
-  | Int8Array
-  | Uint8Array
-  | Int16Array
-  | Uint16Array
-  | Int32Array
-  | Uint32Array;
+export type ColumnValues = Exclude<Column, BigInt64Array | BigUint64Array>;
 
 /** Samples in the lowest block, and blocks in a block of the next level; both powers of two. */
 const BLOCK_SHIFT = 4;

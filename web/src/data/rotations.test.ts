@@ -2,6 +2,7 @@ import { describe, expect, it, test } from "vitest";
 import euler from "../../../tests/golden/euler.json";
 import orientation from "../../../tests/golden/xbus/orientation.json";
 import {
+  BETWEEN,
   normBounds,
   eulerColumns,
   eulerOfMatrix,
@@ -10,7 +11,6 @@ import {
   matrixOfQuaternion,
   multiply,
   normColumn,
-  quaternionIn,
   vectorIn,
   type Matrix3,
   type Quaternion,
@@ -43,6 +43,9 @@ const sign = (q: readonly number[], like: readonly number[]): number =>
 const isRotation = (m: Matrix3): boolean =>
   Math.abs(m[0] * m[0] + m[3] * m[3] + m[6] * m[6] - 1) < 1e-9 &&
   Math.abs(m[0] * m[1] + m[3] * m[4] + m[6] * m[7]) < 1e-9;
+
+/** q_from_body, written as `to` from body. */
+const quaternionIn = (q: Quaternion, from: WorldFrame, to: WorldFrame): Quaternion => multiply(BETWEEN[from][to], q);
 
 describe("the vendor's own conversions between world frames", () => {
   test.each(conversions)("$what", ({ input, frame, to, values, expected }) => {

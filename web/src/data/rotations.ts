@@ -47,11 +47,6 @@ export function multiply(a: Quaternion, b: Quaternion): Quaternion {
   ];
 }
 
-/** q_from_body, written as `to` from body. */
-export function quaternionIn(q: Quaternion, from: WorldFrame, to: WorldFrame): Quaternion {
-  return multiply(BETWEEN[from][to], q);
-}
-
 /** A vector given in the axes of `from`, in those of `to`: swaps and signs only, so exact. */
 export function vectorIn(v: Vector3, from: WorldFrame, to: WorldFrame): Vector3 {
   const [x, y, z] = v;

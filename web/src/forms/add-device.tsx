@@ -8,7 +8,7 @@ import { OptionList } from "../ui/choices";
 import { api, type HowToRead, type Outcome, type HttpProblem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icons";
-import { Message } from "../ui/message";
+import { ProblemNote } from "../ui/problem-note";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 import { capabilities } from "../wire/capabilities";
@@ -189,7 +189,7 @@ export function AddDevice({ begin, address, onClose, onAdded }: Props) {
             ))}
           </div>
         )}
-        {problem.value && <Wrong problem={problem.value} />}
+        {problem.value && <ProblemNote id="source-problem" problem={problem.value} />}
         {!begin && <Examples take={take} />}
         <div class="row">
           <button type="button" class="btn" onClick={onClose}>
@@ -313,20 +313,5 @@ function Examples({ take }: { readonly take: (example: string) => void }) {
           </li>
         ))}
     </ul>
-  );
-}
-
-function Wrong({ problem: { message, hint } }: { readonly problem: HttpProblem }) {
-  return (
-    <div class="problem" id="source-problem" role="alert">
-      <b>
-        <Message text={message} />
-      </b>
-      {hint !== "" && (
-        <p>
-          <Message text={hint} />
-        </p>
-      )}
-    </div>
   );
 }

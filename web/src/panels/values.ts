@@ -37,16 +37,16 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
   const body = el("tbody");
   const head = el("tr", {}, el("td"), el("th", { class: "num", scope: "col" }, word.node));
   head.append(el("th", { class: "num", scope: "col" }, TEXT.mean), el("th", { class: "num", scope: "col" }, "σ"));
-  const columns = el(
-    "colgroup",
-    {},
-    el("col"),
-    el("col", { class: "now" }),
-    el("col", { class: "mean" }),
-    el("col", { class: "deviation" }),
-  );
+  const columns = ["label", "now", "mean", "deviation"].map((name) => el("col", { class: name }));
   const label = el("caption", { class: "visually-hidden" }, TEXT.valuesLabel);
-  const table = el("table", { class: "values-table" }, label, columns, el("thead", {}, head), body);
+  const table = el(
+    "table",
+    { class: "values-table" },
+    label,
+    el("colgroup", {}, ...columns),
+    el("thead", {}, head),
+    body,
+  );
   host.append(table);
 
   let shown: readonly Channel[] = [];

@@ -154,6 +154,12 @@ function spec(
   };
 }
 
+/** All columns of a channel in one plot. */
+function whole(channel: Channel, weight: number, primary: boolean): PlotSpec {
+  const columns = channel.info.columns.map((_, c) => c);
+  return spec(channel, "", title(channel), columns, weight, primary);
+}
+
 function title(channel: Channel): string {
   return channel.info.title || channel.info.name;
 }
@@ -161,17 +167,7 @@ function title(channel: Channel): string {
 function eulerPlots(channel: Channel): PlotSpec[] {
   const find = (name: string): number => channel.info.columns.findIndex((column) => column.name === name);
   const [roll, pitch, yaw] = [find("roll"), find("pitch"), find("yaw")];
-  if (roll < 0 || pitch < 0 || yaw < 0)
-    return [
-      spec(
-        channel,
-        "",
-        title(channel),
-        channel.info.columns.map((_, c) => c),
-        EULER.tilt,
-        true,
-      ),
-    ];
+  if (roll < 0 || pitch < 0 || yaw < 0) return [whole(channel, EULER.tilt, true)];
   return [
     spec(channel, "/tilt", TEXT.rollPitch, [roll, pitch], EULER.tilt, true),
     spec(channel, "/yaw", TEXT.yaw, [yaw], EULER.yaw, true),
@@ -215,19 +211,8 @@ function sentence(name: string): string {
 }
 
 function otherPlots(channel: Channel): PlotSpec[] {
-  const { kind, columns } = channel.info;
-  if (hasAxes(channel)) {
-    return [
-      spec(
-        channel,
-        "",
-        title(channel),
-        columns.map((_, c) => c),
-        OTHER_WEIGHT,
-        false,
-      ),
-    ];
-  }
+  const { kind } = channel.info;
+  if (hasAxes(channel)) return [whole(channel, OTHER_WEIGHT, false)];
   return kind === "vector" || kind === "scalar" || kind === "record" ? loosePlots(channel) : [];
 }
 
@@ -247,18 +232,7 @@ function motionPlots(channels: readonly Channel[]): PlotSpec[] {
   return MOTION.slice(0, tracked ? 1 : 2).flatMap((family) => {
     const members = channels.filter((channel) => belongs(channel, family));
     const [found] = MOTION_FRAMES.flatMap((frame) => members.filter(({ info }) => frame.test(info.frame)));
-    return found === undefined
-      ? []
-      : [
-          spec(
-            found,
-            "",
-            title(found),
-            found.info.columns.map((_, c) => c),
-            family.weight,
-            true,
-          ),
-        ];
+    return found === undefined ? [] : [whole(found, family.weight, true)];
   });
 }
 
@@ -296,16 +270,7 @@ function plotsByRule(channels: readonly Channel[]): PlotSpec[] {
     if (found === undefined || families.has(SAME[f]!)) return;
     families.add(SAME[f]!);
     taken.add(found);
-    shown.push(
-      spec(
-        found,
-        "",
-        title(found),
-        found.info.columns.map((_, c) => c),
-        family.weight,
-        true,
-      ),
-    );
+    shown.push(whole(found, family.weight, true));
   });
   const euler = channels.find(({ info }) => info.kind === "euler");
   if (euler !== undefined) {

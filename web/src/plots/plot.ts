@@ -216,22 +216,14 @@ export class Plot {
     x.textBaseline = "middle";
     const room = roomFor(look);
     const isInside = this.#isWide(x, look);
-    const used: number[] = [];
-    for (const { text, value } of this.left.labels(sheet.height - inset)) {
-      const y = sheet.snap(this.y(value));
+    for (const { value } of this.left.labels(sheet.height - inset)) {
       x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
-      x.fillRect(w.left, y, w.width, Math.max(hair, 1));
-      if (
-        y < inset + (this.wideTitle && !look.narrow ? TITLE_PX : 5) ||
-        y > sheet.height - 5 ||
-        used.some((other) => Math.abs(other - y) < LABELS_APART)
-      )
-        continue;
-      if (isInside || x.measureText(text).width * CONDENSED > room) continue;
-      used.push(y);
-      x.fillStyle = look.colour["ink-3"];
-      x.fillText(text, look.gutter - 7, y, room);
+      x.fillRect(w.left, sheet.snap(this.y(value)), w.width, Math.max(hair, 1));
     }
+    x.fillStyle = look.colour["ink-3"];
+    const top = inset + (this.wideTitle && !look.narrow ? TITLE_PX : 5);
+    for (const { text, y } of isInside ? [] : this.#labels(this.left, inset, top))
+      if (x.measureText(text).width * CONDENSED <= room) x.fillText(text, look.gutter - 7, y, room);
     x.fillStyle = look.colour.line;
     x.fillRect(sheet.snap(w.left) - 1, inset, 1, sheet.height);
     x.fillRect(sheet.snap(w.left + w.width), inset, 1, sheet.height);
@@ -262,17 +254,20 @@ export class Plot {
       x.fillText(text, isRight ? edge - 8 : edge + 8, y);
       x.fillRect(isRight ? edge - 4 : edge, this.sheet.snap(y), 4, 1);
     };
-    const used: number[] = [];
-    if (isRight && axis.spec.unit !== "") {
-      write(axis.spec.unit, inset + 8);
-      used.push(inset + 8);
-    }
+    const hasUnit = isRight && axis.spec.unit !== "";
+    if (hasUnit) write(axis.spec.unit, inset + 8);
+    for (const { text, y } of this.#labels(axis, inset, inset + (hasUnit ? 8 + LABELS_APART : 5))) write(text, y);
+  }
+
+  /** Labels of an axis with room for each, below `top`. */
+  #labels(axis: ValueAxis, inset: number, top: number): readonly { readonly text: string; readonly y: number }[] {
+    const kept: { readonly text: string; readonly y: number }[] = [];
     for (const { text, value } of axis.labels(this.sheet.height - inset)) {
       const y = this.sheet.snap(axis.y(value));
-      if (y < inset + 5 || y > this.sheet.height - 5 || used.some((one) => Math.abs(one - y) < LABELS_APART)) continue;
-      used.push(y);
-      write(text, y);
+      const hasRoom = y >= top && y <= this.sheet.height - 5;
+      if (hasRoom && kept.every((one) => Math.abs(one.y - y) >= LABELS_APART)) kept.push({ text, y });
     }
+    return kept;
   }
 
   /** Values outside of a fixed range: the furthest in the window, at the edge beyond which it is. */

@@ -11,6 +11,8 @@ import type { Extent } from "../data/minmax-pyramid";
 import type { PixelColumns } from "./pixel-columns";
 import { xOf, type TimeWindow } from "./time-window";
 
+type Context = CanvasRenderingContext2D;
+
 /** Samples per pixel from which extremes are drawn instead of samples. */
 const DENSE = 1.5;
 /** Samples at least this far apart, px, are marked with dots. */
@@ -37,13 +39,7 @@ export function isDense(columns: PixelColumns, w: TimeWindow): boolean {
 }
 
 /** Add the series of column `k` of `columns` to the context's path. Returns samples' spacing in px, for dots. */
-export function traceSeries(
-  x: CanvasRenderingContext2D,
-  columns: PixelColumns,
-  k: number,
-  w: TimeWindow,
-  v: Vertical,
-): void {
+export function traceSeries(x: Context, columns: PixelColumns, k: number, w: TimeWindow, v: Vertical): void {
   x.beginPath();
   if (isDense(columns, w)) dense(x, columns, k, w, v);
   else
@@ -59,7 +55,7 @@ export function traceSeries(
   x.stroke();
 }
 
-function dense(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w: TimeWindow, v: Vertical): void {
+function dense(x: Context, columns: PixelColumns, k: number, w: TimeWindow, v: Vertical): void {
   const { rows, mask, ring } = columns;
   const [lo, hi] = [columns.lo[k]!, columns.hi[k]!];
   const breaks = ring.breaks;
@@ -126,7 +122,7 @@ const part: Extent = { lo: 0, hi: 0 };
 
 /** Draw a pixel in which the quantity wrapped or the line breaks: each part separately. Returns where it ended. */
 function apart(
-  x: CanvasRenderingContext2D,
+  x: Context,
   columns: PixelColumns,
   k: number,
   from: number,
@@ -153,15 +149,7 @@ function apart(
   return end;
 }
 
-function sparse(
-  x: CanvasRenderingContext2D,
-  ring: Ring,
-  c: number,
-  from: number,
-  to: number,
-  w: TimeWindow,
-  v: Vertical,
-): void {
+function sparse(x: Context, ring: Ring, c: number, from: number, to: number, w: TimeWindow, v: Vertical): void {
   // one sample beyond either edge, so that the line reaches the edge
   const a = Math.max(ring.first, from - 1);
   const b = Math.min(ring.end, to + 1);
@@ -194,13 +182,7 @@ function sparse(
 }
 
 /** Dots on the samples, if they are far enough apart. */
-export function traceDots(
-  x: CanvasRenderingContext2D,
-  columns: PixelColumns,
-  k: number,
-  w: TimeWindow,
-  v: Vertical,
-): void {
+export function traceDots(x: Context, columns: PixelColumns, k: number, w: TimeWindow, v: Vertical): void {
   const { ring, rows, mask } = columns;
   const [from, to] = [rows[w.g0 & mask]!, rows[w.g1 & mask]!];
   if (to - from < 1 || w.width / (to - from) < DOTS_FROM) return;

@@ -5,6 +5,8 @@
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo } from "../wire/types";
 
+type Span = readonly [t0: number, t1: number];
+
 /** Nothing, a warning, an error. */
 export type Worst = 0 | 1 | 2;
 
@@ -16,13 +18,7 @@ function slotOf(t: number, t0: number, t1: number, n: number): number {
 }
 
 /** Variation of some columns, of one unit, in each of `n` parts of t0…t1, 0..1; NaN without samples. */
-export function motionOf(
-  frame: SampleFrame,
-  columns: readonly number[],
-  t0: number,
-  t1: number,
-  n: number,
-): Float64Array {
+export function motionOf(frame: SampleFrame, columns: readonly number[], [t0, t1]: Span, n: number): Float64Array {
   const out = new Float64Array(n).fill(NaN);
   for (const column of columns.map((at) => frame.columns[at]!)) {
     if (column instanceof BigInt64Array || column instanceof BigUint64Array) continue;
@@ -45,16 +41,10 @@ export function motionOf(
   return out.map((v) => Math.min(1, v / most));
 }
 
-/** The worst state of any flag of a status channel in each of `n` parts. */
-export function worstOf(
-  info: ChannelInfo,
-  frame: SampleFrame,
-  t0: number,
-  t1: number,
-  n: number,
-  into: Uint8Array,
-): void {
-  info.columns.forEach(({ bits }, c) => {
+/** The worst state of any flag of a status channel in each part of a span. */
+export function worstOf({ columns }: ChannelInfo, frame: SampleFrame, [t0, t1]: Span, into: Uint8Array): void {
+  const n = into.length;
+  columns.forEach(({ bits }, c) => {
     const column = frame.columns[c];
     if (column === undefined || column instanceof BigInt64Array || column instanceof BigUint64Array) return;
     for (const { low, width, severity, normal_set: normal } of bits) {

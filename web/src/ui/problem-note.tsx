@@ -2,9 +2,15 @@
 import type { HttpProblem } from "./http";
 import { Message } from "./message";
 
-export function ProblemNote({ problem }: { readonly problem: Pick<HttpProblem, "message" | "hint"> }) {
+interface Props {
+  readonly problem: Pick<HttpProblem, "message" | "hint">;
+  readonly class?: string;
+  readonly id?: string;
+}
+
+export function ProblemNote({ problem, class: more = "", id }: Props) {
   return (
-    <div class="problem" role="alert">
+    <div class={`problem ${more}`} id={id} role="alert">
       <b>
         <Message text={problem.message} />
       </b>{" "}

@@ -6,11 +6,10 @@ import type { FormContext } from "../../forms/form-context";
 import type { CommandForm } from "../../forms/types";
 import { type Path, valueWords as wordsOf } from "../../forms/values";
 import { Icon } from "../../ui/icons";
-import { Message } from "../../ui/message";
 import { route } from "../route";
 import type { Model } from "./model";
 import { configureApi } from "./api";
-import { Words } from "./setting-form";
+import { LooseProblems, Words } from "./setting-form";
 import { JobLine } from "./jobs";
 import { unfinishedOf } from "./view-state";
 import { TEXT } from "../../texts/configure";
@@ -55,14 +54,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     <section class="setting" aria-label={form.title} data-command={form.name}>
       <Words form={form} />
       {form.arguments.length > 0 && <FieldList sheet={sheet} fields={form.arguments} />}
-      {loose.map(({ path, message, hint }) => (
-        <p class="problem inset" role="alert" key={path}>
-          <b>
-            <Message text={message} />
-          </b>{" "}
-          <Message text={hint} />
-        </p>
-      ))}
+      <LooseProblems problems={loose} />
       <div class="send-row">
         <button
           type="button"

@@ -7,10 +7,11 @@ import { FieldList } from "../../forms/field";
 import { RateTableEditor } from "../../forms/rate-table-editor";
 import { optionsOf } from "../../forms/options";
 import type { FormContext } from "../../forms/form-context";
-import type { FieldForm, LoadInfo, SettingForm } from "../../forms/types";
+import type { FieldForm, FieldProblem, LoadInfo, SettingForm } from "../../forms/types";
 import type { Path, FormValues } from "../../forms/values";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
+import { ProblemNote } from "../../ui/problem-note";
 import { makeItFit } from "./fit-rates";
 import { route } from "../route";
 import type { Model } from "./model";
@@ -87,6 +88,11 @@ export function Discard({
 }
 
 /** Purpose, time of effect and possible harm. */
+/** Problems of no field that is shown. */
+export function LooseProblems({ problems }: { readonly problems: readonly FieldProblem[] }) {
+  return problems.map((problem) => <ProblemNote key={problem.path} class="inset" problem={problem} />);
+}
+
 export function Words({
   form,
   source = false,
@@ -201,14 +207,7 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
           ▲ <Message text={words} />
         </p>
       ))}
-      {loose.map(({ path, message, hint }) => (
-        <p class="problem inset" role="alert" key={path}>
-          <b>
-            <Message text={message} />
-          </b>{" "}
-          <Message text={hint} />
-        </p>
-      ))}
+      <LooseProblems problems={loose} />
       {preview && <BytesView frames={preview.frames} changed={changed} hot={model.hot.value} hover={hover} />}
     </>
   );

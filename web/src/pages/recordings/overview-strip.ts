@@ -76,12 +76,12 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
     const frameOf = (id: number) => frames.find(({ channel }) => channel === id);
     rows = moving.flatMap(({ title, id, columns }) => {
       const frame = frameOf(id);
-      return frame ? [{ title, motion: motionOf(frame, columns, first, last, PARTS) }] : [];
+      return frame ? [{ title, motion: motionOf(frame, columns, [first, last], PARTS) }] : [];
     });
     worst = new Uint8Array(PARTS);
     for (const info of status) {
       const frame = frameOf(info.id);
-      if (frame) worstOf(info, frame, first, last, PARTS, worst);
+      if (frame) worstOf(info, frame, [first, last], worst);
     }
     version += 1;
   };
