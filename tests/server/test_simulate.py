@@ -79,8 +79,8 @@ def test_a_program_gets_nothing_of_what_came_before_it(tmp_path: Path) -> None:
             port = os.open(path, os.O_RDWR | os.O_NOCTTY)
             while len(numbers) < 20:
                 decoder.feed(os.read(port, 4096), 0)
-                batches = [one for one in decoder.drain() if isinstance(one, Batch)]
-                numbers += [number for one in batches for number in one.columns["PacketCounter"].tolist()]
+                batches = [one for one in decoder.drain() if isinstance(one, Batch)]  # one for each layout
+                numbers += sorted(number for one in batches for number in one.columns["PacketCounter"].tolist())
             time.sleep(0.05)  # some are left unread
             os.close(port)
             assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))

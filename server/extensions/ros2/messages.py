@@ -112,9 +112,9 @@ class MessageBuilder:
             return (), []
         rate = self._rate.update(block)
         if self._keep is not None:
-            kept = np.flatnonzero(self._keep(block))
-            self.left_out += len(block.times) - len(kept)
-            block = _rows(block, kept)
+            whole = np.flatnonzero(self._keep(block))
+            self.left_out += len(block.times) - len(whole)
+            block = _rows(block, whole)
         n = len(block.times)
         if n == 0:
             return (), []
