@@ -253,8 +253,8 @@ class ColumnStoreWriter:
     def _clocks(self, clocks: tuple[Array, Array, Array]) -> tuple[int, int]:
         """Offsets of these clocks and their levels; written once if several quantities of a message share them."""
         for known, at in self._written:
-            if all(np.array_equal(a, b, equal_nan=True) for a, b in zip(known, clocks, strict=True)):
-                return at
+            if all(np.array_equal(a.view(np.int64), b.view(np.int64)) for a, b in zip(known, clocks, strict=True)):
+                return at  # also where a time is missing (NaN), which equals itself by its bits
         at = self._near.at, self._far.at
         for array in clocks:
             self._near.put(array)

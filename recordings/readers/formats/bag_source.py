@@ -112,10 +112,11 @@ class BagSource(MessageFile):
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         self.damage.clear()
         block = _Block(self.topics.channels)
+        known = np.array(sorted(self.topics.channels), np.int64)
         odd = 0
         for piece in self.pieces(start_ns, stop_ns):
             table = piece.table
-            is_known = np.isin(table[NUMBER], list(self.topics.channels))
+            is_known = known[np.minimum(np.searchsorted(known, table[NUMBER]), len(known) - 1)] == table[NUMBER]
             usable = is_known & (table[TIME] >= 0) & (table[TIME] < LATEST_NS) & (table[SIZE] < LONGEST)
             odd += int(np.count_nonzero(is_known & ~usable))
             chosen = table if usable.all() else np.ascontiguousarray(table[:, usable])

@@ -36,7 +36,8 @@ LONGEST_MESSAGE = 1 << 27
 MOST_FILES = 10_000
 ROWS = 500  # taken at once, without the large messages among them
 LARGE = 1 << 14
-DATA = f"CASE WHEN length(data) >= {LARGE} THEN rowid WHEN typeof(data) = 'blob' THEN data END"
+DATA = f"CASE WHEN length(data) >= {LARGE} THEN -rowid ELSE data END"
+LARGE_DATA = f"SELECT data FROM messages WHERE rowid = ? AND length(data) >= {LARGE}"
 ZSTD = b"\x28\xb5\x2f\xfd"
 SENSELESS = (sqlite3.Error, UnicodeDecodeError)  # the latter by what SQLite says about a damaged file
 SQLITE = b"SQLite format 3\0"
@@ -72,6 +73,9 @@ class Ros2Database(BagSource):
             rows = database.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
             texts = {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows if text}
         for number, name, kind, encoding in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+            if not isinstance(number, int):
+                self.topics.left_out[f"{name!s:.100} is left out: its row in the table of topics is damaged."] = None
+                continue
             if encoding != "cdr":
                 self.topics.add(number, str(name), str(kind), ("", ""), "", f"its encoding is {encoding!s:.40}")
                 continue
@@ -110,7 +114,7 @@ class Ros2Database(BagSource):
             if isinstance(data, int):
                 if number not in self.topics.channels:
                     continue
-                (data,) = database.execute("SELECT data FROM messages WHERE rowid = ?", (data,)).fetchone()
+                (data,) = database.execute(LARGE_DATA, (-data,)).fetchone() or (None,)  # none: a number in its place
             if (unpacked := _unpacked(number, time, data)) is None:
                 self._unreadable += 1
                 continue

@@ -119,6 +119,20 @@ def test_large_messages_of_a_database_are_read_one_by_one(tmp_path: Path) -> Non
     assert f"Messages that cannot be unpacked are left out: {len(odd)}." in damage_of(store)
 
 
+def test_a_topic_whose_number_is_damaged_is_left_out(tmp_path: Path) -> None:
+    """One that cannot be sorted among the others ended in a traceback."""
+    [path] = ros2_bag(tmp_path / "a").glob("*.db3")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE damaged AS SELECT * FROM topics")
+        database.execute("DROP TABLE topics")
+        database.execute("ALTER TABLE damaged RENAME TO topics")
+        database.execute("UPDATE topics SET id = NULL WHERE name = '/wheel'")
+        database.commit()
+    store = opened(path, tmp_path)
+    assert len(rows_of(store, "angular_velocity").time) == COUNT
+    assert "/wheel is left out: its row in the table of topics is damaged." in damage_of(store)
+
+
 def test_a_bag_whose_index_is_missing_or_damaged_opens_with_the_rest(tmp_path: Path) -> None:
     path = ros1_bag(tmp_path / "a.bag")
     data = path.read_bytes()
