@@ -33,7 +33,7 @@ const LINE = 1.15;
 const LETTERS_APART = 11.5;
 const LABELS_APART = 12;
 /** No tick label is centred above this, where the title reaches under the labels, px. */
-const TITLE_PX = 28;
+const TITLE_PX = 25;
 /** A tick label may be set this much narrower to fit the gutter: six digits of pressure on a phone. */
 const CONDENSED = 0.68;
 /** New samples alone redraw a window that stands still this often, ms. */
