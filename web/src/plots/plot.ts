@@ -181,7 +181,8 @@ export class Plot {
     const x = sheet.begin();
     const top = this.inset(look) + 6;
     for (const axis of this.#axes) axis.place(top, sheet.height - top - 5);
-    this.#grid(x, w, look);
+    const isWide = this.#isWide(x, look);
+    this.#grid(x, w, look, isWide);
     x.save();
     x.beginPath();
     x.rect(w.left, this.inset(look), w.width, sheet.height);
@@ -200,12 +201,12 @@ export class Plot {
     }
     x.restore();
     if (!namedByTitle(this.spec)) this.#letters(x, shown, w, look);
-    if (this.#isWide(x, look)) this.#labelsInside(x, this.left, w, look);
+    if (isWide) this.#labelsInside(x, this.left, w, look);
     if (this.right) this.#labelsInside(x, this.right, w, look);
     for (const axis of this.#axes) this.#outside(x, w, look, axis);
   }
 
-  #grid(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette): void {
+  #grid(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette, isWide: boolean): void {
     const { sheet } = this;
     const hair = 1 / sheet.ratio;
     const inset = this.inset(look);
@@ -215,14 +216,13 @@ export class Plot {
     x.textAlign = "right";
     x.textBaseline = "middle";
     const room = roomFor(look);
-    const isInside = this.#isWide(x, look);
     for (const { value } of this.left.labels(sheet.height - inset)) {
       x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
       x.fillRect(w.left, sheet.snap(this.y(value)), w.width, Math.max(hair, 1));
     }
     x.fillStyle = look.colour["ink-3"];
     const top = inset + (this.wideTitle && !look.narrow ? TITLE_PX : 5);
-    for (const { text, y } of isInside ? [] : this.#labels(this.left, inset, top))
+    for (const { text, y } of isWide ? [] : this.#labels(this.left, inset, top))
       if (x.measureText(text).width * CONDENSED <= room) x.fillText(text, look.gutter - 7, y, room);
     x.fillStyle = look.colour.line;
     x.fillRect(sheet.snap(w.left) - 1, inset, 1, sheet.height);
