@@ -113,6 +113,7 @@ class PutBackTask:
         self._frames: tuple[bytes, ...] = ()  # stored
         self._left: tuple[bytes, ...] = ()  # those of them that no running transaction will send
         self._protocol = ""
+        self._saving = asyncio.Lock()  # threads may overtake each other: what was stored first would last
         self._task: asyncio.Task[None] | None = None
 
     async def keep(self, frames: Sequence[bytes]) -> None:
@@ -151,6 +152,12 @@ class PutBackTask:
             await asyncio.gather(self._task, return_exceptions=True)
 
     async def _work(self) -> None:
+        while self._left:  # again, when more was left while the end of the earlier was stored
+            await self._until_back()
+            if not self._frames:
+                await self._save()
+
+    async def _until_back(self) -> None:
         backoff = Backoff(self._timings.port_poll_s, LONGEST_S)
         while self._left:
             await asyncio.sleep(backoff.next())
@@ -159,8 +166,6 @@ class PutBackTask:
                 continue
             async with self._controller.session.listeners.turn:
                 await self._attempt()
-        if not self._frames:
-            await self._save()
 
     async def _attempt(self) -> None:
         protocol = self._controller.session.info.protocol
@@ -193,7 +198,9 @@ class PutBackTask:
         self._controller.bus.event(self._controller.device, "device", level, text)
 
     async def _save(self) -> None:
-        if self._is_stored:
+        if not self._is_stored:
+            return
+        async with self._saving:
             source = self._controller.session.info.source
             await asyncio.to_thread(self._store.keep, source, self._device, self._frames)
 

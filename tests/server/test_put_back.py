@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -88,6 +90,61 @@ async def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotte
         await until(lambda: reported(here, IS_BACK), "it is back")
         await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
         assert set(written) == {GO_TO_CONFIG, REQ_DID, GO_TO_MEASUREMENT}
+
+
+@contextmanager
+def held(
+    store: PutBackStore, monkeypatch: pytest.MonkeyPatch, which: Callable[[Sequence[bytes]], bool]
+) -> Iterator[threading.Event]:
+    """Let the first writing of such frames wait for the event, as on a slow disk."""
+    may_write, keep, waited = threading.Event(), store.keep, threading.Event()
+
+    def slow(source: str, device: str, frames: Sequence[bytes]) -> None:
+        if which(frames) and not waited.is_set():
+            waited.set()
+            may_write.wait(PATIENCE_S)
+        keep(source, device, frames)
+
+    monkeypatch.setattr(store, "keep", slow)
+    try:
+        yield may_write
+    finally:
+        may_write.set()
+
+
+async def test_what_is_stored_slowly_does_not_outlast_what_came_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two threads overtook each other: the frames stayed stored, and the next start sent them to a device in use."""
+    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        with held(here.desks.put_back, monkeypatch, bool) as may_write:
+            saving = asyncio.create_task(desk.put_back.keep([GO_TO_MEASUREMENT]))
+            await until(lambda: desk.put_back._frames, "the writing begins")
+            desk.put_back.transaction_ended()
+            await until(lambda: reported(here, IS_BACK), "it is back")
+            await asyncio.sleep(0.1)  # the removal would overtake it here
+            may_write.set()
+            await saving
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+
+
+async def test_what_is_left_while_the_end_of_the_earlier_is_stored_is_sent_as_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was added to a task that had done its work, and never sent."""
+    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        await desk.put_back.keep([GO_TO_MEASUREMENT])
+        with held(here.desks.put_back, monkeypatch, lambda frames: not frames) as may_write:
+            desk.put_back.transaction_ended()
+            await until(lambda: not desk.put_back._frames, "it is back, and its end is being stored")
+            await desk.session.access.send(GO_TO_CONFIG)
+            await until(lambda: desk.state == "Config", "interrupted again")
+            desk.put_back.begin([GO_TO_MEASUREMENT])
+            may_write.set()
+        await until(lambda: phase(there) == "measurement", "it measures")
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
 
 
 def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambda: None) -> None:
