@@ -113,7 +113,7 @@ class PutBackTask:
         self._frames: tuple[bytes, ...] = ()  # stored
         self._left: tuple[bytes, ...] = ()  # those of them that no running transaction will send
         self._protocol = ""
-        self._saving = asyncio.Lock()  # threads may overtake each other: what was stored first would last
+        self._saving = asyncio.Lock()  # threads may overtake each other: an older state would stay
         self._task: asyncio.Task[None] | None = None
 
     async def keep(self, frames: Sequence[bytes]) -> None:

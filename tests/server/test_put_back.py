@@ -123,7 +123,8 @@ async def test_what_is_stored_slowly_does_not_outlast_what_came_after_it(
             await until(lambda: desk.put_back._frames, "the writing begins")
             desk.put_back.transaction_ended()
             await until(lambda: reported(here, IS_BACK), "it is back")
-            await asyncio.sleep(0.1)  # the removal would overtake it here
+            for _ in range(10):  # turns in which the removal would overtake it
+                await asyncio.sleep(0.01)
             may_write.set()
             await saving
         await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
