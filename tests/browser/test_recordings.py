@@ -98,7 +98,9 @@ def test_a_recording_is_read_shared_exported_and_played(
         page.keyboard.press("f")
         look(recorded, page)
         page.keyboard.press("Escape")
+        until(page, "document.querySelector('dialog') === null")  # until then keys are not the recording's
     share_a_link(page)
+    share_a_link_while_it_plays(page)
     play_as_a_device(recorded, page)
 
 
@@ -232,6 +234,16 @@ def share_a_link(page: Page) -> None:
     assert now["device"] == was["device"]
     pressed = "document.querySelectorAll('.plot .legend button')[1].getAttribute('aria-pressed')"
     assert page.evaluate(pressed) == "false"
+
+
+def share_a_link_while_it_plays(page: Page) -> None:
+    """The address did not follow the view any more after it."""
+    begin = page.evaluate("() => (window.imuscopeReplay.toggle(), window.imuscopeReplay.head)")
+    until(page, f"window.imuscopeReplay.head > {begin}")
+    page.get_by_role("button", name="Copy link").click()
+    until(page, "document.querySelector('.transport').innerText.includes('Link copied')")
+    page.evaluate("() => window.imuscopeReplay.toggle()")
+    until(page, "window.imuscopeAddress?.()")
 
 
 def export_the_view(recorded: ServerProcess, page: Page) -> None:
