@@ -37,6 +37,7 @@ from imuscope.server.commands.common import (
 )
 from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
+from imuscope.server.end_signals import end_signals
 from imuscope.server.extension import extension_commands
 from imuscope.server.printable import printable
 
@@ -56,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parse(words)
         own = extension_commands().get(options.command)
         reads_file = options.command in OF_FILES if own is None else own.reads_file
-        with _cleaning_up_at_sigterm() if reads_file else contextlib.nullcontext():
+        with _cleaning_up_at_the_end() if reads_file else contextlib.nullcontext():
             if options.command not in ("serve", "doctor") and getattr(options, "data", None) is not None:
                 load(data=options.data)  # an error, where it is none, also of commands that hardly need it
             status = (_RUN[options.command] if own is None else own.run)(options) or 0
@@ -86,8 +87,8 @@ OF_FILES = ("inspect", "decode")
 
 
 @contextlib.contextmanager
-def _cleaning_up_at_sigterm() -> Iterator[None]:
-    """End by an exception at SIGTERM, so that temporary files and folders are removed."""
+def _cleaning_up_at_the_end() -> Iterator[None]:
+    """End by an exception at a signal, so that temporary files and folders are removed."""
 
     def end(number: int, frame: object) -> NoReturn:
         raise SystemExit(128 + number)
@@ -95,11 +96,12 @@ def _cleaning_up_at_sigterm() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():  # only that one may set handlers
         yield
         return
-    before = signal.signal(signal.SIGTERM, end)
+    before = {number: signal.signal(number, end) for number in end_signals() if number != signal.SIGINT}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 UNWRITABLE = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT)

@@ -39,6 +39,7 @@ from websockets.protocol import State
 from imuscope.server import shutdown as ending
 from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits, connections_of
+from imuscope.server.end_signals import end_signals
 from imuscope.server.errors import status_of
 from imuscope.server.handshakes import Handshake
 from imuscope.server.heartbeat import next_beat
@@ -401,13 +402,13 @@ def server(
 def run(
     app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], keeper: CertificateManager | None = None
 ) -> None:
-    """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns.
+    """Serve until Ctrl-C, SIGTERM or SIGHUP; connections are closed, sessions too, before this returns.
 
     Raises:
         RuntimeError: the server did not start.
     """
     serving = server(app, on_ready, keeper)
-    ending.ShutdownDeadline()
+    ending.ShutdownDeadline(end_signals())
     sys.setswitchinterval(SWITCH_S)
     raise_limit()
     gc.freeze()  # imported objects stay: exclude them from garbage collection while devices stream
@@ -416,8 +417,10 @@ def run(
     def end(*_: object) -> None:
         serving.should_exit = True
 
-    # Handles the signal until uvicorn does, and when uvicorn raises it again at its end, which is not a failure.
-    signal.signal(signal.SIGTERM, end)
+    # Handles SIGTERM until uvicorn does, and when uvicorn raises it again at its end, which is not a failure.
+    for number in end_signals():
+        if number != signal.SIGINT:
+            signal.signal(number, end)
     try:
         with asyncio.Runner() as runner:
             work = ending.make_executor(runner.get_loop())

@@ -27,7 +27,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Awaitable, Iterator, Mapping
+from collections.abc import Awaitable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -98,17 +98,17 @@ def make_executor(loop: asyncio.AbstractEventLoop) -> ThreadPoolExecutor:
 
 
 class ShutdownDeadline:
-    """Exit of this process DEADLINE_S after SIGTERM or Ctrl-C, whatever holds it. Create it in the main thread."""
+    """Exit of this process DEADLINE_S after one of the signals, whatever holds it. Create it in the main thread."""
 
-    def __init__(self) -> None:
-        self._limit_s = DEADLINE_S
+    def __init__(self, signals: Collection[int]) -> None:
+        self._limit_s, self._signals = DEADLINE_S, {*signals}
         self._read, self._write = socket.socketpair()
         self._write.setblocking(False)
         signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
         threading.Thread(target=self._watch, name="deadline", daemon=True).start()
 
     def _watch(self) -> None:
-        while not {signal.SIGTERM, signal.SIGINT}.intersection(self._read.recv(64)):
+        while not self._signals.intersection(self._read.recv(64)):
             pass
         time.sleep(self._limit_s)  # the process ends in the meantime, and this thread with it
         logger = threading.Thread(target=self._report, daemon=True)  # the log may be what hangs

@@ -6,15 +6,14 @@
     drive.mcap: 12.9 s, 1.30 MB of MTi-630, 0.9 MB on disk
 
 It uses the link, decoder and recorder of the server; the decoder identifies the device and measures its rate, the file
-contains its bytes. Ctrl-C, SIGTERM or the end of a played file stop it. Without any data there is no file, and the exit
-status is 1.
+contains its bytes. Ctrl-C, SIGTERM, SIGHUP or the end of a played file stop it. Without any data there is no file, and
+the exit status is 1.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import signal
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,6 +30,7 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
+from imuscope.server.end_signals import end_signals
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
@@ -123,7 +123,7 @@ async def _record(request: RecordRequest, notes: TextIO) -> tuple[RecordStatus, 
     sessions.on_added(lambda session: _count_bytes(session, status))
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in end_signals():
         loop.add_signal_handler(number, ended.set)
     sessions.start()
     try:

@@ -19,7 +19,6 @@ import fcntl
 import os
 import pty
 import select
-import signal
 import socket
 import struct
 import termios
@@ -33,6 +32,7 @@ from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.replay import ReplayClock, extent
 from imuscope.recordings.sources import Source
+from imuscope.server.end_signals import end_signals
 from imuscope.server.links.base import steady_clock
 from imuscope.server.links.reader_thread import write_all
 
@@ -87,7 +87,7 @@ class ReplayRequest:
 
 
 async def replay(request: ReplayRequest, out: TextIO) -> int:
-    """Play to the end, or until SIGINT or SIGTERM. Returns the number of bytes sent.
+    """Play to the end, or until a signal that ends the program. Returns the number of bytes sent.
 
     Raises:
         ReplayError: the file cannot be played, or the destination cannot be used.
@@ -99,7 +99,7 @@ async def replay(request: ReplayRequest, out: TextIO) -> int:
         raise ReplayError(f"The destination cannot be used: {error.strerror or error}.") from None
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in end_signals():
         loop.add_signal_handler(number, stop.set)
     playing = loop.create_task(_play(replay_clock, sink, out))
     stopping = loop.create_task(stop.wait())

@@ -14,12 +14,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import signal
 import termios
 from pathlib import Path
 from typing import TextIO
 
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.end_signals import end_signals
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
 from imuscope.server.links.simulator import SimulatorThread
@@ -85,7 +85,7 @@ async def _run(
 ) -> None:
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in end_signals():
         loop.add_signal_handler(number, ended.set)
     baud = options.faults.baud or 115_200
     set_rate(simulator_thread.slave, baud)

@@ -115,7 +115,7 @@ def test_inspect_lists_what_a_host_sent(tmp_path: Path) -> None:
     assert json.loads(done.stdout.splitlines()[0])["message"] == "GET_DATA"
 
 
-@each_row("how", [signal.SIGINT, signal.SIGTERM])
+@each_row("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_it_ends_cleanly(how: signal.Signals, tmp_path: Path) -> None:
     with ServerProcess("udp://127.0.0.1:0", data=tmp_path) as server:
         server.process.send_signal(how)

@@ -34,22 +34,25 @@ def test_a_log_becomes_a_file_per_message(tmp_path: Path, capsys: pytest.Capture
     assert float(rows[0]["I.acc.z (m/s²)"]) == pytest.approx(-9.80665, abs=1e-6)
 
 
-def test_a_terminated_decode_leaves_no_folder_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@each_row("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_terminated_decode_leaves_no_folder_behind(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A folder .decode-… stayed beside the user's files."""
     drive(tmp_path / "a.mcap", seconds=1.0)
-    before, folders = signal.getsignal(signal.SIGTERM), list[Path]()
+    before, folders = signal.getsignal(number), list[Path]()
 
     def terminated(*_: object) -> None:
         folders.extend(tmp_path.glob(".decode-*"))
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), number)
 
     monkeypatch.setattr("imuscope.server.commands.decode.open_file", terminated)
     with pytest.raises(SystemExit) as ended:
         main(["decode", str(tmp_path / "a.mcap"), "-o", str(tmp_path / "run.csv")])
-    assert ended.value.code == 128 + signal.SIGTERM
+    assert ended.value.code == 128 + number
     assert len(folders) == 1
     assert not folders[0].exists()
-    assert signal.getsignal(signal.SIGTERM) == before
+    assert signal.getsignal(number) == before
 
 
 @each_row("suffix", [".parquet", ".mcap", ".mtb", ".bin"])

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -59,6 +63,38 @@ def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: sig
         assert process.returncode == 0, problem
         assert line.sent.startswith(chunks(path, "rx/1"))
     assert said.startswith(str(path))
+    with McapReader(path) as recording:
+        assert recording.whole
+        assert recording.chunks
+
+
+# Runs what follows it with standard input as the terminal that controls it.
+ON_TERMINAL = """
+import fcntl, os, sys, termios
+os.setsid()
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execvp(sys.argv[1], sys.argv[1:])
+"""
+
+
+@each_row("stays", [False, True])
+def test_when_its_terminal_is_gone_the_file_is_whole(tmp_path: Path, data: Path, *, stays: bool) -> None:
+    """The ssh connection broke: the recording was cut off. Under `nohup` it goes on."""
+    path = tmp_path / "drive.mcap"
+    master, terminal = os.openpty()
+    with TcpDevice(500) as line, contextlib.ExitStack() as stack:
+        words = [sys.executable, "-m", "imuscope", "record", line.source, "-o", str(path), "--data", str(data)]
+        words = [sys.executable, "-c", ON_TERMINAL, *["nohup"] * stays, *words]
+        process = subprocess.Popen(words, cwd=tmp_path, stdin=terminal, stdout=terminal, stderr=terminal)
+        stack.callback(process.kill)
+        os.close(terminal)
+        block_until(lambda: path.exists() and path.stat().st_size > 20_000, "something is recorded")
+        os.close(master)
+        if stays:
+            size = path.stat().st_size
+            block_until(lambda: path.stat().st_size > size + 20_000, "it goes on")
+            process.terminate()
+        process.wait(PATIENCE_S)
     with McapReader(path) as recording:
         assert recording.whole
         assert recording.chunks

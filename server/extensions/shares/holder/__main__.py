@@ -13,6 +13,7 @@ import sys
 import syslog
 from collections.abc import Callable
 
+from imuscope.server.end_signals import end_signals
 from imuscope.server.extensions.shares.holder.process import Holder
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareError
@@ -51,7 +52,7 @@ def run(settings: HolderSettings, ready: Callable[[], None]) -> int:
     """Run a holder; `ready` is called when it answers and all shares are offered."""
     faulthandler.enable()
     holder = Holder(settings)
-    for number in (signal.SIGTERM, signal.SIGINT):
+    for number in end_signals():
         signal.signal(number, holder.end)
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     failures: list[Exception] = []
