@@ -35,18 +35,9 @@ KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, 
 # What each part of the server may import of it, besides COMMON; a part is a folder, or a file of server/ itself. Rows
 # name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
 COMMON = {
+    *("backoff", "capabilities", "errors", "heartbeat", "limiters", "listeners", "previous_names", "printable"),
     *(
-        "backoff",
-        "capabilities",
         "end_signals",
-        "errors",
-        "heartbeat",
-        "limiters",
-        "listeners",
-        "previous_names",
-        "printable",
-    ),
-    *(
         "processes",
         "prometheus_text",
         "read_kernel",

@@ -65,7 +65,6 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
         {"clock": 3},
         f"{PACE}; {STAMPS}",
     ),
-    "links/test_baud_scan.py": ({"wait": 1}, "the plug is pulled at any moment of the search"),
     "links/test_capture_file.py": ({"clock": 2, "wait": 2}, "a file is read ahead, and nothing tells how far"),
     "links/test_foxglove_source.py": ({"clock": 5}, STAMPS),
     "extensions/shares/test_held.py": (

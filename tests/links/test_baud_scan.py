@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import termios
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from imuscope.server.links.detection_text import describe_bytes
 from imuscope.server.links.serial import SerialSettings, open_port
 from tests.each_row import each_row
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
+from tests.waiting import until
 
 SHORT = ScanWindows(0.02, 0.05)
 
@@ -123,8 +125,9 @@ async def test_a_plug_pulled_during_the_search() -> None:
     with pty() as port:
         before = left_behind()[1]
         link = open_link(port.path, settings())
+        usual = termios.tcgetattr(port.master)[5]
         opening = asyncio.create_task(fails(link.open()))
-        await asyncio.sleep(0.1)
+        await until(lambda: termios.tcgetattr(port.master)[5] != usual, "the first rate is tried")
         port.pull()
         assert (await opening).kind == "gone"
         assert left_behind()[1] == before
