@@ -357,13 +357,11 @@ class Jobs:
             if record is not None:
                 rollback = RollbackRun(controller, driver, self._rollbacks, record, task, self._timings)
                 try:
-                    restored = await rollback.put_back(controller.session.access.baud)
+                    wrong = await rollback.put_back(controller.session.access.baud)
                 except (NoReplyError, DeviceRejectedError) as error:
                     raise JobError(f"The device answers{rate}, but: {error}", "Read its settings.") from None
-                if not restored:
-                    raise JobError(
-                        f"The device answers{rate}, but does not have its old settings.", "Read its settings."
-                    )
+                if wrong:
+                    raise JobError(f"The device answered{rate}, but {wrong}.", "Read its settings.")
                 task.job.message = "The device answers again and has its old settings."
             await self._refreshed(controller, task)
 

@@ -326,8 +326,9 @@ class RollbackRun:
                 try:
                     if await self._alive():
                         answered = True
-                        if await self.put_back(baud):
+                        if not (wrong := await self.put_back(baud)):
                             return None
+                        self._controller.log.add_note(f"The device answered, but {wrong}.", error=True)
                 except (NoReplyError, DeviceRejectedError, LinkError) as error:
                     self._controller.log.add_note(str(error), error=True)
         return answered
@@ -345,8 +346,8 @@ class RollbackRun:
             waited += self._timings.port_poll_s
         return True
 
-    async def put_back(self, baud: int | None) -> bool:
-        """Write the old settings to a device that answers; False if it cannot be read back afterwards."""
+    async def put_back(self, baud: int | None) -> str:
+        """Write the old settings to a device that answers; returns what is wrong afterwards, "" for nothing."""
         record, driver = self.record, self._driver
         known = self._known_values(baud)
         self._report_state("Putting the old settings back")
@@ -367,15 +368,18 @@ class RollbackRun:
         if record.old_baud is not None and record.old_baud != self._controller.session.access.baud:
             await self._controller.runner.reopen(record.old_baud)
         if not await self._alive():
-            return False
+            return "did not after its old settings were written"
         snapshot = await self._read(record.old)
-        if snapshot is None or any(
-            driver.same(name, values, {key: snapshot.values.get(name, {}).get(key) for key in values})
+        if snapshot is None:
+            return "its settings cannot be read back"
+        if others := [
+            name
             for name, values in record.old.items()
-        ):
-            return False
+            if driver.same(name, values, {key: snapshot.values.get(name, {}).get(key) for key in values})
+        ]:
+            return f"these settings are not the old ones: {', '.join(others)}"
         await self._end("rolled-back", "The device has its old settings again; they were read back.")
-        return True
+        return ""
 
     def _check_identity(self, identified: DeviceContext) -> None:
         ours = self.record.serial_number

@@ -15,12 +15,12 @@ from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings import atomic_write
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
-from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
+from imuscope.server.configuration.rollback import RollbackRecord, RollbackRun, RollbackStore
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulator import SimulatorLink, SimulatorThread
 from imuscope.server.wire import PendingRollback
 from tests.each_row import each_row
-from tests.server.control_harness import SILENT, ControlHarness, at_rate, bench, house, over
+from tests.server.control_harness import PATIENT, SILENT, ControlHarness, at_rate, bench, house, over
 from tests.server_process import ServerProcess
 from tests.timeouts import http_client
 from tests.waiting import block_until, until
@@ -158,6 +158,7 @@ async def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
         assert "unreachable until its power is cycled" in job.message
         assert "Restore communication" in job.hint
         assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["unreachable"]
+        desk.runner._patience = PATIENT  # from here on it answers
         restore = desk.add("Restore", here.desks.jobs.restore(desk))
         await until(lambda: is_called(desk), "it calls for a device that gets power")
         cycle(there)
@@ -176,6 +177,7 @@ async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: P
         await over(await faster(here, desk))
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "unreachable"
+        desk.runner._patience = PATIENT  # from here on it answers
         restore = desk.add("Restore", here.desks.jobs.restore(desk))
         await until(lambda: is_called(desk), "it calls for a device that gets power")
         link = desk.session._link
@@ -257,6 +259,28 @@ async def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
         assert "Another device is at this port: 0080800001, not 00FFFFFF" in desk.job_report.done[0].message
         assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
         assert files(tmp_path) == []
+
+
+async def test_settings_that_cannot_be_read_back_are_not_called_wrong(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The device "does not have its old settings", although nobody knew."""
+
+    async def nothing(run: RollbackRun, names: object) -> None:
+        return None
+
+    monkeypatch.setattr(RollbackRun, "_read", nothing)
+    async with bench() as there, house(tmp_path, rounds=1) as here:
+        source = f"serial://{there.slave}?baud=115200"
+        old = {"PortConfig": {"words": [65538, 65538, 0]}}
+        here.desks.rollbacks.save(
+            RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, old, 115_200, 115_200, False)
+        )
+        await here.desks.resume()
+        desk = next(iter(here.desks._controllers.values()))
+        await until(lambda: desk.job_report.done, "it gave up")
+        notes = [entry.text for entry in desk.log.tail(limit=500)]
+        assert "The device answered, but its settings cannot be read back." in notes
 
 
 @each_row("text", ['{"source": "twi', "[" * 100_000, "null"])
