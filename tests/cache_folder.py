@@ -1,6 +1,7 @@
 """The folder of what takes long to make and depends on nothing but its sources: one for all clones on a machine.
 
     mypy        results of mypy, keyed by the contents of each file
+    mypy-guide  the same, of the examples of the guide
     checked     machine code that checks each index, by its source (tests/protocols/test_compiled.py)
 
 It is in the user's cache folder and may be deleted at any time. Where that cannot be written, artifacts/ serves.
