@@ -15,6 +15,7 @@ import asyncio
 import hashlib
 import json
 import logging
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,7 +114,7 @@ class PutBackTask:
         self._frames: tuple[bytes, ...] = ()  # stored
         self._left: tuple[bytes, ...] = ()  # those of them that no running transaction will send
         self._protocol = ""
-        self._saving = asyncio.Lock()  # threads may overtake each other: an older state would stay
+        self._writing = threading.Lock()  # held by the thread that stores the frames
         self._task: asyncio.Task[None] | None = None
 
     async def keep(self, frames: Sequence[bytes]) -> None:
@@ -198,11 +199,15 @@ class PutBackTask:
         self._controller.bus.event(self._controller.device, "device", level, text)
 
     async def _save(self) -> None:
-        if not self._is_stored:
-            return
-        async with self._saving:
-            source = self._controller.session.info.source
-            await asyncio.to_thread(self._store.keep, source, self._device, self._frames)
+        if self._is_stored:
+            await asyncio.to_thread(self._write, self._controller.session.info.source)
+
+    def _write(self, source: str) -> None:
+        """Store the frames as they are now, in a thread. Threads may overtake each other, and one goes on when its job
+        is stopped: whichever comes last stores the last state.
+        """
+        with self._writing:
+            self._store.keep(source, self._device, self._frames)
 
 
 def _put_back(frames: Sequence[bytes], measures: Callable[[], bool], sample_s: float) -> Transaction[bool]:

@@ -95,21 +95,26 @@ async def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotte
 @contextmanager
 def held(
     store: PutBackStore, monkeypatch: pytest.MonkeyPatch, which: Callable[[Sequence[bytes]], bool]
-) -> Iterator[threading.Event]:
-    """Let the first writing of such frames wait for the event, as on a slow disk."""
-    may_write, keep, waited = threading.Event(), store.keep, threading.Event()
+) -> Iterator[tuple[threading.Event, threading.Event]]:
+    """Let the first writing of such frames wait for the second event, as on a slow disk; the first: it has begun."""
+    keep, begun, may_write, ended = store.keep, threading.Event(), threading.Event(), threading.Event()
 
     def slow(source: str, device: str, frames: Sequence[bytes]) -> None:
-        if which(frames) and not waited.is_set():
-            waited.set()
+        is_held = which(frames) and not begun.is_set()
+        if is_held:
+            begun.set()
             may_write.wait(PATIENCE_S)
         keep(source, device, frames)
+        if is_held:
+            ended.set()
 
     monkeypatch.setattr(store, "keep", slow)
     try:
-        yield may_write
+        yield begun, may_write
     finally:
         may_write.set()
+        if begun.is_set():
+            ended.wait(PATIENCE_S)
 
 
 async def test_what_is_stored_slowly_does_not_outlast_what_came_after_it(
@@ -118,15 +123,34 @@ async def test_what_is_stored_slowly_does_not_outlast_what_came_after_it(
     """Two threads overtook each other: the frames stayed stored, and the next start sent them to a device in use."""
     async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
         desk = await here.add(f"{there.slave}?baud=115200")
-        with held(here.desks.put_back, monkeypatch, bool) as may_write:
+        with held(here.desks.put_back, monkeypatch, bool) as (begun, may_write):
             saving = asyncio.create_task(desk.put_back.keep([GO_TO_MEASUREMENT]))
-            await until(lambda: desk.put_back._frames, "the writing begins")
+            await until(begun.is_set, "the writing begins")
             desk.put_back.transaction_ended()
             await until(lambda: reported(here, IS_BACK), "it is back")
             for _ in range(10):  # turns in which the removal would overtake it
                 await asyncio.sleep(0.01)
             may_write.set()
             await saving
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+
+
+async def test_a_job_that_is_stopped_while_its_frames_are_stored_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thread went on when its job was stopped, and wrote the frames after their removal."""
+    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
+        desk = await here.add(f"{there.slave}?baud=115200")
+        with held(here.desks.put_back, monkeypatch, bool) as (begun, may_write):
+            saving = asyncio.create_task(desk.put_back.keep([GO_TO_MEASUREMENT]))
+            await until(begun.is_set, "the writing begins")
+            saving.cancel()
+            await asyncio.gather(saving, return_exceptions=True)
+            removing = asyncio.create_task(desk.put_back.keep(()))
+            for _ in range(10):  # turns in which the removal would overtake it
+                await asyncio.sleep(0.01)
+            may_write.set()
+            await removing
         await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
 
 
@@ -137,7 +161,7 @@ async def test_what_is_left_while_the_end_of_the_earlier_is_stored_is_sent_as_we
     async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
         desk = await here.add(f"{there.slave}?baud=115200")
         await desk.put_back.keep([GO_TO_MEASUREMENT])
-        with held(here.desks.put_back, monkeypatch, lambda frames: not frames) as may_write:
+        with held(here.desks.put_back, monkeypatch, lambda frames: not frames) as (_, may_write):
             desk.put_back.transaction_ended()
             await until(lambda: not desk.put_back._frames, "it is back, and its end is being stored")
             await desk.session.access.send(GO_TO_CONFIG)
