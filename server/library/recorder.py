@@ -165,7 +165,7 @@ class Recorder:
             now = await self._new_session(chosen, title, path, words, since, every=every, request_header=request_header)
             self._now = now
             for session in self._sessions.all if every else chosen:
-                now.join(session)
+                now.join(session, with_past=True)
             if since is not None:
                 now.note_past(await asyncio.to_thread(now.write_past))
             now.follow_links()
@@ -200,7 +200,7 @@ class Recorder:
         since = max(since, min(held) - 1e-3)  # a float of unix seconds is not exact to the nanosecond
         now = await self._new_session(chosen, title, None, "", since, every=False, request_header=False)
         for session in chosen:
-            now.join(session)
+            now.join(session, with_past=True)
         now.detach()  # later bytes are not part of it
         written = await asyncio.to_thread(now.write_past, until)
         await asyncio.to_thread(now.writer.stop)

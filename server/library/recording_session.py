@@ -95,6 +95,7 @@ class RecordingSession:
         self._sessions: dict[str, Session] = {}
         self._following = threading.Lock()  # held while the writer looks for links to follow, and while one leaves
         self._follows = False
+        self._has_ended = False
         self._size_history: list[tuple[float, int]] = []  # (time, bytes) of the last updates
         self._unsubscribe = [
             bus.events.subscribe(self._event),
@@ -114,8 +115,14 @@ class RecordingSession:
         """Devices that have been recorded."""
         return list(self._sessions)
 
-    def join(self, session: Session) -> None:
-        """Also record this session."""
+    def join(self, session: Session, *, with_past: bool = False) -> None:
+        """Also record this session, unless the recording has ended.
+
+        Args:
+            with_past: begin with its bytes in memory; `write_past` is called next.
+        """
+        if self._has_ended:
+            return
         device, writer = session.info.id, self.writer
         self._sessions[device] = session
         writer.device(device, {**about(session.info), **session.reading.recorded})
@@ -139,7 +146,7 @@ class RecordingSession:
         def take(chunks: Sequence[Chunk], way: Direction) -> None:
             write([(chunk.data, chunk.arrival_ns) for chunk in chunks], way)
 
-        link = self._memory.of(device) if self._memory is not None else None
+        link = self._memory.of(device) if self._memory is not None and with_past else None
         if link is None:
             self._unsubscribe_traffic[device] = session.listeners.chunk_batches(take)
         else:
@@ -209,6 +216,7 @@ class RecordingSession:
 
     def detach(self) -> None:
         """Stop recording all sessions."""
+        self._has_ended = True
         for off in self._unsubscribe:
             off()
         with self._following:

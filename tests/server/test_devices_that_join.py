@@ -1,0 +1,63 @@
+"""Devices that appear while a recording begins, goes on, or ends."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from imuscope.recordings.recording_writer import RecordingWriter
+from imuscope.server.config import Config
+from tests.server.fakes import FakeLinks, sample
+from tests.server.in_process_server import InProcessServer
+from tests.server.recorder_harness import chunks, recorded, send, settled
+from tests.timeouts import PATIENCE_S
+
+
+@pytest.fixture
+def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
+        yield running
+
+
+def test_a_device_that_appears_in_a_recording_with_a_past_is_recorded(
+    running: InProcessServer, links: FakeLinks, tmp_path: Path
+) -> None:
+    """Its bytes waited in memory for a past that was written already, and were not in the file."""
+    send(running, links, "/dev/one", sample(1))
+    running.client.post("/api/recordings/start", json={"before_s": 60})
+    running.client.post("/api/devices", json={"source": "/dev/two"})
+    send(running, links, "/dev/two", sample(2))
+    settled(running)
+    ended = running.client.post("/api/recordings/stop", json={}).json()
+    assert ended["devices"] == ["1", "2"]
+    assert chunks(recorded(tmp_path), "rx/1") == sample(1)
+    assert chunks(recorded(tmp_path), "rx/2") == sample(2)
+
+
+def test_a_device_that_appears_while_a_recording_is_written_to_its_end_does_not_join_it(
+    running: InProcessServer, links: FakeLinks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was queued for a file that nobody wrote any more, until the memory was full."""
+    recorder = running.services.recorder
+    running.client.post("/api/recordings/start", json={})
+    session = running.call(lambda: recorder.current)
+    ends, may_end, stop = threading.Event(), threading.Event(), RecordingWriter.stop
+
+    def slow(writer: RecordingWriter) -> None:
+        ends.set()
+        may_end.wait(PATIENCE_S)
+        stop(writer)
+
+    monkeypatch.setattr(RecordingWriter, "stop", slow)
+    stopping = threading.Thread(target=running.client.post, args=("/api/recordings/stop",), kwargs={"json": {}})
+    stopping.start()
+    assert ends.wait(PATIENCE_S)
+    running.client.post("/api/devices", json={"source": "/dev/two"})
+    may_end.set()
+    stopping.join()
+    send(running, links, "/dev/two", sample(2))
+    assert session.recorded == ["1"]
+    assert not list(session.writer._queue)
