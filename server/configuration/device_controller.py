@@ -152,6 +152,8 @@ class DeviceController:
         self._done: deque[Job] = deque(maxlen=MAX_DONE)
         self._running: QueuedJob | None = None
         self._queue_task: asyncio.Task[None] | None = None
+        self._stopping: asyncio.Task[None] | None = None
+        self._is_closed = False
         self._next_job = 1
         self._off = DevicePort(session).listen(self._on_traffic)
         self._off_replaced = state_of(session).replaced.add(lambda before: self._forget())
@@ -258,9 +260,7 @@ class DeviceController:
         task = QueuedJob(job, work, stoppable)
         self._queue.append(task)
         self.notify()
-        if self._queue_task is None or self._queue_task.done():
-            loop = asyncio.get_running_loop()
-            self._queue_task = loop.create_task(self._run_queue(), name=f"jobs of {self.session.info.source}")
+        self._begin()
         return task
 
     async def drop(self, number: int) -> None:
@@ -286,20 +286,29 @@ class DeviceController:
 
     async def close(self) -> None:
         """Stop the running job and drop the queued ones."""
+        self._is_closed = True
         self._queue.clear()
-        await self._stop(for_good=True)
+        await self._stop()
         await self.put_back.close()
         self._off()
         self._off_replaced()
 
-    async def _stop(self, *, for_good: bool = False) -> None:
-        queue_task, self._queue_task = self._queue_task, None
-        if queue_task is not None:
-            queue_task.cancel()
-            await asyncio.gather(queue_task, return_exceptions=True)
-        if self._queue and not for_good:
+    def _begin(self, ended: asyncio.Task[None] | None = None) -> None:
+        """Run the queue, unless that is done: one task at a time, so that the running job is the one that is stopped."""
+        if self._queue and not self._is_closed and (self._queue_task is None or self._queue_task.done()):
             loop = asyncio.get_running_loop()
             self._queue_task = loop.create_task(self._run_queue(), name=f"jobs of {self.session.info.source}")
+            self._queue_task.add_done_callback(self._begin)
+
+    async def _stop(self) -> None:
+        """Cancel the running job, once however often it is stopped: it puts its device back. Returns when it has."""
+        queue_task = self._queue_task
+        if queue_task is None or queue_task.done():
+            return
+        if queue_task is not self._stopping:
+            self._stopping = queue_task
+            queue_task.cancel()
+        await asyncio.wait((queue_task,))
 
     async def _run_queue(self) -> None:
         """Run the jobs in the queue, then return."""
