@@ -294,7 +294,7 @@ class DeviceController:
         self._off_replaced()
 
     def _begin(self, ended: asyncio.Task[None] | None = None) -> None:
-        """Run the queue, unless that is done: one task at a time, so that the running job is the one that is stopped."""
+        """Run the queue, unless that is done. One task does, so that the one to stop is that of the running job."""
         if self._queue and not self._is_closed and (self._queue_task is None or self._queue_task.done()):
             loop = asyncio.get_running_loop()
             self._queue_task = loop.create_task(self._run_queue(), name=f"jobs of {self.session.info.source}")
