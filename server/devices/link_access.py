@@ -29,7 +29,7 @@ class LinkReader(Protocol):
         """Begin to read; `opened`: the link is open already."""
 
     async def interrupt(self, message: str) -> None:
-        """Stop reading and decode the received bytes; the link is opened again next."""
+        """Stop reading and decode the received bytes; the link is opened again next. LinkError: it was removed."""
 
     def drain(self) -> bool:
         """Decode a slice of received bytes; true if more is waiting."""
@@ -102,7 +102,11 @@ class LinkAccess:
         return self._link
 
     async def use_link(self, link: Link) -> None:
-        """Continue on another link to the same device: id, channels, history and listeners stay."""
+        """Continue on another link to the same device: id, channels, history and listeners stay.
+
+        Raises:
+            LinkError: the device was removed.
+        """
         await self._reader.interrupt(f"Opening {link.source}.")
         await self._link.close()
         link.flow = self._link.flow

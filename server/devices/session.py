@@ -127,6 +127,7 @@ class Session:
         self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S)
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        self.is_closed = False
         self._scheduler = scheduler or DecodeScheduler()
         self._off_turns = self._scheduler.add(self.drain)
 
@@ -157,6 +158,8 @@ class Session:
         self.start_reading()
 
     def start_reading(self, *, opened: bool = False) -> None:
+        if self.is_closed:
+            return
         task = self._run(opened=opened)
         self._task = asyncio.get_running_loop().create_task(task, name=f"session {self.info.source}")
 
@@ -166,8 +169,14 @@ class Session:
             await asyncio.gather(self._task, return_exceptions=True)
 
     async def interrupt(self, message: str) -> None:
-        """Stop reading and decode the received bytes; the link is opened again next."""
+        """Stop reading and decode the received bytes; the link is opened again next.
+
+        Raises:
+            LinkError: the device was removed.
+        """
         await self._stop_reading()
+        if self.is_closed:
+            raise LinkError("gone", f"{self.info.name} was removed.", "Add it again.")
         self.drain(final=True)
         self._connection.apply(ConnectionEvent.REOPEN)
         self._set(is_open=False, status="connecting", message=message, hint="", next_attempt=None)
@@ -175,6 +184,7 @@ class Session:
     async def close(self) -> None:
         """Stop, close the link, remove its devices."""
         await self.listeners.close()
+        self.is_closed = True
         await self._stop_reading()
         self._task = None
         self._connection.apply(ConnectionEvent.CLOSE)

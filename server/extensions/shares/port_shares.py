@@ -13,6 +13,7 @@ import asyncio
 import os
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
@@ -68,6 +69,7 @@ class PortShares:
         self._partial: dict[tuple[str, int], bytes] = {}  # of a frame of a client, by device and client
         self._changes: dict[str, ClientChanges] = {}  # by device
         self._tasks: set[asyncio.Task[None]] = set()
+        self._turns: WeakKeyDictionary[Session, asyncio.Lock] = WeakKeyDictionary()  # requests about its port
         sessions.on_added(self._on_added)
         sessions.open_through(self._shared)
 
@@ -219,7 +221,16 @@ class PortShares:
 
         Raises:
             DomainError: the address is invalid, or cannot be offered.
+            LinkError: the device was removed.
         """
+        async with self._turn(session):
+            await self._add(session, text)
+
+    def _turn(self, session: Session) -> asyncio.Lock:
+        """Held while shares of a port are added or removed: the link may be another one afterwards."""
+        return self._turns.setdefault(session, asyncio.Lock())
+
+    async def _add(self, session: Session, text: str) -> None:
         _, shares, why = self.state(session)
         if why:
             raise DomainError("not-now", why, "Choose another device.")
@@ -243,7 +254,8 @@ class PortShares:
         try:
             await _opened(session, held)
         except DomainError:
-            await session.access.use_link(link)
+            if not session.is_closed:
+                await session.access.use_link(link)
             raise
 
     async def remove(self, session: Session, name: str) -> None:
@@ -252,6 +264,10 @@ class PortShares:
         Raises:
             DomainError: there is no such share.
         """
+        async with self._turn(session):
+            await self._remove(session, name)
+
+    async def _remove(self, session: Session, name: str) -> None:
         link = session.access.link
         if not isinstance(link, SharedPortLink) or name not in {one.text for one in link.shares}:
             raise DomainError("not-found", f"Share {name:.80} not found.", "It may have been ended.")
@@ -330,6 +346,8 @@ async def _opened(session: Session, link: SharedPortLink) -> None:
         DomainError: it could not.
     """
     while not link.is_connected:
+        if session.is_closed:
+            raise DomainError("not-found", f"{session.info.name} was removed.", "Add it again.")
         if session.info.next_attempt is not None or session.info.status == "denied":
             raise DomainError("refused", session.info.message, session.info.hint)
         await asyncio.sleep(POLL_S)

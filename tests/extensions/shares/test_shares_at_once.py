@@ -1,0 +1,59 @@
+"""Requests about the shares of one port that come at once."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.shares.port_shares import PortShares
+from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
+from imuscope.server.links.base import LinkError
+from tests.extensions.shares.shared_port import DevicePort
+from tests.server.control_harness import house
+from tests.waiting import until
+
+pytestmark = pytest.mark.usefixtures("runtime")
+
+
+async def test_two_shares_that_are_added_at_once_are_both_offered(tmp_path: Path) -> None:
+    """Each put a link of its own in place of the one before, and two tasks read the port."""
+    port = DevicePort()
+    async with house(tmp_path) as here:
+        shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
+        session = here.sessions.add(f"{port.path}?baud=115200")
+        await until(lambda: session.info.is_open, "it is open")
+        names = [f"{shares.folder}/{name}" for name in ("one", "two")]
+        await asyncio.gather(*(shares.add(session, name) for name in names))
+        link = session.access.link
+        assert isinstance(link, SharedPortLink)
+        assert sorted(one.text for one in link.shares) == names
+        await until(lambda: sorted(one["text"] for one in link.state["shares"]) == names, "the holder offers both")
+        await asyncio.gather(*(shares.remove(session, name) for name in names))
+        assert session.access.link is link.inner
+        await until(lambda: session.info.is_open, "it is open")
+
+
+async def test_a_share_of_a_device_that_is_removed_meanwhile_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The request waited for a link that was never opened, until its client had enough."""
+    port, opens = DevicePort(), asyncio.Event()
+
+    async def slow(link: SharedPortLink, progress: object = None) -> None:
+        opens.set()
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(SharedPortLink, "open", slow)
+    async with house(tmp_path) as here:
+        shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
+        session = here.sessions.add(f"{port.path}?baud=115200")
+        await until(lambda: session.info.is_open, "it is open")
+        adding = asyncio.create_task(shares.add(session, f"{shares.folder}/one"))
+        await opens.wait()
+        await here.sessions.remove(session.info.id)
+        await until(adding.done, "it is refused")
+        with pytest.raises((DomainError, LinkError)):
+            await adding
