@@ -101,6 +101,10 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "extensions/fleet/test_compact.py": ({"clock": 2}, AGE),
     "extensions/fleet/test_page_streams.py": ({"limit": 2}, "a wait that must not end, looked at for a moment"),
     "server/test_backward_compatibility.py": ({"clock": 2}, AGE),
+    "extensions/alarms/test_alarms_while_saving.py": (
+        {"wait": 1},
+        "what would overtake a write has the time to do so",
+    ),
     "server/test_resource_limits.py": ({"clock": 2}, "processor time, of work that took minutes"),
     "server/test_byte_memory.py": ({"clock": 3}, "the memory of bytes is kept by the clock"),
     "server/test_clients.py": ({"wait": 1}, "a pause in which nothing is published"),

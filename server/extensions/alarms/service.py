@@ -115,8 +115,9 @@ class AlarmService:
         await self.webhooks.close()
         if self._task is None:
             return
-        self._task.cancel()
-        await asyncio.gather(self._task, return_exceptions=True)
+        async with self._writing:  # a thread that writes goes on when its task is cancelled, and would be the last
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
         if self._is_dirty:
             await self._try_save()
 
