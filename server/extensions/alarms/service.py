@@ -349,7 +349,7 @@ class AlarmService:
             self._saved.pop(alarm, None)
             await self._put(stored, "changed")
             if definition.webhook != known:
-                await self.webhooks.forget(alarm)
+                await self.webhooks.forget(alarm, spare=definition.webhook)  # it may have been raised already
         return stored
 
     async def _put(self, stored: StoredAlarm, change: str) -> None:

@@ -243,9 +243,9 @@ class Webhooks:
         """Whether messages of an alarm wait or are being posted."""
         return any(queue.is_busy for (own, _), queue in self._queues.items() if own == alarm)
 
-    async def forget(self, alarm: str) -> None:
-        """End the queues of an alarm that was changed or deleted."""
-        for key in [key for key in self._queues if key[0] == alarm]:
+    async def forget(self, alarm: str, spare: str = "") -> None:
+        """End the queues of an alarm that was changed or deleted, but that to the address `spare`."""
+        for key in [key for key in self._queues if key[0] == alarm and key[1] != spare]:
             await self._queues.pop(key).close()
 
     async def close(self) -> None:

@@ -10,14 +10,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.alarm_file import AlarmFile
-from imuscope.server.extensions.alarms.service import FILE
+from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
+from imuscope.server.extensions.alarms.service import FILE, AlarmService
 from imuscope.server.extensions.alarms.settings import AlarmSettings
 from imuscope.server.extensions.alarms.webhooks import (
     MAX_QUEUE,
@@ -29,6 +30,7 @@ from imuscope.server.extensions.alarms.webhooks import (
     shown_url,
 )
 from imuscope.server.security_headers import WEBHOOK_HEADER
+from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.server.fakes import FakeLinks, sample
@@ -282,3 +284,29 @@ def test_a_webhook_posts_nothing_to_an_imuscope(tmp_path: Path) -> None:
         answer = running.client.get("/api/recorder", headers={WEBHOOK_HEADER: ""})
         assert (answer.status_code, answer.json()["kind"]) == (403, "own-webhook")
         assert not running.client.get("/api/recorder").json()["running"]
+
+
+async def test_what_is_raised_while_an_alarm_is_changed_is_posted_to_its_new_address(
+    receiver: Receiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was left out, together with what waited for the former address."""
+    telemetry = Telemetry.create(lambda: 1e9)
+    alarms = AlarmService(telemetry.bus, telemetry.store, tmp_path, cast(Any, None), HERE)
+    fast = ExpressionCondition(expression="Speed > 1 m/s")
+    former, new = (AlarmDefinition(name="Fast", condition=fast, webhook=receiver.url + number) for number in "12")
+    alarm = (await alarms.add(former)).id
+    save = alarms._save
+
+    async def save_while_it_is_raised() -> None:
+        alarms.webhooks.send(alarm, former.webhook, {"number": 1}, lambda *_: None)
+        alarms.webhooks.send(alarm, new.webhook, {"number": 2}, lambda *_: None)
+        await save()
+
+    monkeypatch.setattr(alarms, "_save", save_while_it_is_raised)
+    receiver.is_open.clear()
+    await alarms.change(alarm, new)
+    assert alarms.webhooks.is_busy(alarm)
+    receiver.is_open.set()
+    await until(lambda: not alarms.webhooks.is_busy(alarm), "it is posted")
+    assert 2 in [one["number"] for one in receiver.bodies]
+    await alarms.close()
