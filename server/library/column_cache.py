@@ -217,6 +217,8 @@ class ColumnCache:
                 await self._run(recording, store, opening)
         except RecordingError as error:
             opening.error, opening.failed_at = error, time.monotonic()
+        except KeyError:  # it was deleted while it waited; it may be restored
+            opening.error, opening.failed_at = RecordingError(*CHANGED), time.monotonic()
         except OSError as error:
             words = (error.strerror or "it cannot be written").lower()
             hint = "Free some space, or choose another folder with --data."

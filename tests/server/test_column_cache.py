@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +11,7 @@ import pytest
 
 from imuscope.server.library import column_cache
 from imuscope.server.library.cache_provenance import write_source
-from imuscope.server.library.column_cache import ColumnCache
+from imuscope.server.library.column_cache import ColumnCache, DecodeJob
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
 
@@ -56,6 +57,27 @@ async def test_columns_go_with_their_recording(tmp_path: Path) -> None:
         await columns.opened("b")
         assert not first.exists()
         assert columns.store_of("b").is_dir()
+    finally:
+        await columns.close()
+
+
+async def test_a_recording_that_was_deleted_while_it_waited_and_is_restored_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was unknown until the server was started again, though it was in the list."""
+    monkeypatch.setattr(column_cache, "FAILED_FOR_S", 0.0)
+    path = tmp_path / "a.mcap"
+    recording(path, frames(0, 200))
+    known = {"a": path}
+    columns = ColumnCache(tmp_path, known.__getitem__)
+    try:
+        opening = columns.open("a")
+        assert isinstance(opening, DecodeJob)
+        assert opening.task is not None
+        del known["a"]  # before its turn
+        await asyncio.wait((opening.task,))
+        known["a"] = path
+        assert await columns.opened("a")
     finally:
         await columns.close()
 
