@@ -51,9 +51,12 @@ class CorrectionManager:
         Raises:
             CorrectionError: the source is invalid; the previous stream continues.
         """
-        forwarder = CorrectionForwarder(DevicePort(session), source, lambda: self._exists(session), log_sink)
-        await self.end(session)
-        self._streams[session.info.id] = forwarder
+        before = self._streams.get(session.info.id)
+        self._streams[session.info.id] = CorrectionForwarder(
+            DevicePort(session), source, lambda: self._exists(session), log_sink
+        )
+        if before is not None:  # last: another request may come while it closes
+            await before.close()
 
     def _exists(self, session: AnyDevice) -> bool:
         return any(info.id == session.info.id for info in self._sessions.infos)
@@ -69,9 +72,9 @@ class CorrectionManager:
 
     async def close(self) -> None:
         """End all streams."""
-        for stream in self._streams.values():
+        streams, self._streams = self._streams, {}
+        for stream in streams.values():
             await stream.close()
-        self._streams.clear()
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
