@@ -6,6 +6,7 @@ The queue holds a few pieces at most, so a slow client costs no memory; after a 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
 import queue
 import threading
@@ -87,6 +88,8 @@ async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
             yield item
     finally:
         pipe.client_gone.set()
+        with contextlib.suppress(queue.Full):
+            pipe.queue.put_nowait(None)  # a thread that waits for the next piece would wait for ever
 
 
 async def with_first_chunk(pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
