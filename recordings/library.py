@@ -410,7 +410,8 @@ class Library:
                 shutil.rmtree(folder, ignore_errors=True)
         with contextlib.suppress(OSError):
             for folder in (self.folder / INCOMING).iterdir():
-                if self._now() - folder.stat().st_mtime > STALE_S:
+                changed = max(one.stat().st_mtime for one in (folder, *folder.iterdir()))  # that of the file grows
+                if self._now() - changed > STALE_S:
                     shutil.rmtree(folder, ignore_errors=True)
         there = self._files(self.folder)
         self._peeks = {path: known for path, known in self._peeks.items() if path in there or BIN in path.parts}

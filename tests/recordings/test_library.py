@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from imuscope.recordings import quota
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.importers import suffixes
-from imuscope.recordings.library import INDEX, KEPT_S, Library
+from imuscope.recordings.library import INDEX, KEPT_S, STALE_S, Library
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
 from imuscope.recordings.sidecar import Edits, MarkerInfo, sidecar_path
@@ -254,6 +254,17 @@ def test_an_upload_appears_when_it_is_whole_and_is_a_recording(tmp_path: Path) -
         library.add_file(path)
     assert sorted(ids(library)) == ["a", "a-2"]
     assert list((library.folder / ".incoming").iterdir()) == []
+
+
+def test_an_upload_that_takes_hours_is_not_taken_for_an_abandoned_one(tmp_path: Path) -> None:
+    now = 2e9
+    path = Library(tmp_path).incoming("a.mcap")
+    path.write_bytes(b"the first part")
+    os.utime(path.parent, (now - 2 * STALE_S,) * 2)  # a folder does not change with its files
+    for age, is_kept in ((1.0, True), (1.5 * STALE_S, False)):
+        os.utime(path, (now - age,) * 2)
+        Library(tmp_path, now=lambda: now).all()
+        assert path.exists() == is_kept
 
 
 @given(st.text(max_size=300))
