@@ -105,7 +105,10 @@ async def remove_device(session: OneSession, services: TheServices) -> Response:
             raise DomainError(
                 "not-now", f"The settings of {controller.session.info.name} are temporary until confirmed.", hint
             )
-    await services.sessions.remove(session.info.id)
+    try:
+        await services.sessions.remove(session.info.id)
+    except KeyError:  # by another request
+        raise unknown_device(session.info.id) from None
     return Response(status_code=204)
 
 

@@ -108,7 +108,8 @@ class ControllerRegistry:
     def on_link_of(self, device: str) -> list[DeviceController]:
         """The controllers of a device and of the devices that share its link."""
         own = device.partition(".")[0]
-        return [controller for name, controller in self._controllers.items() if name.partition(".")[0] == own]
+        controllers = list(self._controllers.items())  # changes are planned in a thread
+        return [controller for name, controller in controllers if name.partition(".")[0] == own]
 
     def _sharing_line(self, device: str) -> list[DeviceController]:
         return [controller for controller in self.on_link_of(device) if controller.device != device]

@@ -250,8 +250,10 @@ class DeviceController:
         """Append a job to the queue; it begins when the jobs before it are done.
 
         Raises:
-            ControlError: the queue is full.
+            ControlError: the queue is full, or the device is being removed.
         """
+        if self._is_closed:
+            raise ControlError("not-found", f"{self.session.info.name} was removed.", "Add it again.")
         if len(self._queue) >= MAX_WAITING:
             hint = "Wait, or remove one from the queue."
             raise ControlError("full", f"The queue of this device is full ({MAX_WAITING} jobs).", hint)

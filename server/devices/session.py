@@ -176,7 +176,7 @@ class Session:
         """
         await self._stop_reading()
         if self.is_closed:
-            raise LinkError("gone", f"{self.info.name} was removed.", "Add it again.")
+            raise LinkError("not-found", f"{self.info.name} was removed.", "Add it again.")
         self.drain(final=True)
         self._connection.apply(ConnectionEvent.REOPEN)
         self._set(is_open=False, status="connecting", message=message, hint="", next_attempt=None)

@@ -157,7 +157,7 @@ class Sessions:
             LinkError: kind "bad-source".
         """
         address = SourceUrl.parse(source)
-        sessions = (one for one in self._sessions.values() if SourceUrl.parse(one.info.source).same_place(address))
+        sessions = (one for one in self.all if SourceUrl.parse(one.info.source).same_place(address))
         return next(sessions, None)
 
     def add_all(self, source: str, reading: DecodeOptions = DecodeOptions()) -> list[Session]:  # noqa: B008 - frozen
@@ -204,13 +204,13 @@ class Sessions:
 
     @property
     def all(self) -> list[Session]:
-        """Every session."""
+        """Every session. For any thread: routes look devices up in one."""
         return list(self._sessions.values())
 
     @property
     def infos(self) -> list[wire.DeviceInfo]:
         """Every device; those on one link are adjacent."""
-        return [info for session in self._sessions.values() for info in session.infos]
+        return [info for session in self.all for info in session.infos]
 
     async def _tick_forever(self) -> None:
         while True:
