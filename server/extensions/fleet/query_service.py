@@ -62,7 +62,11 @@ class RunningQuery:
 
 
 class QueryService:
-    """The questions of all users."""
+    """The questions of all users.
+
+    Attributes:
+        fetches: held while a recording is fetched.
+    """
 
     def __init__(self, settings: StoreSettings) -> None:
         self.settings = settings
@@ -71,7 +75,7 @@ class QueryService:
         self._numbers = itertools.count()
         self._words: tuple[float, dict[str, Any]] | None = None
         self._reads_words = asyncio.Lock()
-        self._fetches = asyncio.Lock()
+        self.fetches = asyncio.Lock()
 
     def running_of(self, user: str) -> list[RunningQuery]:
         """Questions of a user, those that wait too."""
@@ -114,17 +118,16 @@ class QueryService:
             return self._words[1]
 
     async def fetch(self, recording: str, path: Path) -> None:
-        """Write a recording of the store to a file.
+        """Write a recording of the store to a file, while `fetches` is held.
 
         Raises:
             DomainError: "no-store", "not-found" or "store".
         """
         self._check_store()
-        async with self._fetches:
-            request = {"fetch": recording, "path": str(path), "memory_mb": self.settings.query_mb, "timeout_s": FETCH_S}
-            async with self._worker(request) as pieces:
-                async for _ in pieces:
-                    pass
+        request = {"fetch": recording, "path": str(path), "memory_mb": self.settings.query_mb, "timeout_s": FETCH_S}
+        async with self._worker(request) as pieces:
+            async for _ in pieces:
+                pass
 
     def _check_store(self) -> None:
         if not self.settings.url:

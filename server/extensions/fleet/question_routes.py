@@ -203,21 +203,23 @@ async def fetch_recording(recording: str, services: TheServices) -> FetchedRecor
     if not RECORDING.fullmatch(recording):
         hint = "Take it from the column `recording`."
         raise DomainError("bad-request", f"{recording!r:.80} is not the identifier of a recording.", hint)
-    try:
-        known = await asyncio.to_thread(library.get, recording)
-    except KeyError:
-        pass
-    else:
-        return FetchedRecording(id=known.id, is_new=False)
-    try:
-        path = await asyncio.to_thread(library.incoming, name)
+    service = services.parts.get(QueryService)
+    async with service.fetches:  # also while it is looked for: another request may be fetching it
         try:
-            await services.parts.get(QueryService).fetch(recording, path)
-            entry = await asyncio.to_thread(library.add_file, path)
-        finally:
-            await asyncio.to_thread(library.refuse, path)
-    except RecordingError as error:
-        raise DomainError("disk", error.message, error.hint) from None
+            known = await asyncio.to_thread(library.get, recording)
+        except KeyError:
+            pass
+        else:
+            return FetchedRecording(id=known.id, is_new=False)
+        try:
+            path = await asyncio.to_thread(library.incoming, name)
+            try:
+                await service.fetch(recording, path)
+                entry = await asyncio.to_thread(library.add_file, path)
+            finally:
+                await asyncio.to_thread(library.refuse, path)
+        except RecordingError as error:
+            raise DomainError("disk", error.message, error.hint) from None
     services.catalogue.changed()
     return FetchedRecording(id=entry.id, is_new=True)
 

@@ -258,6 +258,23 @@ def test_a_recording_is_fetched_from_the_store_once(server: InProcessServer, fol
     assert server.services.catalogue.library.path(recording).read_bytes() == (folder / key).read_bytes()
 
 
+def test_a_recording_that_two_fetch_at_once_is_there_once(server: InProcessServer) -> None:
+    [[recording]] = _ask(server, sql="SELECT recording FROM recordings").json()["rows"]
+    server.client.delete(f"/api/recordings/{recording}")  # of another test
+    answers: list[Any] = []
+
+    def fetch() -> None:
+        answers.append(server.client.post(f"/api/query/recordings/{recording}/fetch", json={}).json())
+
+    threads = [threading.Thread(target=fetch) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert {one["id"] for one in answers} == {recording}
+    assert sorted(one["is_new"] for one in answers) == [False, True]
+
+
 @each_row(("recording", "status", "words"), [("0" * 24, 404, "no recording"), ("x", 422, "'x'")])
 def test_what_is_not_in_the_store_is_not_fetched(
     recording: str, status: int, words: str, server: InProcessServer
