@@ -354,10 +354,10 @@ class DeviceController:
         """Answer the pending rollback.
 
         Raises:
-            ControlError: no rollback is pending.
+            ControlError: no rollback is pending, or it was answered.
         """
         is_pending = self.pending_rollback is not None and self.pending_rollback.state == "pending"
-        if not is_pending:
+        if not is_pending or self.answer.is_set():
             raise ControlError(
                 "not-now", "No change is waiting to be confirmed.", "It may have been rolled back already."
             )

@@ -301,8 +301,10 @@ class RollbackRun:
         """
         self._task.stoppable = False
         self.record.deadline = 0.0
+        words = f"{why} The old settings are being put back.".strip()
+        self.show("rolling-back", words)  # before the disk is waited for: it is too late to keep the change
         try:
-            await self._report("rolling-back", f"{why} The old settings are being put back.".strip())
+            await self._report("rolling-back", words)
             answered = await self._try_rollback()
         except JobError:
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from imuscope.server.wire import PendingRollback
 from tests.each_row import each_row
 from tests.server.control_harness import PATIENT, SILENT, ControlHarness, at_rate, bench, house, over
 from tests.server_process import ServerProcess
-from tests.timeouts import http_client
+from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until, until
 
 FAST = 0x80  # the code of 921 600 Bd
@@ -103,6 +104,34 @@ async def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> No
             assert job.hint == "Open it as sim:xbus?baud=921600&rate=20 when this server is started again."
         assert files(tmp_path) == []
         assert (await here.read(desk)).state == "done"
+
+
+@each_row(("confirm_s", "held", "late"), [(0.1, "save", True), (30.0, "forget", False)])
+async def test_an_answer_that_is_too_late_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, confirm_s: float, held: str, late: bool
+) -> None:
+    """It was accepted while the disk was waited for, and nothing came of it."""
+    begun, may_write, method = threading.Event(), threading.Event(), getattr(RollbackStore, held)
+
+    def slow(store: RollbackStore, record: RollbackRecord) -> None:
+        if held == "forget" or record.state == "rolling-back":
+            begun.set()
+            may_write.wait(PATIENCE_S)
+        method(store, record)
+
+    monkeypatch.setattr(RollbackStore, held, slow)
+    async with house(tmp_path) as here:
+        desk = await here.add(SOURCE)
+        new = {"LocationID": {"location_id": 7}}
+        task = desk.add("Write", here.desks.jobs.apply(desk, new, "", confirm_s=confirm_s))
+        if held == "forget":
+            await until(lambda: desk.pending_rollback and desk.pending_rollback.state == "pending", "it asks")
+            desk.decide(keep=True)
+        await until(begun.is_set, "it is decided")
+        with pytest.raises(ControlError, match="No change is waiting"):
+            desk.decide(keep=late)
+        may_write.set()
+        assert (await over(task)).state == ("failed" if late else "done")
 
 
 def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
