@@ -215,7 +215,9 @@ class RecordingSession:
         stop()
 
     def detach(self) -> None:
-        """Stop recording all sessions."""
+        """Stop recording all sessions. Idempotent: a recording may be stopped while it ends by itself."""
+        if self._has_ended:
+            return
         self._has_ended = True
         for off in self._unsubscribe:
             off()

@@ -1,19 +1,22 @@
-"""Devices that appear while a recording begins, goes on, or ends."""
+"""Devices that appear while a recording begins, goes on, or ends; and one that is stopped while it ends."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.recording_writer import RecordingWriter
 from imuscope.server.config import Config
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import chunks, recorded, send, settled
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 
 @pytest.fixture
@@ -61,3 +64,30 @@ def test_a_device_that_appears_while_a_recording_is_written_to_its_end_does_not_
     send(running, links, "/dev/two", sample(2))
     assert session.recorded == ["1"]
     assert not list(session.writer._queue)
+
+
+def test_a_recording_that_is_stopped_while_it_ends_by_itself_has_ended(
+    running: InProcessServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To stop it was answered as an internal error."""
+    recorder = running.services.recorder
+    running.client.post("/api/recordings/start", json={})
+    writer = running.call(lambda: recorder.current).writer
+    ends, may_end, stop = threading.Event(), threading.Event(), RecordingWriter.stop
+
+    def slow(writer: RecordingWriter) -> None:
+        ends.set()
+        may_end.wait(PATIENCE_S)
+        stop(writer)
+
+    monkeypatch.setattr(RecordingWriter, "stop", slow)
+    writer._fail(RecordingError("The disk is full.", "Free some space."))
+    assert ends.wait(PATIENCE_S)
+    answers: list[Any] = []
+    stopping = threading.Thread(target=lambda: answers.append(running.client.post("/api/recordings/stop", json={})))
+    stopping.start()
+    block_until(lambda: answers or recorder._starting.locked(), "it is being stopped")
+    may_end.set()
+    stopping.join()
+    assert answers[0].status_code == 200
+    assert answers[0].json()["message"] == "The disk is full."
