@@ -173,7 +173,7 @@ class Jobs:
         known = all(change.snapshot.values.get(name) for name in change.todo)
         record = self._record(controller, change, ()) if known else None
         if record is not None:
-            await asyncio.to_thread(self._rollbacks.save, record)
+            await self._store(record)
         try:
             written: list[WriteResult] = []
             try:
@@ -192,6 +192,16 @@ class Jobs:
         finally:
             if record is not None and controller.cut_off != record.new:
                 await asyncio.to_thread(self._rollbacks.forget, record)
+
+    async def _store(self, record: RollbackRecord) -> None:
+        """Write a rollback record; a job that is stopped before it is written leaves none."""
+        saving = asyncio.ensure_future(asyncio.to_thread(self._rollbacks.save, record))
+        try:
+            await asyncio.shield(saving)
+        except asyncio.CancelledError:
+            await asyncio.wait((saving,))  # its thread goes on
+            await asyncio.to_thread(self._rollbacks.forget, record)
+            raise
 
     async def _cut_off(
         self,

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from pathlib import Path
 
+import pytest
+
 from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from tests.server.control_harness import house
+from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
 
@@ -78,3 +83,28 @@ async def test_a_device_that_is_removed_while_its_job_is_stopped_is_put_back_fir
         await removing
         assert slow.is_back
         await stopping
+
+
+async def test_a_job_that_is_stopped_before_it_writes_leaves_nothing_to_roll_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next start of the server rolled back a change that was never made."""
+    begun, may_write, written, save = threading.Event(), threading.Event(), threading.Event(), RollbackStore.save
+
+    def slow(store: RollbackStore, record: RollbackRecord) -> None:
+        begun.set()
+        may_write.wait(PATIENCE_S)
+        save(store, record)
+        written.set()
+
+    monkeypatch.setattr(RollbackStore, "save", slow)
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus")
+        task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 7}}, ""))
+        await until(begun.is_set, "it is being stored")
+        stopping = asyncio.create_task(desk.drop(task.job.id))
+        asyncio.get_running_loop().call_later(0.05, may_write.set)
+        await stopping
+        await until(written.is_set, "it is stored")
+        assert task.job.state == "stopped"
+        assert await asyncio.to_thread(here.desks.rollbacks.all) == []
