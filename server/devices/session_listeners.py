@@ -71,13 +71,14 @@ class SessionListeners:
 
         return off
 
-    def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
-        """Run a coroutine before the link is closed for good."""
+    def before_close(self, last: Callable[[], Awaitable[None]]) -> Callable[[], None]:
+        """Run a coroutine before the link is closed for good; returns a function that forgets it."""
         self._closing.append(last)
+        return lambda: self._closing.remove(last)
 
     async def close(self) -> None:
         """Run what was to be run before the link is closed."""
-        for last in self._closing:
+        for last in tuple(self._closing):
             await last()
 
     def publish(self, events: Sequence[Event], own: str) -> None:

@@ -159,7 +159,7 @@ class RecordingSession:
                 if (stop := self._unsubscribe_traffic.pop(device, None)) is not None:
                     self._stop(device, stop)
 
-        session.listeners.before_close(removed)
+        self._unsubscribe.append(session.listeners.before_close(removed))
         for one in self._controllers.on_link_of(device) if self._controllers is not None else ():
             self._settings(one)
         self._all_signals()

@@ -95,6 +95,16 @@ def test_data_between_start_and_stop_is_in_the_file(running: InProcessServer, li
     assert sorted(channel.topic for channel in summary.channels.values())[-2:] == ["rx/1", "rx/2"]
 
 
+def test_a_device_keeps_nothing_of_recordings_that_have_ended(running: InProcessServer) -> None:
+    """Each was kept in memory as long as its devices."""
+    listeners = running.services.sessions.get("1").listeners
+    before = len(listeners._closing)
+    for _ in range(3):
+        running.client.post("/api/recordings/start", json={})
+        running.client.post("/api/recordings/stop", json={})
+    assert len(listeners._closing) == before
+
+
 def test_chosen_devices_only_and_all_with_those_that_come_later(
     running: InProcessServer, links: FakeLinks, tmp_path: Path
 ) -> None:
