@@ -105,6 +105,7 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
         {"wait": 1},
         "what would overtake a write has the time to do so",
     ),
+    "extensions/fleet/test_fleet_alarms.py": ({"wait": 1}, "what would overtake a write has the time to do so"),
     "server/test_resource_limits.py": ({"clock": 2}, "processor time, of work that took minutes"),
     "server/test_byte_memory.py": ({"clock": 3}, "the memory of bytes is kept by the clock"),
     "server/test_clients.py": ({"wait": 1}, "a pause in which nothing is published"),

@@ -138,10 +138,10 @@ class FleetServer:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
-        await self.alarms.close()
-        await asyncio.to_thread(self._leave)
         if self._writing is not None:
             await asyncio.gather(self._writing, return_exceptions=True)
+        await self.alarms.close()  # after it: the last state is written last
+        await asyncio.to_thread(self._leave)
         self._drain()
         with contextlib.suppress(FleetDatabaseError):
             await asyncio.to_thread(self.database.write, self.collector.taken_batch())

@@ -13,8 +13,10 @@ from typing import Any
 import httpx
 import pytest
 
+from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.fleet_alarms import FILE, FleetAlarms
+from imuscope.server.extensions.fleet.fleet_command import create_fleet_server
 from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings
 from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
@@ -24,7 +26,7 @@ from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, get
-from tests.waiting import block_until
+from tests.waiting import block_until, until
 
 NOW = 1_700_000_000.0
 LIMITS = FleetServerSettings(alarm_lost_s=60, alarm_loss_percent=1, alarm_disk_gb=2)
@@ -195,3 +197,33 @@ def test_a_lost_robot_is_told_on_the_page_and_by_webhook(
             block_until(lambda: alarms() == [], "it is back")
             block_until(lambda: len(bodies) == 2, "the webhook is called again")
         assert bodies[1]["change"] == "cleared"
+
+
+async def test_the_last_state_is_stored_at_the_end_though_an_earlier_one_is_being_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An alarm that had just been acknowledged was not after the restart."""
+    server = create_fleet_server(Config(data=tmp_path))
+    texts, begun, may_write, written = iter("12"), threading.Event(), threading.Event(), list[str]()
+
+    def saved_text() -> str:
+        server.alarms.is_changed = False
+        return next(texts)
+
+    def slow(text: str) -> None:
+        if text == "1":
+            begun.set()
+            may_write.wait(PATIENCE_S)
+        written.append(text)
+
+    monkeypatch.setattr(server.alarms, "saved_text", saved_text)
+    monkeypatch.setattr(server.alarms, "save", slow)
+    server.alarms.is_changed = True
+    server._writing = asyncio.create_task(server._write())
+    await until(begun.is_set, "it is being written")
+    server.alarms.is_changed = True
+    closing = asyncio.create_task(server.close())
+    await asyncio.sleep(0.1)  # the last state would overtake the earlier here
+    may_write.set()
+    await closing
+    assert written == ["1", "2"]
