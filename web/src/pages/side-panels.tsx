@@ -3,6 +3,7 @@ import { useRef } from "preact/hooks";
 import "../panels/all";
 import { type PanelDefinition, panelsAt } from "../panels/registry";
 import { IconButton } from "../ui/icon-button";
+import type { Panel } from "../ui/dom";
 import { PanelHost } from "../ui/panel-host";
 import type { Deps } from "../panels/panel-context";
 import type { App } from "./app-state";
@@ -141,6 +142,12 @@ function FoldButton({ app: { sheet, folded } }: { readonly app: App }) {
   return <IconButton icon="side" label={TEXT.collapsePanel} class="desk" onClick={fold} />;
 }
 
+/** As high from the first as it will be: what lies below must not move under a pointer. */
+function written(panel: Panel): Panel {
+  panel.update(0);
+  return panel;
+}
+
 /** A panel in the scrolling part. */
 function BelowPanel({ session, panel, deps }: PanelProps) {
   const caption = useRef<HTMLSpanElement>(null);
@@ -157,7 +164,7 @@ function BelowPanel({ session, panel, deps }: PanelProps) {
       <PanelHead panel={panel} caption={caption} />
       <PanelHost
         {...(panel.class === undefined ? {} : { class: panel.class })}
-        mount={(host) => panel.mount(host, deps, caption.current)}
+        mount={(host) => written(panel.mount(host, deps, caption.current))}
       />
       {After && <After deps={deps} />}
       {session.arranging.value && <HeightDivider session={session} panel={panel} height={height} />}

@@ -116,6 +116,7 @@ export class ReplayController {
     };
     this.go(place);
     this.#screen.want(this.#shown); // at once, before anything is drawn
+    this.#tell();
   }
 
   /** Width of the plots, px. */

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** Opening, reading, seeking, marking and closing a recording, with samples recorded from a server. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { type Opened, openPage } from "../../testing/live-page";
 import { type Answers, recorded } from "../../testing/recorded";
@@ -70,6 +70,20 @@ test("a recording opens in full, with the playhead at its start", async () => {
   await eventually(() => expect(text(".transport .now")).toMatch(/^00:00\.000 \/ 00:0[56]/));
   expect([...document.querySelectorAll(".rail .categories button")].length).toBe(YARD.devices.length);
   expect(page.app.viewState.isLive.value).toBe(true); // Live is unchanged
+});
+
+test("before the first frame the panels are as high as they will be: nothing below moves under a pointer", async () => {
+  const frames: FrameRequestCallback[] = [];
+  vi.stubGlobal("requestAnimationFrame", (draw: FrameRequestCallback) => frames.push(draw));
+  const known = { ...recorded("recordings"), answers: recordingAnswers() };
+  await openPage(known, { place: "#/recordings/yard" });
+  await eventually(() => find(".lower-panels [data-panel=health]"));
+  const row = (name: string): HTMLElement | null | undefined => screen.getByText(name).closest("div");
+  expect(row("Last sample")?.hidden).toBe(true); // left out over a recording
+  expect(text("[data-panel=health] .verdict")).not.toBe("");
+  expect(text("[data-panel=events] .event-list, [data-panel=events] .foot-note")).not.toBe("");
+  vi.unstubAllGlobals();
+  for (const draw of frames) requestAnimationFrame(draw);
 });
 
 test("keys move the playhead, and the values follow", async () => {
