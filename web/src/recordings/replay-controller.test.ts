@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { createViewState } from "../data/view-state";
+import { channelInfo, columnInfo } from "../testing/fixtures";
 import { ReplayController } from "./replay-controller";
 import type { RecordingDetail } from "./types";
 
@@ -53,4 +54,30 @@ it("two recordings side by side are read, played and shown independently of each
   right.dispose();
   expect(live.view.value).toMatchObject({ device: undefined, live: true, span: 20 });
   expect(live.actions.cursorTime()).toBe(7);
+});
+
+it("a server that was away while samples around the cursor were read is no problem once they are there", async () => {
+  let isAway = true;
+  vi.stubGlobal("fetch", (path: string) =>
+    isAway && path.includes("width=8000") // those around the cursor
+      ? Promise.reject(new TypeError())
+      : Promise.resolve(new Response(new ArrayBuffer(0), { headers: { "x-exact": "1" } })),
+  );
+  const now = vi.spyOn(performance, "now").mockReturnValue(0);
+  const channels = [channelInfo({ name: "Temperature", columns: [columnInfo()] })];
+  const replay = new ReplayController({ ...detail("far", 1000), channels }, NOWHERE, createViewState());
+  const settle = async (ms: number): Promise<void> => {
+    now.mockReturnValue(ms);
+    for (const _ of [1, 2, 3]) {
+      await new Promise((resolve) => setTimeout(resolve));
+      replay.tick(ms);
+    }
+  };
+  await settle(100);
+  expect(replay.problem.value?.kind).toBe("offline");
+  isAway = false;
+  await settle(5000);
+  expect(replay.problem.value).toBeUndefined();
+  now.mockRestore();
+  replay.dispose();
 });

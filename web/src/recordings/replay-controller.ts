@@ -9,7 +9,7 @@
  *
  * `near` has the devices' state at the head: its clock is the head, its events are those that had happened by then.
  */
-import { computed, effect, type ReadonlySignal, type Signal, signal } from "@preact/signals";
+import { computed, effect, type ReadonlySignal, signal } from "@preact/signals";
 import type { Ring } from "../data/ring-buffer";
 import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/channels";
@@ -52,7 +52,8 @@ export class ReplayController {
   readonly loop = signal<readonly [number, number] | undefined>(undefined);
   readonly looping = signal(false);
   readonly follow = signal(true);
-  readonly problem: Signal<HttpProblem | undefined>;
+  /** Why samples are missing, on screen or around the cursors. */
+  readonly problem = signal<HttpProblem | undefined>(undefined);
   /** Decoded fraction, 0..1. */
   readonly progress = signal(1);
   /** Reading position, unix s. Changes with every frame: not a signal. */
@@ -78,14 +79,12 @@ export class ReplayController {
     this.bounds = screen.bounds;
     this.head = this.bounds.first;
     this.drawn = screen.store;
-    this.problem = screen.problem;
     this.near = new ReplayStore(detail, () => this.head);
     this.far = new ReplayStore(detail, () => this.head);
     this.#history = new HealthHistoryFeed(detail.info.id, this.bounds);
     this.#statistics = new StatisticsFeed(detail.info.id);
-    const onProblem = (problem: HttpProblem): void => void (this.problem.value = problem);
-    this.#read = new Vicinity(detail, this.near, this.bounds, onProblem);
-    this.#measured = new Vicinity(detail, this.far, this.bounds, onProblem);
+    this.#read = new Vicinity(detail, this.near, this.bounds);
+    this.#measured = new Vicinity(detail, this.far, this.bounds);
     this.#unframe = effect(() =>
       [this.drawn, this.near, this.far].forEach((store) => store.showIn(this.viewState.frame.value)),
     );
@@ -263,6 +262,8 @@ export class ReplayController {
     this.#screen.want(this.#shown);
     // drawing comes first, reading a moment later
     if (this.#screen.held || this.problem.peek()) this.#around(now);
+    const measured = this.viewState.measure.peek() === undefined ? undefined : this.#measured.problem;
+    this.problem.value = this.#screen.problem ?? this.#read.problem ?? measured;
     this.#tell();
   }
 

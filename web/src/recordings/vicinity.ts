@@ -5,7 +5,6 @@
  *               └─ no ──▶ one WindowFetcher for each group of channels (`nearOf`) ──▶ GET …/window ──▶ store
  */
 import type { TimeBase } from "../data/view-state";
-import type { HttpProblem } from "../ui/http";
 import { WindowFetcher } from "./window-fetcher";
 import type { ReplayStore } from "./replay-store";
 import { type Bounds, type Near, nearOf } from "./time-range";
@@ -46,9 +45,12 @@ export class Vicinity {
     readonly detail: RecordingDetail,
     readonly store: ReplayStore,
     readonly bounds: Bounds,
-    /** Called with problems. */
-    readonly onProblem: (problem: HttpProblem) => void,
   ) {}
+
+  /** Why samples are missing. */
+  get problem(): WindowFetcher["problem"] {
+    return this.#around.find(({ fetcher }) => fetcher.problem)?.fetcher.problem;
+  }
 
   /** Load the samples around a moment; call it every frame, `now` in ms. */
   around({ devices, time, base, speed }: Moment, now: number): void {
@@ -70,8 +72,10 @@ export class Vicinity {
         here &&
         fetcher.held &&
         held.stretch.t1 >= Math.min(time + Math.min(0.3 * speed, 0.3 * reach), this.bounds.last)
-      )
+      ) {
+        fetcher.problem = undefined;
         continue;
+      }
       // the reading position when the answer arrives
       const lead = speed * Math.min(LONGEST_LEAD_S, (fetcher.took || 0) / 1000);
       const middle = Math.min(time + lead, this.bounds.last);
@@ -119,12 +123,9 @@ export class Vicinity {
     this.#devices = devices.join("\n");
     this.dispose();
     const own = this.detail.channels.filter((info) => devices.includes(info.device));
-    const onProblem = (problem: HttpProblem | undefined): void => {
-      if (problem) this.onProblem(problem);
-    };
     this.#around = nearOf(own, this.detail.longest_s).map((near) => ({
       near,
-      fetcher: new WindowFetcher(this.detail.info.id, this.store, onProblem),
+      fetcher: new WindowFetcher(this.detail.info.id, this.store),
       share: 1,
       missing: NaN,
     }));

@@ -6,13 +6,11 @@
  *
  * Nothing of the page is used: a recording about to be opened has its samples here before it is shown (prefetch.ts).
  */
-import { signal } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { CustomPlot, TimeBase } from "../data/view-state";
 import { protocolAmong } from "../wire/capabilities";
 import { usualPlots } from "../plots/plot-selection";
 import { withCustomPlots } from "../signals/custom-plots";
-import type { HttpProblem } from "../ui/http";
 import { WindowFetcher, type HeldWindow } from "./window-fetcher";
 import { ReplayStore } from "./replay-store";
 import { type Bounds, isEnough, stretchFor } from "./time-range";
@@ -40,8 +38,6 @@ export class VisibleRange {
   #pixels = VisibleRange.#lastPixels;
   readonly store: ReplayStore;
   readonly bounds: Bounds;
-  /** Problem of the last answer. */
-  readonly problem = signal<HttpProblem | undefined>(undefined);
   readonly #fetcher: WindowFetcher;
   #chosen:
     | {
@@ -56,7 +52,7 @@ export class VisibleRange {
   constructor(readonly detail: RecordingDetail) {
     this.bounds = boundsOf(detail);
     this.store = new ReplayStore(detail, () => this.bounds.last);
-    this.#fetcher = new WindowFetcher(detail.info.id, this.store, (problem) => (this.problem.value = problem));
+    this.#fetcher = new WindowFetcher(detail.info.id, this.store);
   }
 
   get pixels(): number {
@@ -66,6 +62,11 @@ export class VisibleRange {
   set pixels(width: number) {
     this.#pixels = width;
     VisibleRange.#lastPixels = width;
+  }
+
+  /** Why samples are missing. */
+  get problem(): WindowFetcher["problem"] {
+    return this.#fetcher.problem;
   }
 
   get held(): HeldWindow | undefined {
@@ -103,7 +104,7 @@ export class VisibleRange {
 
   /** Load them, unless they are loaded. */
   want(shown: ShownChannels): void {
-    if (this.has(shown)) return;
+    if (this.has(shown)) return void (this.#fetcher.problem = undefined);
     const { t0, t1, base, speed } = shown;
     const channels = this.#channels(shown);
     if (!this.#fetcher.holds(channels, base)) this.store.keepOnly(channels);

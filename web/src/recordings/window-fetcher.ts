@@ -33,6 +33,8 @@ export interface HeldWindow extends FetchRequest {
 
 export class WindowFetcher {
   held: HeldWindow | undefined;
+  /** Of the last answer, while something is missing. */
+  problem: HttpProblem | undefined;
   /** Duration of the last request until its samples were in their rings, ms. */
   took = NaN;
   readonly #stop = new AbortController();
@@ -42,8 +44,6 @@ export class WindowFetcher {
   constructor(
     readonly recording: string,
     readonly store: ReplayStore,
-    /** Called after every answer with its problem, or undefined. */
-    readonly onProblem: (problem: HttpProblem | undefined) => void,
   ) {}
 
   /** Whether this matches the held data, apart from the range. */
@@ -85,7 +85,7 @@ export class WindowFetcher {
       this.store.show(request.channels, frames, request.stretch, answer.exact);
       this.held = { ...request, exact: answer.exact };
       this.took = performance.now() - began;
-      this.onProblem(undefined);
+      this.problem = undefined;
     } catch {
       if (this.#stop.signal.aborted) return;
       this.#refused(OFFLINE);
@@ -94,6 +94,6 @@ export class WindowFetcher {
 
   #refused(problem: HttpProblem): void {
     this.#notBefore = performance.now() + PATIENCE_MS;
-    this.onProblem(problem);
+    this.problem = problem;
   }
 }
