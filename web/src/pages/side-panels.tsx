@@ -57,7 +57,7 @@ export function SideColumn({ app, deps }: Props & { readonly app: App }) {
         />
       )}
       {panelsHere("side", deps).map((panel, k) => (
-        <SidePanel key={panel.id} session={session} panel={panel} deps={deps} folds={k === 0 ? app : undefined} />
+        <ColumnPanel key={panel.id} session={session} panel={panel} deps={deps} folds={k === 0 ? app : undefined} />
       ))}
       {isArranging && below.length > 0 && (
         <Divider
@@ -79,7 +79,7 @@ export function SideColumn({ app, deps }: Props & { readonly app: App }) {
         style={belowHeight === undefined ? {} : { height: `${belowHeight}px` }}
       >
         {below.map((panel) => (
-          <BelowPanel key={panel.id} session={session} panel={panel} deps={deps} />
+          <ColumnPanel key={panel.id} session={session} panel={panel} deps={deps} below />
         ))}
       </div>
       <ArrangeButton app={app} deps={deps} words />
@@ -92,27 +92,32 @@ interface PanelProps extends Props {
   readonly panel: PanelDefinition;
 }
 
-/** A panel that takes the available room, or its own; `folds`: the page whose column it folds. */
-function SidePanel({ session, panel, deps, folds }: PanelProps & { readonly folds: App | undefined }) {
+interface ColumnPanelProps extends PanelProps {
+  /** Of the scrolling part; the others take the available room, or their own. */
+  readonly below?: boolean;
+  /** The page whose column it folds. */
+  readonly folds?: App | undefined;
+}
+
+function ColumnPanel({ session, panel, deps, below = false, folds }: ColumnPanelProps) {
   const caption = useRef<HTMLSpanElement>(null);
   const layout = deps.viewState.layout.value;
   const height = layout.panels[panel.id]?.height;
-  const { after: After } = panel;
+  const { after: After, class: own = "" } = panel;
   return (
     <section
-      class={`side-panel ${height === undefined ? "" : "sized"} ${layout.maximised === panel.id ? "maximised" : ""}`}
+      class={`${below ? "health" : "side-panel"} ${height === undefined ? "" : "sized"} ${layout.maximised === panel.id ? "maximised" : ""}`}
+      {...(below ? { "aria-label": panel.title } : {})}
       data-panel={panel.id}
       style={height === undefined ? {} : { height: `${height}px` }}
     >
       <PanelHead panel={panel} caption={caption}>
-        <span class="grow" />
+        {!below && <span class="grow" />}
         {folds && <FoldButton app={folds} />}
       </PanelHead>
       <PanelHost
-        class={`panel-host ${panel.class ?? ""}`}
-        label={panel.title}
-        scrolls
-        mount={(host) => panel.mount(host, deps, caption.current)}
+        {...(below ? { class: own } : { class: `panel-host ${own}`, label: panel.title, scrolls: true })}
+        mount={(host) => written(panel.mount(host, deps, caption.current))}
       />
       {After && <After deps={deps} />}
       {session.arranging.value && <HeightDivider session={session} panel={panel} height={height} />}
@@ -146,28 +151,4 @@ function FoldButton({ app: { sheet, folded } }: { readonly app: App }) {
 function written(panel: Panel): Panel {
   panel.update(0);
   return panel;
-}
-
-/** A panel in the scrolling part. */
-function BelowPanel({ session, panel, deps }: PanelProps) {
-  const caption = useRef<HTMLSpanElement>(null);
-  const layout = deps.viewState.layout.value;
-  const height = layout.panels[panel.id]?.height;
-  const { after: After } = panel;
-  return (
-    <section
-      class={`health ${height === undefined ? "" : "sized"} ${layout.maximised === panel.id ? "maximised" : ""}`}
-      aria-label={panel.title}
-      data-panel={panel.id}
-      style={height === undefined ? {} : { height: `${height}px` }}
-    >
-      <PanelHead panel={panel} caption={caption} />
-      <PanelHost
-        {...(panel.class === undefined ? {} : { class: panel.class })}
-        mount={(host) => written(panel.mount(host, deps, caption.current))}
-      />
-      {After && <After deps={deps} />}
-      {session.arranging.value && <HeightDivider session={session} panel={panel} height={height} />}
-    </section>
-  );
 }

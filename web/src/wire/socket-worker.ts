@@ -11,7 +11,7 @@
 import { TEXT } from "../texts/wire";
 import { localNow, ServerClock } from "./clock";
 import { decode } from "./codec";
-import { ASK_S, Silence } from "./silence";
+import { ASK_S, Silence, SILENT_S } from "./silence";
 import type { FromWorker, ToWorker } from "./worker-messages";
 import { SUBPROTOCOL, type BrowserText, type Dtype, type ServerText } from "./types";
 
@@ -24,6 +24,8 @@ const PING_SLOW_S = 5;
 const FAST_PINGS = 6;
 /** A server that has not answered for this long is given up: a pulled cable closes no socket by itself. */
 const SILENCE_S = 15;
+/** An attempt without an answer is given up, s: packets to a robot that is off are lost, and repeated more and more rarely. */
+const ATTEMPT_S = 10;
 /** Requested beyond the missed time: our newest sample may be older than the newest sent by the server. */
 const MARGIN_S = 2;
 
@@ -37,6 +39,7 @@ let wait = FIRST_WAIT;
 let retryTimer: ReturnType<typeof setTimeout> | undefined;
 let pingTimer: ReturnType<typeof setTimeout> | undefined;
 let pings = 0;
+/** Last sign of life, or begin of the attempt. */
 let received = 0;
 let run: string | undefined;
 let newest = -Infinity;
@@ -58,7 +61,10 @@ function connect(): void {
   const mine = new WebSocket(url, SUBPROTOCOL);
   mine.binaryType = "arraybuffer";
   socket = mine;
+  received = localNow();
+  pingTimer = setTimeout(drop, 1000 * ATTEMPT_S);
   mine.onopen = () => {
+    clearTimeout(pingTimer);
     receive();
     pings = 0;
     ping();
@@ -95,13 +101,15 @@ function listen(): void {
   send({ op: "ping", t: localNow() }); // the answer ends the silence, and a socket without a route fails sooner
 }
 
+/** Give the connection up, or the attempt. */
+function drop(): void {
+  const dead = socket;
+  dead?.close();
+  dead?.onclose?.(new CloseEvent("close")); // close() waits for the other end, which does not answer
+}
+
 function ping(): void {
-  if (localNow() - received > SILENCE_S) {
-    const dead = socket;
-    dead?.close();
-    dead?.onclose?.(new CloseEvent("close")); // close() waits for the other end, which does not answer
-    return;
-  }
+  if (localNow() - received > SILENCE_S) return drop();
   send({ op: "ping", t: localNow() });
   pings += 1;
   pingTimer = setTimeout(ping, 1000 * (pings < FAST_PINGS ? PING_FAST_S : PING_SLOW_S));
@@ -192,6 +200,7 @@ self.onmessage = ({ data }: MessageEvent<ToWorker>) => {
     case "retry":
       wait = FIRST_WAIT;
       if (socket === undefined) connect();
+      else if (localNow() - received > SILENT_S) drop();
       return;
     case "stop":
       return stop();

@@ -19,12 +19,13 @@ import { number } from "../../ui/format";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import { type App, run, select } from "../app-state";
+import type { App } from "../app-state";
 import { Slot } from "../../extension";
-import { go, href } from "../route";
+import { href } from "../route";
 import { exportingOf } from "./exporting";
 import { Jobs } from "./export-jobs";
 import { type Library, libraryOf } from "./library-store";
+import { playAsDevice } from "./share-menu";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -76,13 +77,6 @@ export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; 
 function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
   const library = libraryOf(app);
   if (info.recording) return <p class="hint">{TEXT.recordingInProgress}</p>;
-  const play = async (): Promise<void> => {
-    const devices = await run(app, recordingsApi.play(info.id, { speed: 1, loop: true, t0: null, t1: null }));
-    const [first] = devices ?? [];
-    if (!first) return;
-    select(app, first.id);
-    go("live");
-  };
   return (
     <div class="actions">
       <a class="btn main" href={href("recordings", info.id)} {...library.aboutToOpen(info)}>
@@ -103,7 +97,12 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         <Icon name="share" />
         {TEXT.export}
       </button>
-      <button type="button" class="btn edge" title={TEXT.playLoopHint} onClick={() => void play()}>
+      <button
+        type="button"
+        class="btn edge"
+        title={TEXT.playLoopHint}
+        onClick={() => void playAsDevice(app, info.id, { speed: 1, loop: true, t0: null, t1: null })}
+      >
         <Icon name="play" />
         {TEXT.playAsDevice}
       </button>

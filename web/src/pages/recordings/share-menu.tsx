@@ -2,9 +2,10 @@
 import type { ReplayController } from "../../recordings/replay-controller";
 import { Slot } from "../../extension";
 import { recordingsApi } from "../../recordings/api";
+import type { PlayRequest } from "../../recordings/types";
 import { copyText } from "../../ui/copy";
 import { Icon } from "../../ui/icons";
-import { run, select } from "../app-state";
+import { type App, run, select } from "../app-state";
 import { go } from "../route";
 import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type ExportRange } from "./exporting";
@@ -21,6 +22,14 @@ export async function copyLink({ replay, app, said }: OpenRecording): Promise<vo
   setTimeout(() => (said.value = ""), SAID_MS);
 }
 
+/** Play a recording as a device, and show it. */
+export async function playAsDevice(app: App, recording: string, how: PlayRequest): Promise<void> {
+  const [device] = (await run(app, recordingsApi.play(recording, how))) ?? [];
+  if (!device) return;
+  select(app, device.id);
+  go("live");
+}
+
 /** The selected ranges of a recording, for export. */
 function rangesOf(replay: ReplayController): readonly ExportRange[] {
   const { first, last } = replay.bounds;
@@ -35,21 +44,10 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
   const { replay, app } = recording;
   const { detail } = replay;
   const { info } = detail;
-  const play = async (): Promise<void> => {
+  const play = (): void => {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
-    const devices = await run(
-      app,
-      recordingsApi.play(info.id, {
-        speed: replay.speed.peek(),
-        loop: loop !== undefined,
-        t0: loop?.[0] ?? null,
-        t1: loop?.[1] ?? null,
-      }),
-    );
-    const [device] = devices ?? [];
-    if (!device) return;
-    select(app, device.id);
-    go("live");
+    const [t0, t1] = [loop?.[0] ?? null, loop?.[1] ?? null];
+    void playAsDevice(app, info.id, { speed: replay.speed.peek(), loop: loop !== undefined, t0, t1 });
   };
   return (
     <div class="hand-over" role="group" aria-label={TEXT.share}>
@@ -78,7 +76,7 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
         <Icon name="download" />
         {COMMON.download}
       </a>
-      <button type="button" class="btn edge" title={TEXT.playLiveHint} onClick={() => void play()}>
+      <button type="button" class="btn edge" title={TEXT.playLiveHint} onClick={play}>
         <Icon name="wave" />
         {TEXT.asDevice}
       </button>
