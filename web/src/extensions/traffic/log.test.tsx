@@ -17,7 +17,7 @@ test("bytes by hand are checked, asked about, sent as they are, and found in the
     'POST /api/devices/1/raw {"confirmed":true,"hex":"faff3000d1"}': job(2, { state: "waiting" }),
   };
   const page = await openConfigure("xbus", { answers });
-  fireEvent.click(button("Send hex"));
+  fireEvent.click(await waitFor(() => button("Send hex")));
   const field = screen.getByLabelText("Bytes to send (hex)");
   fireEvent.input(field, { target: { value: "FA FF 0" } });
   await waitFor(() => expect(find("#byhand-why").textContent).toContain("two hex digits"));
@@ -62,4 +62,23 @@ test("two pages beside each other have their own bytes by hand, and their own qu
   fireEvent.submit(left.querySelector(".send-bytes") as HTMLElement);
   await waitFor(() => expect(left.querySelector("dialog")).not.toBeNull());
   expect(right.querySelector("dialog, .send-bytes")).toBeNull();
+});
+
+test("after the server was started again the log has the entries of that run alone", async () => {
+  const entry = (seq: number, name: string): TrafficEntry => ({
+    ...{ seq, name, direction: "tx" as const, time: 1_790_000_000 + seq, device: "1", hex: "faff", text: "" },
+    ...{ ms: null, level: "info" as const },
+  });
+  let log = [entry(9001, "GoToConfig"), entry(9002, "Reset")];
+  const { store } = await openConfigure("xbus", { answers: { "GET /api/devices/1/traffic?limit=200": () => log } });
+  const names = (): readonly (string | null)[] =>
+    [...document.querySelectorAll(".log-entry b")].map(({ textContent }) => textContent);
+  await waitFor(() => expect(names()).toContain("Reset"));
+  const devices = [...store.jobs.peek().values()];
+  log = [entry(9001, "ReqDID")];
+  store.receive({ kind: "connection", state: "closed", nextTry: undefined });
+  store.receive({ kind: "connection", state: "open", nextTry: undefined });
+  store.receive({ kind: "subscribed", fresh: true });
+  store.receive({ kind: "text", text: { op: "jobs", devices } });
+  await waitFor(() => expect(names()).toEqual(["ReqDID"]));
 });

@@ -155,3 +155,20 @@ test("a key leads to the search, Enter to what was found, and Escape away from i
   await waitFor(() => expect(document.querySelector(".found")).toBeNull());
   expect(document.activeElement).not.toBe(search);
 });
+
+test("jobs of a server that was started again are not taken for those of the run before", async () => {
+  const page = await openConfigure("xbus", { answers: { "POST /api/devices/1/apply": job(1, { state: "waiting" }) } });
+  choose(await until(ROW), "50");
+  await waitFor(() => expect(button("Apply").disabled).toBe(false));
+  fireEvent.click(button("Apply"));
+  await waitFor(() => expect(bodiesOf(page, "/api/devices/1/apply")).toHaveLength(1));
+  const refused = { setting: "OutputConfiguration", path: "", title: "Outputs", requested: "", actual: "", reason: "" };
+  page.tell({ done: [job(1, { outcomes: [refused] })] });
+  await until(".outcomes li");
+  const devices = [...page.store.jobs.peek().values()].map((one) => ({ ...one, done: [] }));
+  page.store.receive({ kind: "subscribed", fresh: true });
+  page.store.receive({ kind: "text", text: { op: "jobs", devices } });
+  page.tell({ running: job(1, { title: "Read all settings", state: "running" }) });
+  await waitFor(() => expect(find(".apply-bar").textContent).toContain("1 change"));
+  expect(find(".apply-bar").textContent).not.toContain("Read all settings");
+});
