@@ -116,6 +116,9 @@ export class Model {
   readonly putAside: Signal<{ readonly of: string; readonly count: number } | undefined> = signal(undefined);
 
   readonly asking = new Previews(this);
+  /** Of requests for the values: an answer that a later one has overtaken is old. */
+  #turn = 0;
+  #newest = Promise.resolve();
   #undo: Drafts[] = [];
   /** The device's values when a draft was begun, or last rebased. */
   #bases: Drafts = {};
@@ -247,14 +250,20 @@ export class Model {
     if (isFirst) this.forms.value = forms.value; // not before the values: nobody is reported "never read" of what was read
   }
 
-  /** Load present values and snapshots. Drafts equal to them are dropped. */
-  async refresh(): Promise<void> {
+  /** Load present values and snapshots, as in the newest answer. Drafts equal to them are dropped. */
+  refresh(): Promise<void> {
+    return (this.#newest = this.#refresh(++this.#turn));
+  }
+
+  async #refresh(turn: number): Promise<void> {
     const [body, snapshots] = await Promise.all([configureApi.values(this.id), configureApi.snapshots(this.id)]);
+    if (turn !== this.#turn) return this.#newest;
     if (snapshots.ok) this.snapshots.value = snapshots.value;
     if (!body.ok) return;
     const measured = this.forms.peek()?.settings.some(({ table }) => table !== null && table.interval !== "");
     if (measured && body.value.info.taken !== this.body.peek()?.info.taken) {
       const forms = await configureApi.forms(this.id); // streams that are off also get rates of the device once it was read
+      if (turn !== this.#turn) return this.#newest;
       if (forms.ok) this.forms.value = forms.value;
     }
     this.#follow(body.value.values);

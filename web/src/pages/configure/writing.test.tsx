@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** What is written to devices: asked before, refused, changed by others meanwhile, and taken back. */
 import { fireEvent, waitFor } from "@testing-library/preact";
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import type { Difference, PreviewResult, SnapshotBody } from "../../forms/types";
 import { openConfigure } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
@@ -171,4 +171,24 @@ test("jobs of a server that was started again are not taken for those of the run
   page.tell({ running: job(1, { title: "Read all settings", state: "running" }) });
   await waitFor(() => expect(find(".apply-bar").textContent).toContain("1 change"));
   expect(find(".apply-bar").textContent).not.toContain("Read all settings");
+});
+
+test("values that are asked for later stay, whichever answer comes last", async () => {
+  const page = await openConfigure("xbus");
+  await until(ROW);
+  const answered = globalThis.fetch;
+  const held: ((values: SnapshotBody) => void)[] = [];
+  vi.stubGlobal("fetch", (address: string, init: RequestInit) =>
+    address.endsWith("/values")
+      ? new Promise((resolve) => held.push((values) => resolve(Response.json(values))))
+      : answered(address, init),
+  );
+  page.tell({ done: [job(8)] });
+  page.tell({ done: [job(9)] });
+  await waitFor(() => expect(held).toHaveLength(2));
+  held[1]?.(withRate(0x4020, 50));
+  await waitFor(() => expect((find(ROW) as HTMLSelectElement).value).toBe("50"));
+  held[0]?.(withRate(0x4020, 100));
+  await new Promise((resolve) => setTimeout(resolve, 50));
+  expect((find(ROW) as HTMLSelectElement).value).toBe("50");
 });
