@@ -29,6 +29,9 @@ class TrafficState {
       before = sensor.value;
     });
     effect(() => {
+      if (store.jobs.value.size === 0) this.#forget(); // another run of the server numbers entries anew
+    });
+    effect(() => {
       if (model.loads.value > 0) void this.loadOlder(undefined);
     });
   }

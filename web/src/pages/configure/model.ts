@@ -150,6 +150,12 @@ export class Model {
       void who.value;
       if (this.device.peek()?.protocol && store.connection.peek() === "open") void this.load();
     });
+    effect(() => {
+      if (this.jobs.value !== undefined) return;
+      // another run of the server numbers jobs anew
+      this.applied.value = this.restoring.value = this.lastRead.value = undefined;
+      this.sent.value = {};
+    });
     const finished = computed(() => this.jobs.value?.done[0]?.id ?? 0);
     effect(() => {
       if (finished.value > 0) void this.refresh();
