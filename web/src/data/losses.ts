@@ -43,13 +43,7 @@ export class LossList {
       Math.max(samples, same?.samples ?? 0),
     ];
     if (same !== undefined) list.splice(at, 1);
-    this.#add(info.device, {
-      t0: from,
-      t1: to,
-      samples: most,
-      by: "browser",
-      text: TEXT.droppedForBrowser,
-    });
+    this.#add(info.device, { t0: from, t1: to, samples: most, by: "browser", text: TEXT.droppedForBrowser });
   }
 
   /** Add the losses of a device known to an earlier run of the server. */
@@ -59,14 +53,7 @@ export class LossList {
 
   /** The server was down between `t0` and `t1`: what the device sent in between is unknown. */
   addRestart(device: string, t0: number, t1: number): void {
-    if (t0 < t1)
-      this.#add(device, {
-        t0,
-        t1,
-        samples: 0,
-        by: "server",
-        text: TEXT.serverRestartedGap,
-      });
+    if (t0 < t1) this.#add(device, { t0, t1, samples: 0, by: "server", text: TEXT.serverRestartedGap });
   }
 
   forget(device: string): void {

@@ -7,12 +7,7 @@ import type { FigureSource } from "./figure-source";
 
 /** The server's signals of a live device. */
 export function liveSource(store: Pick<Store, "sent" | "changeOf">, device: string): FigureSource {
-  return {
-    id: device,
-    prefix: () => "",
-    sent: (id) => store.sent(id),
-    changeOf: (id) => store.changeOf(id),
-  };
+  return { id: device, prefix: () => "", sent: (id) => store.sent(id), changeOf: (id) => store.changeOf(id) };
 }
 
 export interface SampleAccess {

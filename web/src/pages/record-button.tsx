@@ -63,10 +63,7 @@ export function endedOf(
   names: readonly string[] = [],
 ): Saved | undefined {
   if (!before?.running || !now || now.running || now.message !== "") return undefined;
-  return {
-    id: before.id,
-    title: before.title || [...new Set(names)].join(" + ") || before.id,
-  };
+  return { id: before.id, title: before.title || [...new Set(names)].join(" + ") || before.id };
 }
 
 export const isRecording = (app: App): boolean => app.store.recorder.value?.running === true;

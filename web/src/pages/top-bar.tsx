@@ -251,12 +251,7 @@ interface Step {
 
 const zoomed = number(ZOOM_STEP, 1);
 const STEPS: readonly Step[] = [
-  {
-    icon: "first",
-    label: TEXT.toMemoryStart,
-    extra: true,
-    act: (actions) => actions.toStart(),
-  },
+  { icon: "first", label: TEXT.toMemoryStart, extra: true, act: (actions) => actions.toStart() },
   { icon: "back", label: TEXT.backTenth, extra: false, act: (actions) => actions.pan(-0.1) },
   { icon: "stepBack", label: COMMON.backOneSample, extra: true, act: (actions) => actions.stepSample(-1) },
   { icon: "stepForward", label: COMMON.forwardOneSample, extra: true, act: (actions) => actions.stepSample(1) },

@@ -13,12 +13,7 @@ import { TEXT } from "../texts/recordings";
 /** Wait after a refusal before the same is requested again, ms. */
 const PATIENCE_MS = 1500;
 
-const OFFLINE: HttpProblem = {
-  kind: "offline",
-  message: COMMON.serverSilent,
-  hint: TEXT.showingEarlier,
-  status: 0,
-};
+const OFFLINE: HttpProblem = { kind: "offline", message: COMMON.serverSilent, hint: TEXT.showingEarlier, status: 0 };
 
 /** A request: a range of these channels, by one of the clocks. */
 export interface FetchRequest {
@@ -76,12 +71,7 @@ export class WindowFetcher {
       if ("message" in answer) return this.#refused(answer.kind === OFFLINE.kind ? OFFLINE : answer);
       const { frames, problem } = decode(answer.buffer, this.store.dtypesOf);
       if (problem !== undefined)
-        return this.#refused({
-          kind: "wire",
-          message: problem,
-          hint: TEXT.reloadPage,
-          status: 0,
-        });
+        return this.#refused({ kind: "wire", message: problem, hint: TEXT.reloadPage, status: 0 });
       this.store.show(request.channels, frames, request.stretch, answer.exact);
       this.held = { ...request, exact: answer.exact };
       this.took = performance.now() - began;

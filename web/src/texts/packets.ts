@@ -15,12 +15,7 @@ export const TEXT = {
   sampledAt: (time: Value) => `sample at ${time} UTC, device time`,
   after: (ms: Value) => `${ms} ms after the one before`,
   gap: (ms: Value) => `+${ms} ms`,
-  kind: {
-    frame: "",
-    reject: "Rejected frame",
-    foreign: "Bytes between frames",
-    sent: "Sent to the device",
-  },
+  kind: { frame: "", reject: "Rejected frame", foreign: "Bytes between frames", sent: "Sent to the device" },
   section: (source: Value) => `Described in ${source}.`,
   offset: "Offset",
   bytes: "Bytes",

@@ -5,11 +5,11 @@
  */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useEffect } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
-import { addressOf, type Outcome, type HttpProblem, request } from "../../ui/http";
+import { addressOf, type Outcome, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
+import { usePolled } from "../../ui/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { AvailableCalibration, CalibrationReport, CalibrationState } from "../../wire/routes";
 import type { DeviceInfo, DeviceJobs } from "../../wire/types";
@@ -31,43 +31,23 @@ interface Props {
 type Kind = CalibrationReport["kind"];
 
 export function CalibrationDialog({ device, jobs, onClose }: Props) {
-  const state = useSignal<CalibrationState | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
   /** Whether the choice is shown although there is a result. */
   const chooses = useSignal(false);
   const path = { device: device.id };
-  // biome-ignore lint/correctness/useExhaustiveDependencies: signals stay the same
-  useEffect(() => {
-    const cancel = new AbortController();
-    let timer: ReturnType<typeof setTimeout> | undefined;
-    const ask = async (): Promise<void> => {
-      const outcome = await request("GET /api/devices/{device}/calibration", { path, signal: cancel.signal });
-      if (cancel.signal.aborted) return;
-      if (outcome.ok) state.value = outcome.value;
-      else problem.value = outcome.problem;
-      timer = setTimeout(() => void ask(), ASK_EVERY_MS);
-    };
-    void ask();
-    return () => {
-      clearTimeout(timer);
-      cancel.abort();
-    };
-  }, [device.id]);
-  const take = (outcome: Outcome<CalibrationState>): void => {
-    problem.value = outcome.ok ? undefined : outcome.problem;
-    if (!outcome.ok) return;
-    state.value = outcome.value;
-    chooses.value = false;
+  const ask = () => request("GET /api/devices/{device}/calibration", { path });
+  const { state, problem, send } = usePolled<CalibrationState>(device.id, ASK_EVERY_MS, ask);
+  const take = async (change: Promise<Outcome<CalibrationState>>): Promise<void> => {
+    if (await send(change)) chooses.value = false;
   };
-  const start = async (kind: Kind): Promise<void> =>
-    take(await request("POST /api/devices/{device}/calibration", { path, body: { kind } }));
-  const finish = async (): Promise<void> =>
-    take(await request("POST /api/devices/{device}/calibration/finish", { path }));
-  const stop = async (): Promise<void> => {
+  const start = (kind: Kind): Promise<void> =>
+    take(request("POST /api/devices/{device}/calibration", { path, body: { kind } }));
+  const finish = (): Promise<void> => take(request("POST /api/devices/{device}/calibration/finish", { path }));
+  const ended = async (): Promise<Outcome<CalibrationState>> => {
     const outcome = await request("DELETE /api/devices/{device}/calibration", { path });
-    problem.value = outcome.ok ? undefined : outcome.problem;
-    if (outcome.ok && state.value) state.value = { ...state.value, is_running: false, report: null };
+    const available = state.peek()?.available ?? [];
+    return outcome.ok ? { ok: true, value: { available, is_running: false, report: null, write: null } } : outcome;
   };
+  const stop = (): Promise<boolean> => send(ended());
   const now = state.value;
   const report = chooses.value ? null : now?.report;
   return (

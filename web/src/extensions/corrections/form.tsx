@@ -1,13 +1,13 @@
 /** Corrections: a stream of RTCM 3 from a caster, a server or a file, forwarded to the device in whole messages. */
 import { type Signal, useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { BLANK, flowOf, type Ntrip, ntripProblem, ntripUrl } from "./ntrip";
 import { Segmented } from "../../ui/choices";
 import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
 import type { Model } from "../../pages/configure/model";
 import { COMMON } from "../../texts/common";
-import { request } from "../../ui/http";
+import { type Outcome, request } from "../../ui/http";
+import { usePolled } from "../../ui/use-polled";
 import type { Corrections as CorrectionsState } from "../../forms/types";
 
 import "./corrections.css";
@@ -18,41 +18,30 @@ const ASK_EVERY_MS = 1000;
 const pathOf = ({ id }: Model) => ({ device: id });
 
 export function CorrectionsForm({ model }: { readonly model: Model }) {
-  const state = useSignal<CorrectionsState | undefined>(undefined);
+  const path = pathOf(model);
+  const ask = () => request("GET /api/devices/{device}/corrections", { path });
+  const { state, send } = usePolled<CorrectionsState>(model.id, ASK_EVERY_MS, ask);
   const kind = useSignal<"ntrip" | "other">("ntrip");
   const caster = useSignal<Ntrip>(BLANK);
   const other = useSignal("");
-  useEffect(() => {
-    const ask = async (): Promise<void> => {
-      const answer = await request("GET /api/devices/{device}/corrections", { path: pathOf(model) });
-      if (answer.ok) state.value = answer.value;
-    };
-    void ask();
-    const timer = setInterval(() => void ask(), ASK_EVERY_MS);
-    return () => clearInterval(timer);
-  }, [model]);
   const why = kind.value === "ntrip" ? ntripProblem(caster.value) : other.value.trim() === "" ? TEXT.sourceMissing : "";
-  const start = async (event: Event): Promise<void> => {
+  const change = (request: Promise<Outcome<CorrectionsState>>): void => {
+    void send(request);
+    void model.run(request);
+  };
+  const start = (event: Event): void => {
     event.preventDefault();
     if (why !== "") return;
-    const found = await model.run(
-      request("PUT /api/devices/{device}/corrections", {
-        path: pathOf(model),
-        body: { source: kind.value === "ntrip" ? ntripUrl(caster.value) : other.value.trim() },
-      }),
-    );
-    if (found) state.value = found;
+    const source = kind.value === "ntrip" ? ntripUrl(caster.value) : other.value.trim();
+    change(request("PUT /api/devices/{device}/corrections", { path, body: { source } }));
   };
-  const stop = async (): Promise<void> => {
-    const found = await model.run(request("DELETE /api/devices/{device}/corrections", { path: pathOf(model) }));
-    if (found) state.value = found;
-  };
+  const stop = (): void => change(request("DELETE /api/devices/{device}/corrections", { path }));
   return (
     <section class="setting" aria-label={TEXT.corrections}>
       <div class="setting-words">
         <p>{TEXT.correctionsIntro}</p>
       </div>
-      <form class="form correction-form inset" autocomplete="off" onSubmit={(event) => void start(event)}>
+      <form class="form correction-form inset" autocomplete="off" onSubmit={start}>
         <Segmented
           label={TEXT.sourceKind}
           value={kind.value}
@@ -76,7 +65,7 @@ export function CorrectionsForm({ model }: { readonly model: Model }) {
             type="button"
             class="btn edge"
             disabled={model.page.viewOnly.value || !state.value?.source}
-            onClick={() => void stop()}
+            onClick={stop}
           >
             {COMMON.stop}
           </button>

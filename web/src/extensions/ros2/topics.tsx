@@ -1,12 +1,11 @@
 /** The ROS 2 topics of a device: types, subscribers and rates, each with a switch. */
-import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { bytes } from "../../recordings/library-filter";
 import { Dialog } from "../../ui/dialog";
 import { rate } from "../../ui/format";
-import { type Outcome, type HttpProblem, request } from "../../ui/http";
+import { request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
+import { usePolled } from "../../ui/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { MissingTopic, RosState, RosTopic } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
@@ -21,25 +20,13 @@ interface Props {
 }
 
 export function RosTopics({ device, onClose }: Props) {
-  const state = useSignal<RosState | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
-  const take = (outcome: Outcome<RosState>): void => {
-    problem.value = outcome.ok ? undefined : outcome.problem;
-    if (outcome.ok) state.value = outcome.value;
-  };
-  // biome-ignore lint/correctness/useExhaustiveDependencies: `take` writes to signals, which stay the same
-  useEffect(() => {
-    const ask = async (): Promise<void> => take(await request("GET /api/ros2"));
-    void ask();
-    const timer = setInterval(() => void ask(), ASK_EVERY_MS);
-    return () => clearInterval(timer);
-  }, []);
-  const flip = async ({ key, enabled }: RosTopic): Promise<void> =>
-    take(await request("PATCH /api/ros2/topics", { body: { key, enabled: !enabled } }));
+  const { state, problem, send } = usePolled("", ASK_EVERY_MS, () => request("GET /api/ros2"));
+  const flip = ({ key, enabled }: RosTopic): void =>
+    void send(request("PATCH /api/ros2/topics", { body: { key, enabled: !enabled } }));
   return (
     <Dialog title={TEXT.topicsOf(fullName(device))} onClose={onClose}>
       <div class="ros-topics">
-        {state.value && <State state={state.value} device={device.id} flip={(topic) => void flip(topic)} />}
+        {state.value && <State state={state.value} device={device.id} flip={flip} />}
         {problem.value && <ProblemNote problem={problem.value} />}
       </div>
     </Dialog>

@@ -1,11 +1,11 @@
 /** The programs that share the port of a device: who is there, who talks, what was lost; shares are added and ended. */
 import { type Signal, useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { bytes } from "../../recordings/library-filter";
 import { Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
-import { type Outcome, type HttpProblem, request } from "../../ui/http";
+import { type Outcome, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
+import { usePolled } from "../../ui/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
@@ -22,7 +22,6 @@ const FIRST_PORT = 4001;
 
 interface State {
   readonly port: Signal<SharedPort | undefined>;
-  readonly problem: Signal<HttpProblem | undefined>;
   /** Sends a request; its answer is the new state, or a problem. */
   readonly send: (request: Promise<Outcome<SharedPort>>) => Promise<boolean>;
   readonly device: string;
@@ -35,26 +34,11 @@ interface Props {
 }
 
 export function SharePort({ device, onClose }: Props) {
-  const port: State["port"] = useSignal(undefined);
-  const problem: State["problem"] = useSignal(undefined);
   const { id } = device;
-  useEffect(() => {
-    const ask = async (): Promise<void> => {
-      const answer = await request("GET /api/devices/{device}/shares", { path: { device: id } });
-      if (answer.ok) port.value = answer.value;
-      else problem.value = answer.problem;
-    };
-    void ask();
-    const timer = setInterval(() => void ask(), ASK_EVERY_MS);
-    return () => clearInterval(timer);
-  }, [id]);
-  const send: State["send"] = async (asked) => {
-    const outcome = await asked;
-    problem.value = outcome.ok ? undefined : outcome.problem;
-    if (outcome.ok) port.value = outcome.value;
-    return outcome.ok;
-  };
-  const state: State = { port, problem, send, device: id };
+  const path = { device: id };
+  const polled = usePolled(id, ASK_EVERY_MS, () => request("GET /api/devices/{device}/shares", { path }));
+  const { state: port, problem } = polled;
+  const state: State = { port, send: polled.send, device: id };
   const shares = port.value?.shares ?? [];
   return (
     <Dialog title={TEXT.sharePortOf(fullName(device))} onClose={onClose}>

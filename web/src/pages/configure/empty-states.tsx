@@ -1,5 +1,4 @@
 /** Placeholders and bands of a form: reading, never read, lost, not permitted, no settings. */
-import { useEffect, useState } from "preact/hooks";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { describe } from "../../forms/elsewhere";
 import type { App } from "../app-state";
@@ -9,6 +8,7 @@ import { linkTo, pauseOf, readAll, unfinishedOf } from "./view-state";
 import { clock } from "../../ui/format";
 import { request } from "../../ui/http";
 import { Message } from "../../ui/message";
+import { usePolled } from "../../ui/use-polled";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -16,18 +16,10 @@ const ASK_EVERY_MS = 1000;
 
 /** Programs that have the shared port of the device open. */
 function useOtherPrograms(model: Model): readonly string[] {
-  const [names, setNames] = useState<readonly string[]>([]);
-  useEffect(() => {
-    const ask = async (): Promise<void> => {
-      const answer = await request("GET /api/devices/{device}/shares", { path: { device: model.id } });
-      const clients = answer.ok ? answer.value.shares.flatMap((share) => share.clients) : [];
-      setNames([...new Set(clients.map(({ name }) => name))]);
-    };
-    void ask();
-    const timer = setInterval(() => void ask(), ASK_EVERY_MS);
-    return () => clearInterval(timer);
-  }, [model.id]);
-  return names;
+  const path = { device: model.id };
+  const { state } = usePolled(model.id, ASK_EVERY_MS, () => request("GET /api/devices/{device}/shares", { path }));
+  const clients = state.value?.shares.flatMap((share) => share.clients) ?? [];
+  return [...new Set(clients.map(({ name }) => name))];
 }
 
 export function NotRead({ model }: { readonly model: Model }) {

@@ -141,8 +141,5 @@ function mountClock(host: HTMLElement, replay: ReplayController): Panel {
   const whole = document.createElement("small");
   whole.textContent = ` / ${length(replay.bounds.last - replay.bounds.first)}`;
   host.append(now.node, whole);
-  return {
-    update: () => now.set(length(replay.head - replay.bounds.first, 3)),
-    dispose: () => host.replaceChildren(),
-  };
+  return { update: () => now.set(length(replay.head - replay.bounds.first, 3)), dispose: () => host.replaceChildren() };
 }

@@ -1,0 +1,49 @@
+/** What the server is asked for again and again while it is shown, and changes of it, whose answer is the new state. */
+import { type ReadonlySignal, type Signal, useComputed, useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import type { HttpProblem, Outcome } from "./http";
+
+export interface Polled<T> {
+  /** Undefined until the first answer. */
+  readonly state: Signal<T | undefined>;
+  /** Why the last change was refused, until the next; or why there is no newer state. */
+  readonly problem: ReadonlySignal<HttpProblem | undefined>;
+  /** Take the answer to a change; whether it was made. */
+  readonly send: (change: Promise<Outcome<T>>) => Promise<boolean>;
+}
+
+/** @param of what it is of: asked for anew when that is another one */
+export function usePolled<T>(of: string, everyMs: number, ask: () => Promise<Outcome<T>>): Polled<T> {
+  const state = useSignal<T | undefined>(undefined);
+  const refused = useSignal<HttpProblem | undefined>(undefined);
+  const away = useSignal<HttpProblem | undefined>(undefined);
+  const changes = useRef(0);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: signals stay the same, and the question is that of the first time
+  useEffect(() => {
+    let timer: ReturnType<typeof setTimeout> | undefined;
+    let isOver = false;
+    const look = async (): Promise<void> => {
+      const before = changes.current;
+      const outcome = await ask();
+      if (isOver) return;
+      timer = setTimeout(() => void look(), everyMs);
+      if (before !== changes.current) return; // asked before the change was made: it would be shown undone
+      away.value = outcome.ok ? undefined : outcome.problem;
+      if (outcome.ok) state.value = outcome.value;
+    };
+    state.value = refused.value = undefined;
+    void look();
+    return () => {
+      isOver = true;
+      clearTimeout(timer);
+    };
+  }, [of]);
+  const send: Polled<T>["send"] = async (change) => {
+    const outcome = await change;
+    changes.current += 1;
+    refused.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) state.value = outcome.value;
+    return outcome.ok;
+  };
+  return { state, problem: useComputed(() => refused.value ?? away.value), send };
+}
