@@ -212,7 +212,7 @@ export function requestOf(
 /** Asks for the comparison; `align`: at the offset that correlates best, which becomes the place's. */
 export async function compareNow(model: CompareModel, signal_: AbortSignal, align = false): Promise<void> {
   const { ready, answer, problem, busy, place, aligned } = model;
-  const wanted = ready.peek();
+  const [wanted, before] = [ready.peek(), place.peek()];
   if (!wanted?.signal) return;
   busy.value = align ? "correlating" : "computing";
   const body = requestOf(model, wanted);
@@ -222,6 +222,7 @@ export async function compareNow(model: CompareModel, signal_: AbortSignal, alig
   });
   if (signal_.aborted) return;
   busy.value = "";
+  if (align && place.peek() !== before) return compareNow(model, signal_); // a person chose others meanwhile
   problem.value = outcome.ok ? undefined : outcome.problem;
   if (!outcome.ok) return;
   answer.value = outcome.value;

@@ -197,3 +197,23 @@ test("a refused comparison says why", async () => {
   });
   expect(await screen.findByText("No offset stands out.")).toBeTruthy();
 });
+
+test("what is chosen while B is being aligned stays", async () => {
+  const asked = open("a=1&al=30&b=2&bl=30&signal=Quaternion");
+  await screen.findByRole("slider");
+  const answered = globalThis.fetch;
+  let answer: (() => void) | undefined;
+  vi.stubGlobal("fetch", (address: string, init: RequestInit) =>
+    String(init.body).includes('"correlation"')
+      ? new Promise((resolve) => (answer = () => resolve(Response.json({ ...ANSWER, offset: 3, uncertainty: 0.1 }))))
+      : answered(address, init),
+  );
+  fireEvent.click(screen.getByRole("button", { name: "Align by cross-correlation" }));
+  await waitFor(() => expect(answer).toBeDefined());
+  fireEvent.click(screen.getByRole("button", { name: "Swap A and B" }));
+  await waitFor(() => expect(location.hash).toContain("a=2"));
+  const before = bodies(asked).length;
+  answer?.();
+  await waitFor(() => expect(bodies(asked).slice(before)[0]).toMatchObject({ a: { source: "2" }, b: { source: "1" } }));
+  expect(location.hash).toContain("a=2");
+});
