@@ -91,6 +91,16 @@ test("another clock is used, or the usual one again", async () => {
   await waitFor(() => expect(reopened.peek()).toBe(before + 2));
 });
 
+test("a refused choice says why, and the clocks stay to choose again", async () => {
+  const refusal = { kind: "busy", message: "It is being decoded.", hint: "" };
+  const headers = { "content-type": "application/json" };
+  const refused = (): Response => new Response(JSON.stringify(refusal), { status: 409, headers });
+  open([], { "DELETE /api/recordings/yard/reading": refused });
+  fireEvent.click(await screen.findByText("Automatic"));
+  expect(await screen.findByText(/It is being decoded/)).toBeTruthy();
+  expect(screen.getByText("Automatic")).toBeTruthy();
+});
+
 test("a clock that is chosen for a device is not that of its replay, and the panel says so", async () => {
   open([], {}, false);
   expect(await screen.findByText(/Play as a device does not follow it/)).toBeTruthy();

@@ -33,12 +33,13 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
     );
     return () => over.abort();
   }, [id]);
-  if (problem.value) return <ProblemNote problem={problem.value} />;
   const time = file.value;
-  if (!time) return <p class="foot-note dim">{TEXT.loading}</p>;
+  const note = problem.value && <ProblemNote problem={problem.value} />;
+  if (!time) return note ?? <p class="foot-note dim">{TEXT.loading}</p>;
   const sentences = time.sentences.length > 0 ? time.sentences : [TEXT.ofDevice];
   const use = async (clock: FileClock): Promise<void> => {
     const { reading, is_table } = time;
+    problem.value = undefined;
     const choice = clock.use === "arrival" ? ("arrival" as const) : ("" as const);
     const body = is_table ? withTimes(readingOf(reading), clock.use) : { ...reading, clock: choice };
     const outcome = await request("PUT /api/recordings/{recording}/reading", { path: { recording: id }, body });
@@ -47,6 +48,7 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
     else problem.value = outcome.problem;
   };
   const automatic = async (): Promise<void> => {
+    problem.value = undefined;
     const outcome = await request("DELETE /api/recordings/{recording}/reading", { path: { recording: id } });
     if (outcome.ok) reopen(id);
     else problem.value = outcome.problem;
@@ -83,6 +85,7 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
           )}
         </div>
       )}
+      {note}
       {time.messages.map((one) => (
         <Clocks
           key={`${one.device} ${one.message}`}
