@@ -132,3 +132,13 @@ it("marks a mistake where it is", async () => {
   expect([field.selectionStart, field.selectionEnd, field.getAttribute("aria-invalid")]).toEqual([5, 9, "true"]);
   expect(state.cursor.peek()).toBeUndefined();
 });
+
+it("a place that was looked for on one device moves nothing once another is shown", async () => {
+  const figures = { begin: [START + 30], end: [START + 31], total: 1 };
+  open({ [ROUTE]: [{ signal: "a", figures, units: {}, notes: [] }] });
+  await type("a > 1");
+  expect(said()).toContain("Searching");
+  state.view.value = { ...state.view.peek(), device: "3" };
+  await vi.waitFor(() => expect(said()).toBe(""));
+  expect(state.actions.cursorTime()).toBeUndefined();
+});

@@ -52,8 +52,10 @@ export function GoTo({ deps }: { readonly deps: UnderPlots }) {
       return;
     }
     say({ words: TEXT.searching });
+    const device = deps.viewState.device.peek();
     const found = await placeOf(text, reference(deps), forward, deps);
     if (turn !== asked.current) return;
+    if (deps.viewState.device.peek() !== device) return say(undefined); // a place of another device than is shown now
     if ("problem" in found) {
       say(found);
       const place = mistakeIn(text, found.problem.message);
