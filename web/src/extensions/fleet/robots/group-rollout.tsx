@@ -26,10 +26,11 @@ export function GroupRollout({ robot, device, open, isShown }: Props) {
     let isOver = isShown;
     const ask = async (): Promise<void> => {
       const outcome = await askRollouts();
-      if (isOver || !outcome.ok) return;
-      last.value = outcome.value.find(
-        (one) => one.group === robot.group && one.product === product && one.protocol === protocol,
-      );
+      if (isOver) return;
+      if (outcome.ok)
+        last.value = outcome.value.find(
+          (one) => one.group === robot.group && one.product === product && one.protocol === protocol,
+        );
       if (last.value?.state === "running") timer = setTimeout(() => void ask(), ASK_MS);
     };
     if (!isShown) void ask();

@@ -1,12 +1,13 @@
 // @vitest-environment happy-dom
 /** The profile of a group applied from the details of a robot: the plan, its start with a name, progress, and a stop. */
-import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
-import { beforeEach, expect, test } from "vitest";
+import { act, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
+import { beforeEach, expect, test, vi } from "vitest";
 import { deviceWith, robotWith } from "./fixtures";
 import { openPage } from "../../../testing/live-page";
-import { recorded } from "../../../testing/recorded";
+import { answering, recorded } from "../../../testing/recorded";
 import type { DeviceSettingsCheck, FleetRobots, Rollout, RolloutDevice, RolloutPlan } from "../../../wire/routes";
 import { serverKind } from "../server-kind";
+import { GroupRollout } from "./group-rollout";
 
 const PATIENCE = { timeout: 30_000 };
 const PROFILE = { robot: "heron", device: "A-100", by: "Ben", time: 1_700_000_000 };
@@ -115,4 +116,20 @@ test("a plan is shown, started with a name, followed and stopped", async () => {
   fireEvent.click(await screen.findByRole("button", { name: "Rollout 3 by Ada: failed" }, PATIENCE));
   const again = await screen.findByRole("dialog", {}, PATIENCE);
   await waitFor(() => expect(again.textContent).toContain("It delivered 3 samples/s."), PATIENCE);
+});
+
+test("a rollout is followed further after a question without an answer", async () => {
+  vi.useFakeTimers();
+  const head = (state: string) => [{ id: 3, group: "Harbour", product: "A-100", protocol: "xbus", by: "Ada", state }];
+  const answers = [() => head("running"), () => new Response("", { status: 502 }), () => head("done")];
+  answering({ "GET /api/fleet/rollouts": () => answers.shift()?.() });
+  const device = deviceWith({ product: "A-100", protocol: "xbus" });
+  const robot = robotWith({ group: "Harbour", devices: [device] });
+  render(<GroupRollout robot={robot} device={device.id} open={() => undefined} isShown={false} />);
+  const pass = (ms: number): Promise<void> => act(async () => void (await vi.advanceTimersByTimeAsync(ms)));
+  await pass(100);
+  expect(screen.getByText("Rollout 3 by Ada: running")).toBeTruthy();
+  await pass(7000);
+  expect(screen.getByText("Rollout 3 by Ada: done")).toBeTruthy();
+  vi.useRealTimers();
 });

@@ -15,10 +15,9 @@ export const uploadsOf = perApp(({ store }) => {
 
   const load = async (mine: number): Promise<void> => {
     const outcome = await request("GET /api/uploads");
-    if (mine !== asked || !outcome.ok) return;
-    const { recordings } = outcome.value;
-    known.value = new Map(recordings.map((one) => [one.id, one]));
-    if (recordings.some(({ state }) => state === "waiting" || state === "uploading"))
+    if (mine !== asked) return;
+    if (outcome.ok) known.value = new Map(outcome.value.recordings.map((one) => [one.id, one]));
+    if ([...known.peek().values()].some(({ state }) => state === "waiting" || state === "uploading"))
       timer = setTimeout(() => void load(mine), EVERY_MS);
   };
   const start = (): (() => void) =>

@@ -1,10 +1,11 @@
 // @vitest-environment happy-dom
 /** Uploads to the store, in the library. */
 import { fireEvent, waitFor } from "@testing-library/preact";
-import { expect, test } from "vitest";
-import { openPage } from "../../../testing/live-page";
+import { expect, test, vi } from "vitest";
+import { newApp, openPage } from "../../../testing/live-page";
 import { find } from "../../../testing/queries";
-import { recorded } from "../../../testing/recorded";
+import { answering, recorded } from "../../../testing/recorded";
+import { uploadsOf } from "./state";
 
 const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
 const eventually = (check: () => void): Promise<void> => waitFor(check);
@@ -26,4 +27,25 @@ test("without a store nothing is said of uploads", async () => {
   await eventually(() => expect(asked.some(({ path }) => path === "/api/uploads")).toBe(true));
   await eventually(() => expect(rows().length).toBe(1));
   expect(document.querySelector(".upload-mark")).toBeNull();
+});
+
+test("an upload is followed further after a question without an answer", async () => {
+  vi.useFakeTimers();
+  const upload = { id: "yard", state: "uploading", reason: "", progress: 0.4, stored_at: null };
+  const answers = [
+    () => ({ recordings: [upload] }),
+    () => new Response("", { status: 502 }),
+    () => ({ recordings: [{ ...upload, state: "stored" }] }),
+  ];
+  answering({ "GET /api/uploads": () => answers.shift()?.() });
+  const app = newApp();
+  app.store.receive({ kind: "connection", state: "open", nextTry: undefined });
+  const uploads = uploadsOf(app);
+  const stop = uploads.follow();
+  await vi.advanceTimersByTimeAsync(100);
+  expect(uploads.known.value.get("yard")?.state).toBe("uploading");
+  await vi.advanceTimersByTimeAsync(7000);
+  expect(uploads.known.value.get("yard")?.state).toBe("stored");
+  stop();
+  vi.useRealTimers();
 });
