@@ -10,8 +10,12 @@ const REFRESH_MS = 2000;
 /** Loads the alarms now, after each event of one, and while there are any every two seconds, for values and pending ones. */
 export function followAlarms(app: App): () => void {
   const list = alarmList(app.store);
+  let turn = 0;
   const load = async (): Promise<void> => {
+    const [mine, before] = [++turn, list.peek()];
     const outcome = await request("GET /api/alarms");
+    // overtaken by a later one, or by a change such as an acknowledgement, which it would show undone
+    if (mine !== turn || list.peek() !== before) return;
     if (outcome.ok) list.value = outcome.value;
   };
   let seen = -1;
