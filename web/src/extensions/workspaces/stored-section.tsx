@@ -1,6 +1,6 @@
 /** Stored workspaces in the sheet: chosen, saved, exported, imported, deleted, and set for a family. */
 import { type Signal, useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { Slot, type Slots } from "../../extension";
 import { selected } from "../../panels/panel-context";
 import { OptionList } from "../../ui/choices";
@@ -37,9 +37,13 @@ export function StoredSection({ session, deps }: Props) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: read when the sheet is opened
   useEffect(() => void refresh(), []);
   /** Carry out a change; its problem, or the words of its success, stay on screen. */
+  const turn = useRef(0);
   const run = async (act: () => Promise<HttpProblem | undefined>, done: string): Promise<void> => {
-    problem.value = await act();
-    said.value = problem.value ? "" : done;
+    const mine = ++turn.current;
+    const found = await act();
+    if (mine !== turn.current) return; // something else was chosen meanwhile
+    problem.value = found;
+    said.value = found ? "" : done;
     await refresh();
   };
   const { problems } = session;

@@ -18,9 +18,19 @@ export const currentOf = madeFor((_session: WorkspaceSession) =>
 
 export const listWorkspaces = (): Promise<Outcome<WorkspaceList>> => request("GET /api/workspaces");
 
-/** Show the workspace of that name. */
-export async function openStored(session: WorkspaceSession, name: string): Promise<HttpProblem | undefined> {
+/** Counts what was chosen: an answer that a later choice has overtaken is not shown. */
+const turnOf = madeFor((_session: WorkspaceSession) => ({ last: 0 }));
+
+/** Show the workspace of that name, if it is still wanted once it is here. */
+export async function openStored(
+  session: WorkspaceSession,
+  name: string,
+  isWanted: () => boolean = () => true,
+): Promise<HttpProblem | undefined> {
+  const turn = turnOf(session);
+  const mine = ++turn.last;
   const outcome = await request("GET /api/workspaces/{name}", { path: { name } });
+  if (mine !== turn.last || !isWanted()) return undefined;
   if (!outcome.ok) return outcome.problem;
   session.open(outcome.value.workspace);
   currentOf(session).value = outcome.value;
@@ -96,5 +106,5 @@ export async function openDefault(
 ): Promise<void> {
   const outcome = await listWorkspaces();
   const name = outcome.ok ? outcome.value.defaults[family] : undefined;
-  if (name !== undefined && isUntouched()) await openStored(session, name);
+  if (name !== undefined && isUntouched()) await openStored(session, name, isUntouched);
 }
