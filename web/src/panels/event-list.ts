@@ -34,7 +34,7 @@ function mountEvents(host: HTMLElement, deps: Deps): Panel {
   const due = throttle(4);
   return {
     update(now) {
-      if (!due(now)) return;
+      if (!due(now) || list.matches(":active")) return; // a line that is replaced while it is pressed is not clicked
       const events = deps.allEvents ?? deps.store.events.value;
       const device = deps.viewState.device.value;
       if (events === shown && state === `${device} ${sort.value}`) return;

@@ -120,6 +120,26 @@ test("a frame opens its bytes", async () => {
   expect(packets.mock.calls[0]?.[0]).toMatchObject({ device: "1", time: NOW, base: "arrival", rank: 1 });
 });
 
+test("a row does not move away while it is pressed", async () => {
+  const { now, asked } = open();
+  const before = await shown();
+  const pressed = vi.spyOn(document.body.firstElementChild as HTMLElement, "matches").mockReturnValue(true);
+  now.newest = NOW + 1;
+  frame();
+  expect(asked.at(-1)?.path).toContain(`time=${NOW}`);
+  pressed.mockReturnValue(false);
+  frame();
+  pressed.mockReturnValue(true); // before the answer is here
+  await waitFor(() => expect(asked.at(-1)?.path).toContain(`time=${NOW + 1}`));
+  const count = asked.length;
+  await new Promise((resolve) => setTimeout(resolve, 30));
+  expect(rows()).toEqual(before);
+  pressed.mockReturnValue(false);
+  frame();
+  expect(asked.length).toBe(count + 1);
+  await waitFor(() => expect(rows()).not.toEqual(before));
+});
+
 test("over a recording it reads the frames up to the reading position", async () => {
   const { asked, viewState } = open("yard");
   viewState.view.value = { ...viewState.view.value, live: false, end: NOW };

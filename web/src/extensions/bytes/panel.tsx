@@ -56,10 +56,16 @@ class Bytes {
       this.#isHeld.value = false;
     }
     if (device === undefined || this.#isHeld.peek() || this.#isAsking || document.visibilityState === "hidden") return;
+    if (this.#isPressed) return;
     const time = this.#time(device);
     if (time === undefined || `${device} ${time}` === this.#asked) return;
     this.#asked = `${device} ${time}`;
     void this.#ask(device, time);
+  }
+
+  /** A row that moved away under a pointer would not be clicked. */
+  get #isPressed(): boolean {
+    return this.#host.matches(":active");
   }
 
   /** The moment read: that of the last byte while live. */
@@ -78,6 +84,10 @@ class Bytes {
     const outcome = await fetchFrames(place, { time, base: "arrival", beside: SHOWN });
     this.#isAsking = false;
     if (this.#isGone || device !== this.#device || this.#isHeld.peek()) return;
+    if (this.#isPressed) {
+      this.#asked = "";
+      return;
+    }
     this.#state.value = outcome.ok
       ? {
           frames: outcome.value.packets
