@@ -1,19 +1,15 @@
 /** A panel whose code is loaded when it is first shown; until then its place is empty. */
 import type { Panel } from "./dom";
+import { fetchCode } from "./late";
 
 /** The panel that `load` mounts; disposed of before that, it is never mounted. */
 export function latePanel(load: () => Promise<() => Panel>): Panel {
-  let [panel, isGone] = [undefined as Panel | undefined, false];
-  void load().then(
-    (mount) => {
-      if (!isGone) panel = mount();
-    },
-    (error: unknown) => reportError(error),
-  );
+  let panel: Panel | undefined;
+  const stop = fetchCode(load, (mount) => (panel = mount()));
   return {
     update: (now) => panel?.update(now),
     dispose() {
-      isGone = true;
+      stop();
       panel?.dispose();
     },
   };

@@ -3,6 +3,7 @@
 import { act, cleanup, render, screen } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { late } from "./late";
+import { latePanel } from "./late-panel";
 
 const Greeting = ({ name }: { readonly name: string }) => <p>Hello {name}</p>;
 
@@ -47,4 +48,20 @@ test("a server that is away is asked again, for as long as the component is show
   const asked = load.mock.calls.length;
   await vi.advanceTimersByTimeAsync(60_000);
   expect(load).toHaveBeenCalledTimes(asked);
+});
+
+test("a panel that is shown while the server is away is there once it is back, unless it has gone", async () => {
+  let isAway = true;
+  const mount = vi.fn(() => ({ update: vi.fn(), dispose: vi.fn() }));
+  const load = () => (isAway ? Promise.reject(new Error("away")) : Promise.resolve(mount));
+  const [shown, gone] = [latePanel(load), latePanel(load)];
+  await vi.advanceTimersByTimeAsync(1000);
+  gone.dispose();
+  isAway = false;
+  await vi.advanceTimersByTimeAsync(2000);
+  expect(mount).toHaveBeenCalledTimes(1);
+  shown.update(5);
+  expect(mount.mock.results[0]?.value.update).toHaveBeenCalledWith(5);
+  shown.dispose();
+  expect(mount.mock.results[0]?.value.dispose).toHaveBeenCalled();
 });

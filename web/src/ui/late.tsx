@@ -5,6 +5,21 @@ import { useEffect } from "preact/hooks";
 
 const RETRY_MS = 2000;
 
+/** Fetch code, again every two seconds while the server is away, until the returned function is called. */
+export function fetchCode<T>(load: () => Promise<T>, take: (code: T) => void): () => void {
+  let timer: ReturnType<typeof setTimeout> | undefined;
+  let isWanted = true;
+  const again = (): void => {
+    if (isWanted) timer = setTimeout(ask, RETRY_MS);
+  };
+  const ask = (): void => void load().then((code) => isWanted && take(code), again);
+  ask();
+  return () => {
+    isWanted = false;
+    clearTimeout(timer);
+  };
+}
+
 /**
  * A component that fetches its code when it is first shown, and shows `meanwhile` until it is here.
  *
@@ -17,23 +32,8 @@ export function late<P extends object>(
   const code = signal<ComponentType<P> | undefined>(undefined);
   return function Late(props: P) {
     useEffect(() => {
-      let timer: ReturnType<typeof setTimeout> | undefined;
-      let isShown = true;
-      const ask = (): void => {
-        load().then(
-          (component) => {
-            code.value = component;
-          },
-          () => {
-            if (isShown) timer = setTimeout(ask, RETRY_MS);
-          },
-        );
-      };
-      if (code.peek() === undefined) ask();
-      return () => {
-        isShown = false;
-        clearTimeout(timer);
-      };
+      if (code.peek() === undefined) return fetchCode(load, (component) => (code.value = component));
+      return undefined;
     }, []);
     const Code = code.value;
     return Code ? <Code {...props} /> : meanwhile;
