@@ -29,6 +29,31 @@ test.each([
   expect(text(".numerals .from")).toBe(source);
 });
 
+test("a double click begins a recording, and does not end it", async () => {
+  const { store, asked } = await open("xbus", { answers: { "POST /api/recordings/start": {} } });
+  const state = {
+    title: "",
+    devices: [],
+    bytes: 0,
+    behind_s: 0,
+    free: null,
+    seconds_left: null,
+    message: "",
+    hint: "",
+  };
+  const tell = (running: boolean): void => {
+    const text = { op: "recorder", ...state, running, id: "yard", started: running ? 100 : null } as const;
+    act(() => store.receive({ kind: "text", text }));
+  };
+  tell(false);
+  const sent = (): readonly string[] => asked.flatMap(({ method, path }) => (method === "POST" ? [path] : []));
+  fireEvent.click(await screen.findByRole("button", { name: "Record" }), { detail: 1 });
+  await eventually(() => expect(sent()).toEqual(["/api/recordings/start"]));
+  tell(true);
+  fireEvent.click(await screen.findByRole("button", { name: /^Stop recording/ }), { detail: 2 });
+  expect(sent()).toEqual(["/api/recordings/start"]);
+});
+
 test("status without set-up", async () => {
   await open("isb");
   const lanes = (): readonly string[] => texts(".lane-names button");

@@ -75,6 +75,12 @@ export async function toggleRecord(app: App): Promise<void> {
   );
 }
 
+/** Of the button. The second of a double click would end what the first began. */
+const press =
+  (app: App) =>
+  ({ detail }: MouseEvent): void =>
+    void (detail < 2 && toggleRecord(app));
+
 /** The first press only shows the second key: it lies beside keys that are pressed often. */
 export function askForRecord(app: App): void {
   const state = recordOf(app);
@@ -147,7 +153,7 @@ export function Record({ app }: { readonly app: App }) {
           aria-label={TEXT.record}
           title={TEXT.recordAllDevices}
           disabled={app.store.devices.value.length === 0}
-          onClick={() => void toggleRecord(app)}
+          onClick={press(app)}
         >
           <i class="record-dot" />
           <span class="desk">{asking.value ? TEXT.shiftR : TEXT.record}</span>
@@ -174,7 +180,7 @@ export function Record({ app }: { readonly app: App }) {
         class="stop-recording"
         aria-label={TEXT.stopRecordingState(time, size.value, size.unit)}
         title={TEXT.stopRecordingTitle(state.title || state.id)}
-        onClick={() => void toggleRecord(app)}
+        onClick={press(app)}
       >
         <i class="record-dot" />
         <span class="recording-time">{asking.value ? TEXT.shiftR : time}</span>
