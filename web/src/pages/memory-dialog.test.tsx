@@ -89,3 +89,14 @@ test("without any bytes the reason is said", async () => {
   open([]);
   await screen.findByText(/^No bytes are in memory/);
 });
+
+test("an export from memory saves one recording, however often its button is pressed before its dialog opens", async () => {
+  const { app, asked } = open(HELD);
+  const button = await screen.findByRole<HTMLButtonElement>("button", { name: /^Export/ });
+  await waitFor(() => expect(button.disabled).toBe(false));
+  fireEvent.click(button);
+  const isAsked = (end: string): boolean => asked.some(({ path }) => path.endsWith(end));
+  await waitFor(() => expect(isAsked("/api/recordings")).toBe(true), { interval: 1 });
+  expect(button.disabled).toBe(true);
+  await waitFor(() => expect(exportingOf(app).value?.info.id).toBe("yard"));
+});

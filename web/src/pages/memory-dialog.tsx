@@ -48,11 +48,14 @@ export function MemoryDialog({ app, onClose }: Props) {
     all: { t0: null, t1: null },
   }[part.value];
   const save = async (): Promise<SavedMemory | undefined> => {
-    busy.value = true;
     const outcome = await recordingsApi.saveMemory({ devices: null, seconds: null, title: TEXT.partOfLive, ...range });
-    busy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     return outcome.ok ? outcome.value : undefined;
+  };
+  const whileBusy = async (act: () => Promise<void>): Promise<void> => {
+    busy.value = true;
+    await act();
+    busy.value = false;
   };
   const keep = async (): Promise<void> => {
     const saved = await save();
@@ -117,7 +120,7 @@ export function MemoryDialog({ app, onClose }: Props) {
             type="button"
             class="btn edge"
             disabled={busy.value || links.length === 0 || gone}
-            onClick={() => void exportIt()}
+            onClick={() => void whileBusy(exportIt)}
           >
             <Icon name="download" />
             {TEXT.exportFromMemory}
@@ -126,7 +129,7 @@ export function MemoryDialog({ app, onClose }: Props) {
             type="button"
             class="btn main"
             disabled={busy.value || links.length === 0 || gone}
-            onClick={() => void keep()}
+            onClick={() => void whileBusy(keep)}
           >
             {busy.value ? TEXT.savingFromMemory : TEXT.saveAsRecording}
           </button>

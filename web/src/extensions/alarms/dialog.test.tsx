@@ -65,6 +65,18 @@ test("an alarm records when that is chosen, and no longer when it is not", async
   expect((await sent(3)).recording).toBe(null);
 });
 
+test("an alarm that is saved by a double click is added once", async () => {
+  const asked = answering({ "POST /api/alarms/check": {}, "POST /api/alarms": {}, "GET /api/alarms": [] });
+  const close = vi.fn();
+  render(<AlarmDialog app={newApp()} onClose={close} />);
+  const condition = screen.getByLabelText<HTMLInputElement>("Condition");
+  fireEvent.input(condition, { target: { value: "Temperature > 60 °C" } });
+  const form = (await waitFor(() => screen.getByDisplayValue<HTMLInputElement>("Temperature > 60 °C"))).form;
+  for (const _ of [1, 2]) fireEvent.submit(form as HTMLFormElement);
+  await waitFor(() => expect(close).toHaveBeenCalled());
+  expect(asked.filter(({ method, path }) => method === "POST" && path === "/api/alarms")).toHaveLength(1);
+});
+
 test("a mistake is marked where it is", () => {
   const place = { hint: "", begin: 5, end: 10, devices: [], notes: [] };
   const check = { valid: false, message: "Not found. (character 6)", ...place };

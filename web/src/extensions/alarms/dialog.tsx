@@ -1,6 +1,6 @@
 /** The form of an alarm: added or changed, with mistakes marked where they are. */
 import { batch, type Signal, useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { type Deps, selected } from "../../panels/panel-context";
 import { OptionList, Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
@@ -41,6 +41,8 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   const checked = useSignal<{ readonly stamp: string; readonly found: AlarmCheck } | undefined>(undefined);
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const isRemoving = useSignal(false);
+  /** The definition that is on its way, as JSON. */
+  const sending = useRef("");
   const set = (change: Partial<AlarmFields>): void => {
     fields.value = { ...fields.peek(), ...change };
   };
@@ -79,12 +81,15 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   };
   const save = async (event: SubmitEvent): Promise<void> => {
     event.preventDefault();
+    if (sending.current === stamp) return; // a double click adds it once
+    sending.current = stamp;
     const body = definition;
     done(
       draft.id === undefined
         ? await request("POST /api/alarms", { body })
         : await request("PUT /api/alarms/{alarm}", { path: { alarm: draft.id }, body }),
     );
+    sending.current = "";
   };
   const remove = async (): Promise<void> => {
     if (!isRemoving.value) isRemoving.value = true;
