@@ -43,7 +43,7 @@ test("a double click begins a recording, and does not end it", async () => {
   };
   const tell = (running: boolean): void => {
     const text = { op: "recorder", ...state, running, id: "yard", started: running ? 100 : null } as const;
-    act(() => store.receive({ kind: "text", text }));
+    void act(() => store.receive({ kind: "text", text }));
   };
   tell(false);
   const sent = (): readonly string[] => asked.flatMap(({ method, path }) => (method === "POST" ? [path] : []));

@@ -3,7 +3,6 @@ import { fromExtensions, Slot } from "../extension";
 import { placesOf } from "../plots/markers";
 import { mountStack } from "../plots/plot-stack";
 import type { UnderPlots } from "../plots/under-plots";
-import { Help } from "../ui/help";
 import { showsPlots } from "../ui/page-state";
 import { MainColumn } from "../workspace/main-column";
 import { ArrangeTools } from "../workspace/arrange";
@@ -11,16 +10,9 @@ import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveViewer, LiveViews } from "../views/viewers";
 import { type App, select } from "./app-state";
-import {
-  LateAddDevice,
-  LateExportDialog,
-  LateMemoryDialog,
-  LatePacket,
-  LateSignalsPanel,
-  LateYAxisDialog,
-} from "./dialogs";
+import { LateAddDevice, LateMemoryDialog, LateSignalsPanel, LateYAxisDialog } from "./dialogs";
 import { TopBar, Dock } from "./top-bar";
-import { exportingOf } from "./recordings/exporting";
+import { PageOverlays } from "./recordings/overlays";
 import { Rail } from "./device-sidebar";
 import { RowsDialog } from "./rows";
 import { SideColumn, Strip } from "./side-panels";
@@ -136,7 +128,6 @@ function Overlays({ app }: { readonly app: App }) {
     overlay.value = undefined;
     keyFor.value = undefined;
   };
-  if (overlay.value === "help") return <Help onClose={close} />;
   if (overlay.value === "add") {
     const added = (id: string | undefined): void => {
       close();
@@ -144,11 +135,9 @@ function Overlays({ app }: { readonly app: App }) {
     };
     return <LateAddDevice begin={keyFor.value} address={app.newAddress} onClose={close} onAdded={added} />;
   }
-  if (overlay.value === "packet") return <LatePacket app={app} onClose={close} />;
   if (overlay.value === "memory") return <LateMemoryDialog app={app} onClose={close} />;
   const dialog = fromExtensions("dialogs").find((one) => one.overlay === overlay.value);
   if (dialog?.Live && app.device.value)
     return <dialog.Live key={app.device.value.id} app={app} device={app.device.value} onClose={close} />;
-  const exporting = exportingOf(app).value;
-  return exporting ? <LateExportDialog app={app} of={exporting} /> : null;
+  return <PageOverlays app={app} />;
 }

@@ -31,10 +31,7 @@ export function late<P extends object>(
 ): FunctionComponent<P> {
   const code = signal<ComponentType<P> | undefined>(undefined);
   return function Late(props: P) {
-    useEffect(() => {
-      if (code.peek() === undefined) return fetchCode(load, (component) => (code.value = component));
-      return undefined;
-    }, []);
+    useEffect(() => (code.peek() ? undefined : fetchCode(load, (component) => (code.value = component))), []);
     const Code = code.value;
     return Code ? <Code {...props} /> : meanwhile;
   };

@@ -1,4 +1,4 @@
-/** Overlays of the pages of recordings: the list of keys, and the export dialog. */
+/** Overlays of Live and of the pages of recordings: the list of keys, a packet, and the export dialog. */
 import { Help } from "../../ui/help";
 import type { App } from "../app-state";
 import { LateExportDialog, LatePacket } from "../dialogs";
