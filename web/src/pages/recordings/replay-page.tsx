@@ -23,7 +23,7 @@ import { RecordingViewer, RecordingViews } from "../../views/viewers";
 import { TopBar } from "../top-bar";
 import { SideColumn } from "../side-panels";
 import { keepAddress } from "../keep-address";
-import { href, route } from "../route";
+import { href, parse, route } from "../route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { listenForKeys } from "./keys";
@@ -159,7 +159,7 @@ function followAddress(app: App, replay: ReplayController): () => void {
   const { id } = replay.detail.info;
   let ours = location.hash;
   const next = (): string | undefined =>
-    replay.playing.peek() || location.hash !== ours ? undefined : recordingHref(app, replay);
+    replay.playing.peek() || parse(location.hash)?.recording !== id ? undefined : recordingHref(app, replay);
   const stop = keepAddress(next, (hash) => {
     ours = hash;
   });
