@@ -106,6 +106,7 @@ class Collector:
         now: unix s.
         judged: completes a summary by what this server knows besides.
         last_number: last number of a robot's run of which an event is stored.
+        clock: when questions are due, s; it does not step. None: `now`.
     """
 
     def __init__(
@@ -115,11 +116,12 @@ class Collector:
         now: Callable[[], float] = time.time,
         judged: Callable[[RobotSummary], RobotSummary] = lambda summary: summary,
         last_number: Callable[[str, str], int] = lambda robot, boot: 0,
+        clock: Callable[[], float] | None = None,
     ) -> None:
         self._judged = judged
         self._last_number = last_number
         self._summaries = robots
-        self._now = now
+        self._now, self._clock = now, clock or now
         self._robots: dict[str, _Robot] = {}
         self._started = now()
         self.batch = FleetBatch()
@@ -184,7 +186,7 @@ class Collector:
         self._resume(robot)
         if not robot.stored.is_live:
             robot.stored.is_live, robot.stored.since = True, now
-        robot.request_at = now  # what happened while this server did not listen
+        robot.request_at = self._clock()  # what happened while this server did not listen
         self._changed(robot)
 
     def on_report(self, key: str, data: bytes) -> None:
@@ -216,7 +218,7 @@ class Collector:
         elif report.number <= robot.stored.number:
             self.counts.repeated += 1
         else:
-            robot.request_at = min(robot.request_at, self._now())
+            robot.request_at = min(robot.request_at, self._clock())
 
     def on_journal(self, key: str, data: bytes) -> None:
         """A robot answered with earlier reports."""
@@ -251,11 +253,11 @@ class Collector:
         robot.latest = max(robot.latest, answer.last, newest)
         robot.request_at = float("inf")
         if robot.latest > stored.number:  # there is more; an answer without reports: the line of the robot is limited
-            robot.request_at = self._now() + (0.0 if answer.reports else 1.0)
+            robot.request_at = self._clock() + (0.0 if answer.reports else 1.0)
 
     def questions(self, limit: int) -> Iterator[Question]:
         """Journals to query now. Each query is repeated if no answer comes."""
-        now = self._now()
+        now = self._clock()
         for name, robot in self._robots.items():
             if limit <= 0:
                 return
@@ -344,7 +346,7 @@ class Collector:
         if boot not in robot.ends:
             robot.ends[boot] = self._last_number(stored.name, boot)
         stored.boot, stored.number, robot.latest = boot, robot.ends[boot], 0
-        robot.request_at = self._now()
+        robot.request_at = self._clock()
         self._changed(robot)
 
     def _resume(self, robot: _Robot) -> None:
@@ -376,7 +378,7 @@ class Collector:
     def _take(self, robot: _Robot, report: RobotReport) -> bool:
         """Take a report; returns whether there was room."""
         if len(self.batch.events) >= MAX_UNWRITTEN:
-            robot.request_at = self._now() + REQUEST_INTERVAL_S
+            robot.request_at = self._clock() + REQUEST_INTERVAL_S
             return False
         stored = robot.stored
         stored.number = report.number

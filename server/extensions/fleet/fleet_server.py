@@ -86,6 +86,7 @@ class FleetServer:
             database.robots(),
             judged=lambda robot: alarms.with_alarms(profiles.judged(robot)),
             last_number=database.last_number,
+            clock=time.monotonic,
         )
         self.pages = RobotPages(self.collector.boot_of, robots.get)
         self.rollouts = Rollouts(rollouts, robots, profiles, self.pages, self._note_command, timing)
@@ -277,7 +278,7 @@ class FleetServer:
             if reply.ok is not None:
                 self._put(kind, str(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
-        for name, device in self.profiles.questions(time.time(), QUESTIONS_PER_TURN // 10):
+        for name, device in self.profiles.questions(time.monotonic(), QUESTIONS_PER_TURN // 10):
             robot = self.robots.get(name)
             if robot is None or robot.state == "lost":
                 self.profiles.forget_question(name, device)

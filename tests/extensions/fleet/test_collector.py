@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from imuscope.server.extensions.fleet import collector as module
 from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.collector import Collector
+from imuscope.server.extensions.fleet.collector import REQUEST_INTERVAL_S, Collector
 from imuscope.server.extensions.fleet.database import (
     FleetBatch,
     FleetDatabase,
@@ -333,6 +333,17 @@ def test_nothing_from_the_bus_raises(messages: list[tuple[str, str, bytes]]) -> 
         else:
             (collector.on_report if kind == "report" else collector.on_journal)(key, data)
         list(collector.questions(10))
+
+
+def test_a_clock_that_is_set_back_delays_no_question() -> None:
+    """What a robot had reported while the line was away was missing for as long."""
+    wall_s, steady_s = [1_700_000_000.0], [0.0]
+    collector = Collector(Robots(), [], lambda: wall_s[0], clock=lambda: steady_s[0])
+    collector.on_token(keys.token_key(NAME, "a" * 16), alive=True)
+    for _ in range(2):
+        assert len(list(collector.questions(10))) == 1
+        wall_s[0] -= 3600
+        steady_s[0] += REQUEST_INTERVAL_S
 
 
 def test_names_and_runs_are_bounded() -> None:
