@@ -70,7 +70,7 @@ export async function request<R extends Route>(route: R, ...input: Arguments<R, 
   return { ok: true, value: (isJson ? parseJson(text) : text === "" ? undefined : text) as Answer<R> };
 }
 
-const UNREACHED: HttpProblem = {
+export const UNREACHED: HttpProblem = {
   kind: "offline",
   message: COMMON.serverSilent,
   hint: COMMON.serverSilentHint,

@@ -9,7 +9,7 @@ import { Dialog } from "../../ui/dialog";
 import type { HttpProblem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
-import { type App, run } from "../../pages/app-state";
+import type { App } from "../../pages/app-state";
 import { evidencePlots } from "./plots";
 import { Jobs } from "../../pages/recordings/export-jobs";
 import { TEXT } from "./texts";
@@ -44,6 +44,7 @@ export function EvidenceDialog(props: Props) {
   const part = useSignal<Part>("view");
   const leavesOut = useSignal(false);
   const busy = useSignal(false);
+  const refused = useSignal<HttpProblem | undefined>(undefined);
   const made = useSignal<string | undefined>(undefined);
   // live, the view goes on while the dialog is open: what was on screen when it was opened is meant
   const now = useSignal(takeView()).value;
@@ -69,23 +70,23 @@ export function EvidenceDialog(props: Props) {
     busy.value = true;
     const recording = await recordingOf(range);
     if (recording !== undefined) {
-      const job = await run(
-        app,
-        recordingsApi.evidence(recording, {
-          ...range,
-          base: now.base,
-          plots: plots.plots,
-          cursor_a: a,
-          cursor_b: b,
-          with_position: !leavesOut.value,
-        }),
-      );
+      const outcome = await recordingsApi.evidence(recording, {
+        ...range,
+        base: now.base,
+        plots: plots.plots,
+        cursor_a: a,
+        cursor_b: b,
+        with_position: !leavesOut.value,
+      });
+      refused.value = outcome.ok ? undefined : outcome.problem;
       const { exports } = app.store;
-      if (job && !exports.peek().some(({ id }) => id === job.id)) exports.value = [...exports.peek(), job];
+      if (outcome.ok && !exports.peek().some(({ id }) => id === outcome.value.id))
+        exports.value = [...exports.peek(), outcome.value];
       made.value = recording;
     }
     busy.value = false;
   };
+  const shown = problem ?? refused.value;
   const names = { view: TEXT.inView, cursors: TEXT.betweenCursors, whole: wholeName };
   const parts: readonly Part[] = b === null ? ["view", "whole"] : ["view", "cursors", "whole"];
   return (
@@ -110,7 +111,7 @@ export function EvidenceDialog(props: Props) {
           <small>{TEXT.leaveOutHint}</small>
         </label>
         {plots.without.length > 0 && <p class="dim">{TEXT.without(plots.without.join(", "))}</p>}
-        {problem && <ProblemNote problem={problem} />}
+        {shown && <ProblemNote problem={shown} />}
         <button type="button" class="btn main start-export" disabled={busy.value} onClick={() => void make()}>
           <Icon name="paper" />
           {busy.value ? TEXT.making : TEXT.make}

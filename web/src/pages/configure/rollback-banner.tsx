@@ -13,6 +13,7 @@ import { Restore } from "./restore";
 import { configureApi } from "./api";
 import "./styles";
 import { Message } from "../../ui/message";
+import { ProblemNote } from "../../ui/problem-note";
 import { TEXT } from "../../texts/configure";
 
 const RADIUS = 20;
@@ -158,6 +159,7 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
           {offline ? TEXT.confirmUnavailable : <Message text={rollback.words} />}{" "}
           <span class="dim">{rollback.changes.join(" · ")}</span>
         </p>
+        {model.problem.value && <ProblemNote problem={model.problem.value} />}
       </div>
       <button
         type="button"
@@ -192,6 +194,7 @@ function Unreachable({ rollback, model, dismiss }: Omit<Props, "store">) {
           <Message text={rollback.words} /> {TEXT.restoreHint}
         </p>
         <Restore model={model} />
+        {model.problem.value && <ProblemNote problem={model.problem.value} />}
       </div>
       <button type="button" class="btn edge" onClick={dismiss}>
         {TEXT.later}

@@ -192,3 +192,13 @@ test("values that are asked for later stay, whichever answer comes last", async 
   await new Promise((resolve) => setTimeout(resolve, 50));
   expect((find(ROW) as HTMLSelectElement).value).toBe("50");
 });
+
+test("a confirmation that is refused says why where it was given, whatever page is shown", async () => {
+  const refusal = { kind: "busy", message: "Another program configures the device.", hint: "" };
+  const refused = (): Response => Response.json(refusal, { status: 409 });
+  const page = await openConfigure("xbus", { answers: { "POST /api/devices/1/confirm": refused } });
+  const [words, deadline] = ["It answers.", page.store.serverNow() + 20];
+  page.tell({ pending_rollback: { device: "1", state: "pending", changes: [], words, deadline, seconds: 20 } });
+  fireEvent.click(button("Confirm", await until(".pending-rollback[role=alertdialog]")));
+  await waitFor(() => expect(find(".pending-rollback .problem").textContent).toContain("Another program"));
+});

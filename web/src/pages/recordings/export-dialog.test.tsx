@@ -85,3 +85,11 @@ test("without a channel nothing is exported", async () => {
     expect(screen.getByRole<HTMLButtonElement>("button", { name: /^Export CSV/ }).disabled).toBe(true),
   );
 });
+
+test("a refused export says why in the dialog, over what is behind it", async () => {
+  open();
+  const refusal = { kind: "full", message: "The disk is full.", hint: "" };
+  vi.stubGlobal("fetch", async () => Response.json(refusal, { status: 409 }));
+  fireEvent.click(screen.getByRole("button", { name: /^Export CSV/ }));
+  await waitFor(() => expect(document.querySelector("dialog .problem")?.textContent).toContain("The disk is full."));
+});

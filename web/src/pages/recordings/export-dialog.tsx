@@ -8,10 +8,12 @@ import type { ExportSizes, RecordingDetail } from "../../recordings/types";
 import { OptionList } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { span } from "../../ui/format";
+import type { HttpProblem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
+import { ProblemNote } from "../../ui/problem-note";
 import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
-import { type App, run } from "../app-state";
+import type { App } from "../app-state";
 import { Jobs } from "./export-jobs";
 import { type Exporting, exportingOf, type ExportRange } from "./exporting";
 import { COMMON } from "../../texts/common";
@@ -26,6 +28,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const left = useSignal<ReadonlySet<number>>(new Set());
   const device = useSignal("");
   const busy = useSignal(false);
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const chosen = format.value;
   const channels =
     !chosen || chosen.single || left.value.size === 0
@@ -44,19 +47,18 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   };
   const go = async (): Promise<void> => {
     busy.value = true;
-    const job = await run(
-      app,
-      recordingsApi.export(info.id, {
-        format: chosen.name,
-        t0: range.value?.t0 ?? null,
-        t1: range.value?.t1 ?? null,
-        channels: channels ?? null,
-        device: only?.id ?? "",
-        base,
-      }),
-    );
+    const outcome = await recordingsApi.export(info.id, {
+      format: chosen.name,
+      t0: range.value?.t0 ?? null,
+      t1: range.value?.t1 ?? null,
+      channels: channels ?? null,
+      device: only?.id ?? "",
+      base,
+    });
+    problem.value = outcome.ok ? undefined : outcome.problem;
     const { exports } = app.store;
-    if (job && !exports.peek().some(({ id }) => id === job.id)) exports.value = [...exports.peek(), job];
+    if (outcome.ok && !exports.peek().some(({ id }) => id === outcome.value.id))
+      exports.value = [...exports.peek(), outcome.value];
     busy.value = false;
   };
   const n = channels?.length ?? detail?.channels.length;
@@ -119,6 +121,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
           <Icon name="download" />
           {TEXT.exportAs(chosen.title, size(chosen))}
         </button>
+        {problem.value && <ProblemNote problem={problem.value} />}
         <Jobs app={app} recording={info.id} />
       </div>
     </Dialog>

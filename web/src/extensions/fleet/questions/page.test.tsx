@@ -4,6 +4,7 @@ import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { openPage } from "../../../testing/live-page";
 import { type Answers, recorded } from "../../../testing/recorded";
+import { questionsOf } from "./state";
 
 const column = (name: string) => ({ name, type: "text", doc: "" });
 const ANSWER = {
@@ -106,4 +107,14 @@ test("a question that takes long says so, is cancelled, and another one is asked
   vi.stubGlobal("fetch", fetch);
   ask(field, "SELECT 42");
   await waitFor(() => expect(status()).toBe("3 rows in 0.1 s"));
+});
+
+test("a file that is cut off on its way is told in words", async () => {
+  const { app } = await open();
+  const cut = Object.assign(new Response("a"), { blob: () => Promise.reject(new TypeError()) });
+  vi.stubGlobal("fetch", async () => cut);
+  const state = questionsOf(app);
+  state.sql.value = "SELECT 1";
+  expect(await state.file("csv")).toBeUndefined();
+  expect(state.problem.value?.message).not.toBe("");
 });

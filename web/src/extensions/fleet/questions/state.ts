@@ -2,7 +2,7 @@
 import { type Signal, signal } from "@preact/signals";
 import { type App, perApp } from "../../../pages/app-state";
 import { href } from "../../../pages/route";
-import { request, respond, type HttpProblem } from "../../../ui/http";
+import { request, respond, type HttpProblem, UNREACHED } from "../../../ui/http";
 import type { PreparedQuestionInfo, QueryAnswer, QueryWords } from "../../../wire/routes";
 import type { Order } from "./answer";
 import { type ChartChoice, firstChoice, numbersOf } from "./chart-data";
@@ -137,7 +137,7 @@ function createQuestions(): Questions {
       try {
         return await found.blob();
       } catch {
-        problem.value = { kind: "offline", message: "", hint: "", status: 0 };
+        problem.value = UNREACHED;
         return undefined;
       }
     },
