@@ -110,8 +110,11 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     }),
     effect(() => {
       const [first] = store.devices.value;
-      const chosen = device.value;
-      if (!chosen && first) view.value = { ...view.peek(), device: first.id };
+      if (device.value || !first) return;
+      const [gone = "", link] = [view.peek().device, view.peek().device?.split(".")[0]];
+      // a server that was started again knows the further devices of a link once they have sent something
+      if (gone !== link && store.devices.value.some(({ id }) => id === link)) awaited.value = gone;
+      view.value = { ...view.peek(), device: awaited.peek() === gone && link ? link : first.id };
     }),
     effect(() => {
       const name = device.value && shortName(device.value);
