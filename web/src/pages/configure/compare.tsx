@@ -68,7 +68,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
     return () => {
       stale = true;
     };
-  }, [model, left, right, taken, file, take.value]);
+  }, [model, left, right, taken, file, take.value, model.loads.value]);
   const others = store.devices.value.filter(
     ({ id, protocol }) => id !== model.id && protocol === model.device.value?.protocol,
   );

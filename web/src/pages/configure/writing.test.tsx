@@ -202,3 +202,18 @@ test("a confirmation that is refused says why where it was given, whatever page 
   fireEvent.click(button("Confirm", await until(".pending-rollback[role=alertdialog]")));
   await waitFor(() => expect(find(".pending-rollback .problem").textContent).toContain("Another program"));
 });
+
+test("a comparison that failed while the server was away is made once it is back", async () => {
+  const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
+  let isAway = true;
+  const page = await openConfigure("xbus", {
+    place: "compare/~factory",
+    answers: { "POST /api/devices/1/compare": () => (isAway ? new Response("", { status: 502 }) : same) },
+  });
+  await waitFor(() => expect(find(".compare [role=status]").textContent).toContain("502"));
+  isAway = false;
+  page.store.receive({ kind: "connection", state: "closed", nextTry: undefined });
+  page.store.receive({ kind: "connection", state: "open", nextTry: undefined });
+  await waitFor(() => expect(find(".compare").textContent).not.toContain("502"));
+  await until(".difference-table, .compare [role=status] b");
+});
