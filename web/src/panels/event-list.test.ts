@@ -2,6 +2,7 @@
 /** The list of events while more of them come. */
 import { signal } from "@preact/signals";
 import { expect, test, vi } from "vitest";
+import { Store } from "../data/store";
 import { createViewState } from "../data/view-state";
 import type { EventInfo } from "../wire/types";
 import "./event-list";
@@ -15,10 +16,12 @@ test("a line stays while it is pressed, so that it is clicked", () => {
   const viewState = createViewState();
   viewState.view.value = { ...viewState.view.peek(), device: "1" };
   const events = signal<readonly EventInfo[]>([event(1, "gap")]);
-  const store = { events, devices: signal([]) };
+  const store = Object.assign(new Store(), { events });
   const deps = { store, viewState, eventSort: signal("all") } as unknown as Deps;
   const host = document.createElement("div");
-  const panel = panelsAt("below", deps)[0]?.mount(host, deps, null);
+  const panel = panelsAt("below", deps)
+    .find(({ id }) => id === "events")
+    ?.mount(host, deps, null);
   panel?.update(0);
   const list = host.querySelector("ol") as HTMLElement;
   const line = list.querySelector("button");
