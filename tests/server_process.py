@@ -33,6 +33,7 @@ ROOT = Path(__file__).resolve().parent.parent
 _TIED = """
 import ctypes, os, signal, sys
 ctypes.CDLL(None).prctl(1, int(signal.SIGTERM))
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where the tests run under nohup
 if os.getppid() != int(sys.argv[1]): sys.exit("who asked for this has ended")
 os.execv(sys.argv[2], sys.argv[2:])
 """

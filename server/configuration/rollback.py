@@ -349,7 +349,7 @@ class RollbackRun:
         return True
 
     async def put_back(self, baud: int | None) -> str:
-        """Write the old settings to a device that answers; returns what is wrong afterwards, "" for nothing."""
+        """Write the old settings to a device that answers; returns the problem that is left, "" for none."""
         record, driver = self.record, self._driver
         known = self._known_values(baud)
         self._report_state("Putting the old settings back")

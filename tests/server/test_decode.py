@@ -6,6 +6,7 @@ import csv
 import io
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -34,13 +35,23 @@ def test_a_log_becomes_a_file_per_message(tmp_path: Path, capsys: pytest.Capture
     assert float(rows[0]["I.acc.z (m/s²)"]) == pytest.approx(-9.80665, abs=1e-6)
 
 
+@pytest.fixture
+def usual_signals() -> Iterator[None]:
+    """Signals as a terminal starts a program with them: under `nohup` SIGHUP is ignored."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("usual_signals")
 @each_row("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_terminated_decode_leaves_no_folder_behind(
     number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A folder .decode-… stayed beside the user's files."""
     drive(tmp_path / "a.mcap", seconds=1.0)
-    before, folders = signal.getsignal(number), list[Path]()
+    folders = list[Path]()
 
     def terminated(*_: object) -> None:
         folders.extend(tmp_path.glob(".decode-*"))
@@ -52,7 +63,7 @@ def test_a_terminated_decode_leaves_no_folder_behind(
     assert ended.value.code == 128 + number
     assert len(folders) == 1
     assert not folders[0].exists()
-    assert signal.getsignal(number) == before
+    assert signal.getsignal(number) == signal.SIG_DFL
 
 
 @each_row("suffix", [".parquet", ".mcap", ".mtb", ".bin"])

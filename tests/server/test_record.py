@@ -70,7 +70,8 @@ def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: sig
 
 # Runs what follows it with standard input as the terminal that controls it.
 ON_TERMINAL = """
-import fcntl, os, sys, termios
+import fcntl, os, signal, sys, termios
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where the tests run under nohup
 os.setsid()
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execvp(sys.argv[1], sys.argv[1:])
