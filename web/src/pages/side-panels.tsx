@@ -149,6 +149,10 @@ function FoldButton({ app: { sheet, folded } }: { readonly app: App }) {
 
 /** As high from the first as it will be: what lies below must not move under a pointer. */
 function written(panel: Panel): Panel {
-  panel.update(0);
+  try {
+    panel.update(0);
+  } catch (error) {
+    reportError(error); // one broken panel must not stop the others
+  }
   return panel;
 }
