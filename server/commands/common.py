@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -14,6 +13,7 @@ from imuscope.recordings.readers.bag_folder import is_bag_folder
 from imuscope.recordings.readers.formats.euroc_folder import sensor_folders
 from imuscope.recordings.readers.formats.oxts_folder import packet_folder
 from imuscope.recordings.table_options import TableOptions, read_columns
+from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
 from imuscope.server.devices.decode_options import (
@@ -147,11 +147,11 @@ def seekable(path: Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def temporary_copy(pieces: Iterable[bytes]) -> Iterator[Path]:
     """A temporary file with those bytes."""
-    with tempfile.NamedTemporaryFile(prefix="imuscope-", suffix=".bin") as file:
-        for piece in pieces:
-            file.write(piece)
-        file.flush()
-        yield Path(file.name)
+    with TemporaryFolder() as folder:
+        copy = folder / "pipe.bin"
+        with copy.open("wb") as file:
+            file.writelines(pieces)
+        yield copy
 
 
 def check_sources(sources: Sequence[str], decode_options: DecodeOptions) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
@@ -12,6 +11,7 @@ from typing import TextIO
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.commands.decode import MOST_DAMAGE, Bar, empty_words, time_sentences
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
@@ -39,11 +39,9 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO, *, of_device: boo
     """
     bar = Bar(notes)
     try:
-        with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
+        with TemporaryFolder() as folder:
             source = open_file(path, reading.protocol, reading.table)
-            store = decode(
-                source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=compute_signals
-            )
+            store = decode(source, folder / "columns", all_protocols(), reading, bar.show, compute=compute_signals)
             bar.clear()
             if words := empty_words(store, path.name):
                 raise DecodedFileError(printable(words))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 import weakref
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,6 +14,7 @@ from typing import Any, BinaryIO
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.temporary_folder import TemporaryFolder
 
 LARGEST = 4 << 30  # bytes of all files in an archive
 FREE_SHARE = 2  # of the free disk, 1/FREE_SHARE may be used
@@ -60,14 +60,15 @@ class UnpackedFolder:
     def __init__(self, archive: Path) -> None:
         self._archive = archive
         self.damage: list[FileDamage] = []
-        self.path = Path(tempfile.mkdtemp(prefix="imuscope-unpacked-"))
+        self._folder = TemporaryFolder()
+        self.path = self._folder.path
         self._size = archive.stat().st_size
         self._written = 0
         self._most = min(LARGEST, shutil.disk_usage(self.path).free // FREE_SHARE)
 
     def remove(self) -> None:
         """Remove it with everything in it."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        self._folder.remove()
 
     def keep_for(self, source: object) -> None:
         """Remove it when the source is gone, or the program ends."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.commands.common import (
     UsageError,
     check_sources,
@@ -84,8 +84,8 @@ def _received(options: argparse.Namespace, reading: DecodeOptions) -> Iterator[P
 
     check_sources([options.file], reading)
     data = load(data=options.data).data
-    with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
-        path = Path(folder) / "live.mcap"
+    with TemporaryFolder() as folder:
+        path = folder / "live.mcap"
         source = parse_source_options(options.file, reading)
         try:
             record(RecordRequest((source,), path, options.seconds, data, PATIENCE_S), sys.stderr)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import tempfile
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.devices.byte_memory import LinkMemory
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
@@ -34,13 +33,12 @@ class LiveClocks:
         """
         info = session.info
         async with self._turn:
-            with tempfile.TemporaryDirectory(prefix="imuscope-") as name:
-                folder = Path(name)
+            with TemporaryFolder() as folder:
                 write = lambda: write_memory(folder / BYTES, memory.runs(), session.access.link.preamble)  # noqa: E731
                 if not await asyncio.to_thread(write):
                     raise nothing_stored(info.id)
                 request = {
-                    "folder": name,
+                    "folder": str(folder),
                     "device": info.id,
                     "protocol": info.protocol,
                     "identity": {key: str(value) for key, value in about(info).items()},

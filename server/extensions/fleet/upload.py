@@ -14,7 +14,6 @@ import contextlib
 import hashlib
 import os
 import re
-import tempfile
 import unicodedata
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -30,6 +29,7 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.probe import RecordingProbe, probe
+from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.fleet.bandwidth_proxy import LineRate
@@ -105,8 +105,7 @@ def upload(
     known = _object_of(store, recording)
     if known is not None and _is_there(store, *known):
         return Uploaded(recording, known[0], False, known[2], False)
-    with tempfile.TemporaryDirectory(prefix="imuscope-") as name:
-        folder = Path(name)
+    with TemporaryFolder() as folder:
         columns = decode(source, folder / "columns", all_protocols(), reading, lambda share: progress(share / 2))
         about = probe(path) or RecordingProbe(source.format)
         about.edits = sidecar.read(path).over(about.edits)
