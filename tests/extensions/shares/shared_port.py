@@ -64,6 +64,17 @@ def read_exactly(fd: int, size: int) -> bytes:
     return found
 
 
+def locks() -> str:
+    """All file locks, with the commands of those that hold them: who has a port."""
+    lines = []
+    for line in Path("/proc/locks").read_text().splitlines():
+        command = Path("/proc", line.split()[-4], "cmdline")
+        with contextlib.suppress(OSError):
+            line += " " + command.read_text(errors="replace").replace("\0", " ")[:200]
+        lines.append(line)
+    return "\n".join(lines)
+
+
 def opened(path: Path) -> int:
     """A program's descriptor of a shared terminal."""
     return os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
