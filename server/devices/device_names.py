@@ -29,6 +29,7 @@ T = TypeVar("T")
 FILE = "devices.json"
 MAX_NAME = 60
 MAX_SOURCES = 1000
+MAX_IDS = 64  # of one source: as many devices as can be open
 MAX_NAMES = 10_000
 
 
@@ -56,7 +57,7 @@ class DeviceNames:
         new = str(self._next)
         self._next += 1
         self._ids.pop(source, None)  # the sources used last are kept
-        self._ids[source] = [*known, new]
+        self._ids[source] = [*known, new][:MAX_IDS]
         for old in [one for one in self._ids if one != source][: max(0, len(self._ids) - MAX_SOURCES)]:
             del self._ids[old]
         self._save()
@@ -129,6 +130,7 @@ class DeviceNames:
         self._names = dict(_texts(content.get("names"), str))
         next_number = content.get("next")
         used = [int(one) for ids in self._ids.values() for one in ids]
+        self._ids = {source: ids[:MAX_IDS] for source, ids in self._ids.items()}
         self._next = max([next_number if type(next_number) is int else 1, *(one + 1 for one in used)])
 
 

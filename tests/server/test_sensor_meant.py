@@ -14,7 +14,7 @@ from imuscope.server.api.configure import apply, confirmed, wanted_sensor
 from imuscope.server.configuration.api_models import ApplyRequest
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.sensor_check import doubts, sensor_of
-from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.devices.device_names import MAX_IDS, DeviceNames
 from imuscope.server.errors import DomainError
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
@@ -132,6 +132,22 @@ def test_an_id_is_never_given_to_another_source(tmp_path: Path) -> None:
     file = tmp_path / "devices.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), "next": 1}))
     assert DeviceNames(tmp_path).id_of("/dev/ttyUSB2", []) == "5"
+
+
+def test_a_source_that_comes_and_goes_ten_thousand_times_does_not_fill_the_file(tmp_path: Path) -> None:
+    """Each time added one more id to the file, which was then written as a whole."""
+    names, used = DeviceNames(tmp_path), set[str]()
+    for _ in range(300):
+        used.add(names.id_of("/dev/ttyUSB0", used))
+    assert len(used) == 300
+    file = tmp_path / "devices.json"
+    content = json.loads(file.read_text())
+    assert len(content["ids"]["/dev/ttyUSB0"]) == MAX_IDS
+    later = DeviceNames(tmp_path)
+    assert later.id_of("/dev/ttyUSB0", []) == "1"
+    assert later.id_of("/dev/ttyUSB1", []) == "301"
+    file.write_text(json.dumps({**content, "ids": {"/dev/ttyUSB0": [str(one) for one in range(1, 301)]}}))
+    assert DeviceNames(tmp_path).id_of("/dev/ttyUSB1", []) == "301"  # a file of an earlier version is cut
 
 
 def test_a_damaged_file_of_names_counts_as_absent(tmp_path: Path) -> None:
