@@ -48,7 +48,7 @@ MAX_WAITING = 256 << 20  # bytes
 HOLD_S = 0.05
 _BATCH = 4096  # chunks per write, so that a part ends near its size
 
-Kind = Literal["chunks", "messages", "event", "note", "snapshot", "signals", "device", "split"]
+Kind = Literal["chunks", "messages", "event", "note", "snapshot", "signals", "device", "gone", "split"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +72,24 @@ class Preamble:
     snapshots: dict[str, tuple[Mapping[str, Any], int]] = field(default_factory=dict)
     signals: dict[str, tuple[Mapping[str, Any], int]] = field(default_factory=dict)
     definitions: dict[str, Definitions] = field(default_factory=dict)
+    gone: list[str] = field(default_factory=list)  # devices that the next part still names: it may begin with their end
+
+    def leave_out(self, device: str) -> None:
+        """Leave out a device that is gone, and those on its link."""
+        for known in (self.snapshots, self.signals, self.definitions):
+            _drop(known, device)
+        self.gone.append(device)
+
+    def begun(self) -> None:
+        """Forget the devices that were gone before a part began."""
+        for device in self.gone:
+            _drop(self.devices, device)
+        self.gone.clear()
+
+
+def _drop(known: dict[str, Any], device: str) -> None:
+    for one in [one for one in known if one.partition(".")[0] == device]:
+        del known[one]
 
 
 class RecordingWriter:
@@ -203,6 +221,10 @@ class RecordingWriter:
     def device(self, device: str, about: Mapping[str, Any]) -> None:
         """Add to the metadata of a device."""
         self._put("device", self._now_ns(), device, dict(about))
+
+    def forget(self, device: str) -> None:
+        """Leave a device that is gone, and those on its link, out of the metadata of later parts."""
+        self._put("gone", self._now_ns(), device)
 
     def set_clock(self, shift_ns: int) -> None:
         """Continue in a new part after the wall clock was set; its times follow the new clock."""
@@ -347,6 +369,8 @@ class RecordingWriter:
                 if known | about != known:
                     known.update(about)
                     self._writer.device(device, known)
+            case "gone":
+                self._preambles.leave_out(what[0])
 
     # ── parts ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -378,6 +402,7 @@ class RecordingWriter:
             writer.snapshot(device, body, time_ns)
         for device, (body, time_ns) in self._preambles.signals.items():
             writer.computed_signals(device, body, time_ns)
+        self._preambles.begun()
         return writer
 
     # ── the sync thread ──────────────────────────────────────────────────────────────────────────────────────────────

@@ -92,7 +92,9 @@ class RecordingSession:
         self._signals = signals
         self._written_signals: dict[str, Any] = {}  # device → definitions written last
         self._heads: dict[str, LogHeaderRequest] = {}
-        self._sessions: dict[str, Session] = {}
+        self._sessions: dict[str, Session] = {}  # being recorded
+        self._recorded: dict[str, None] = {}  # devices
+        self._off_closing: dict[str, Callable[[], None]] = {}  # device → removes what runs before its link closes
         self._following = threading.Lock()  # held while the writer looks for links to follow, and while one leaves
         self._follows = False
         self._has_ended = False
@@ -113,7 +115,7 @@ class RecordingSession:
     @property
     def recorded(self) -> list[str]:
         """Devices that have been recorded."""
-        return list(self._sessions)
+        return list(self._recorded)
 
     def join(self, session: Session, *, with_past: bool = False) -> None:
         """Also record this session, unless the recording has ended.
@@ -125,6 +127,7 @@ class RecordingSession:
             return
         device, writer = session.info.id, self.writer
         self._sessions[device] = session
+        self._recorded[device] = None
         writer.device(device, {**about(session.info), **session.reading.recorded})
 
         described = False
@@ -158,8 +161,9 @@ class RecordingSession:
             with self._following:
                 if (stop := self._unsubscribe_traffic.pop(device, None)) is not None:
                     self._stop(device, stop)
+                    self._forget(device)
 
-        self._unsubscribe.append(session.listeners.before_close(removed))
+        self._off_closing[device] = session.listeners.before_close(removed)
         for one in self._controllers.on_link_of(device) if self._controllers is not None else ():
             self._settings(one)
         self._all_signals()
@@ -214,12 +218,22 @@ class RecordingSession:
             self._sessions[device].access.link.unfollow()
         stop()
 
+    def _forget(self, device: str) -> None:
+        """Keep nothing of a session that was removed: a recording may last for weeks."""
+        del self._sessions[device], self._off_closing[device]
+        if (head := self._heads.pop(device, None)) is not None:
+            head.close()
+        for known in (self._written_settings, self._written_signals):
+            for one in [one for one in known if one.partition(".")[0] == device]:
+                del known[one]
+        self.writer.forget(device)
+
     def detach(self) -> None:
         """Stop recording all sessions. Idempotent: a recording may be stopped while it ends by itself."""
         if self._has_ended:
             return
         self._has_ended = True
-        for off in self._unsubscribe:
+        for off in (*self._unsubscribe, *self._off_closing.values()):
             off()
         with self._following:
             for device, stop in self._unsubscribe_traffic.items():

@@ -17,6 +17,7 @@ from imuscope.recordings.compaction import compact
 from imuscope.recordings.mcap_reader import McapReader, json_messages
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.recording_writer import GATHER_S, TURN_S, Limits, RecordingWriter
+from imuscope.recordings.sources import McapSource
 from tests.each_row import each_row
 from tests.recordings.mcap_files import Message, read, theirs
 from tests.timeouts import PATIENCE_S
@@ -95,6 +96,23 @@ def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
             assert recording.size < 40_000
         compact(path)
         assert theirs(path) == read(path)
+
+
+def test_a_device_that_is_gone_is_not_in_all_later_parts(tmp_path: Path) -> None:
+    """The part after it may begin with its last bytes."""
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
+    for device in ("1", "1.7", "11"):
+        tape.device(device, {"protocol": "xbus"})
+        tape.snapshot(device, {"values": {}}, 9)
+    tape.forget("1")
+    for _ in range(2):
+        tape.set_clock(0)
+    tape.stop()
+    paths = [tmp_path / f"drive-{part}.mcap" for part in (1, 2, 3)]
+    assert [sorted(McapSource(path).devices) for path in paths] == [["1", "1.7", "11"], ["1", "1.7", "11"], ["11"]]
+    with McapReader(paths[1]) as recording:
+        assert not list(json_messages(recording, "snapshot/1"))
+        assert list(json_messages(recording, "snapshot/11"))
 
 
 def test_a_part_ends_when_it_is_old_enough(tmp_path: Path) -> None:
