@@ -60,6 +60,13 @@ class DecodeJob:
     task: asyncio.Task[None] | None = None
     failed_at: float = 0.0
 
+    @property
+    def is_current(self) -> bool:
+        """Whether it runs, or failed a moment ago; one that is done has left its columns, unless they were deleted."""
+        if self.task is not None:
+            return not self.task.done()
+        return self.error is not None and time.monotonic() - self.failed_at <= FAILED_FOR_S
+
 
 class ColumnCache:
     """The opened recordings of one data folder.
@@ -117,9 +124,8 @@ class ColumnCache:
         columns = self._columns(store)
         if columns is not None:
             return columns
+        self._opening = {one: job for one, job in self._opening.items() if job.is_current}
         opening = self._opening.get(store)
-        if opening is not None and opening.error is not None and time.monotonic() - opening.failed_at > FAILED_FOR_S:
-            opening = None
         if opening is None:
             opening = self._opening[store] = DecodeJob()
             work = self._decode(recording, store, opening)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -80,6 +81,39 @@ async def test_a_recording_that_was_deleted_while_it_waited_and_is_restored_is_o
         assert await columns.opened("a")
     finally:
         await columns.close()
+
+
+async def test_columns_that_were_deleted_before_anybody_read_them_are_made_again(tmp_path: Path) -> None:
+    """A page that was closed while it opened a recording left a job that never ended, once the cache was swept."""
+    path = tmp_path / "a.mcap"
+    recording(path, frames(0, 200))
+    columns = ColumnCache(tmp_path, {"a": path}.__getitem__)
+    try:
+        opening = columns.open("a")
+        assert isinstance(opening, DecodeJob)
+        assert opening.task is not None
+        await asyncio.wait((opening.task,))
+        shutil.rmtree(columns.store_of("a"))
+        assert await columns.opened("a")
+    finally:
+        await columns.close()
+
+
+async def test_attempts_that_failed_are_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each state of a file that could not be opened was kept for ever, with the part that had been decoded."""
+    monkeypatch.setattr(column_cache, "FAILED_FOR_S", -1.0)
+    path = tmp_path / "a.mcap"
+    known: dict[str, Path] = {}
+    columns = ColumnCache(tmp_path, known.__getitem__)
+    for number in range(20):
+        path.write_bytes(bytes(number))
+        known["a"] = path
+        opening = columns.open("a")
+        assert isinstance(opening, DecodeJob)
+        assert opening.task is not None
+        del known["a"]  # it fails without a process
+        await asyncio.wait((opening.task,))
+    assert len(columns._opening) == 1
 
 
 def test_the_cache_takes_no_more_than_its_share_of_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
