@@ -69,7 +69,7 @@ class _Job:
     work: ExportWork
     folder: Path
     file: Path | None = None
-    ended_at: float = 0.0
+    ended_at: float | None = None  # by the clock of the event loop
     task: asyncio.Task[None] | None = field(default=None, repr=False)
 
 
@@ -216,7 +216,9 @@ class ExportJobs:
             )
             published.hint = "Free some space, or export a shorter time range."
         finally:
-            job.ended_at = time.monotonic()
+            loop = asyncio.get_running_loop()
+            job.ended_at = loop.time()
+            loop.call_later(KEPT_S + 1, self._expire)
             if published.state == "failed":
                 shutil.rmtree(job.folder, ignore_errors=True)
             self._publish()
@@ -263,11 +265,16 @@ class ExportJobs:
                 if time.time() - folder.stat().st_mtime > KEPT_S:
                     shutil.rmtree(folder, ignore_errors=True)
 
+    def _expire(self) -> None:
+        self._tidy()
+        self._publish()
+
     def _tidy(self) -> None:
         """Delete old results."""
-        over = [job for job in self._jobs.values() if job.ended_at]
-        late = time.monotonic() - KEPT_S
-        for job in over[: max(0, len(over) - MAX_RESULTS)] + [job for job in over if job.ended_at < late]:
+        over = [(job, job.ended_at) for job in self._jobs.values() if job.ended_at is not None]
+        late = asyncio.get_running_loop().time() - KEPT_S
+        too_many = len(over) - MAX_RESULTS
+        for job in [job for place, (job, ended_at) in enumerate(over) if place < too_many or ended_at < late]:
             if self._jobs.pop(job.published.id, None) is not None:
                 shutil.rmtree(job.folder, ignore_errors=True)
 
