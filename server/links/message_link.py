@@ -24,6 +24,7 @@ from imuscope.server.links.text import place_of
 
 DESCRIBE_NS = 2_000_000_000
 MOST_CHANNELS = 1024
+MOST_COUNTED = 64  # whose publisher's messages are counted; a node that is started again is another publisher
 TOPICS_LISTED = 6
 MOST_TOPICS = 64  # in one source
 
@@ -111,7 +112,7 @@ class MessageLink(ThreadedLink):
     def channel(
         self, topic: str, encoding: str, schema: str, schema_encoding: str, schema_data: bytes, *, publisher: str = ""
     ) -> int:
-        """Id of a channel, defined on first use; 0 beyond the maximum number.
+        """Id of a channel, defined on first use; 0 beyond the maximum number, which is smaller with a publisher.
 
         Args:
             publisher: name of the publisher, if its messages are counted.
@@ -120,7 +121,7 @@ class MessageLink(ThreadedLink):
         new = MessageChannel(0, topic, encoding, schema, schema_encoding, schema_data, metadata)
         with self._lock:
             number = self._numbers.get((new, publisher), 0)
-            if number or len(self._numbers) >= MOST_CHANNELS:
+            if number or len(self._numbers) >= (MOST_COUNTED if publisher else MOST_CHANNELS):
                 return number
             number = self._numbers[new, publisher] = len(self._numbers) + 1
             made = MessageChannel(number, topic, encoding, schema, schema_encoding, schema_data, metadata)

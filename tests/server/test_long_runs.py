@@ -14,11 +14,21 @@ from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
 from imuscope.server.library import export_jobs
 from imuscope.server.library.export_jobs import ExportJobs, ExportWork
+from imuscope.server.links.base import LinkSettings
+from imuscope.server.links.message_link import MOST_COUNTED, MessageLink, TopicSource
+from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import send
+
+
+class Taken(MessageLink):
+    """Messages of nowhere."""
+
+    async def open(self, progress: object = None) -> None:
+        self.begin()
 
 
 def kept(kind: type) -> int:
@@ -72,3 +82,13 @@ def test_the_result_of_the_last_export_goes_after_a_day(tmp_path: Path, monkeypa
         assert not list((tmp_path / "exports").iterdir())
 
     virtual_time.run(main())
+
+
+def test_messages_of_a_node_that_was_started_a_thousand_times_are_received() -> None:
+    """Each start took a channel with a definition, which is repeated every two seconds, until none was left."""
+    source = "foxglove://127.0.0.1:8765/imu"
+    link = Taken(source, LinkSettings(now_ns=lambda: 0), TopicSource.parse(SourceUrl.parse(source), 8765))
+    about = ("/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", b"float64 x")
+    numbers = [link.channel(*about, publisher=f"run {run}") or link.channel(*about) for run in range(2000)]
+    assert 0 not in numbers
+    assert len(set(numbers)) == MOST_COUNTED + 1

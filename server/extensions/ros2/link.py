@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = 7447
 NODE = "imuscope"
+MOST_KNOWN = 4096  # publishers
 POLL_S = 0.02  # between two checks whether the router is reached
 HASHED = "RIHS01_"
 ROUTER_HINT = "Start it: ros2 run rmw_zenoh_cpp rmw_zenohd, or zenohd. Check address and port."
@@ -221,6 +222,8 @@ class Ros2Link(MessageLink):
         key = str(sample.key_expr)
         channel = self._channels.get((key, gid), -1)
         if channel < 0:
+            if len(self._channels) >= MOST_KNOWN:  # each start of a node is another publisher
+                self._channels.clear()
             channel = self._channels[key, gid] = self._channel_of(key, gid)
         self.deliver(channel, sample.payload.to_bytes(), arrival_ns, sequence=sequence, publish_ns=time_ns)
 
