@@ -30,7 +30,6 @@ import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
 export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
-  const { sheet } = app;
   const library = libraryOf(app);
   return (
     <>
@@ -44,13 +43,13 @@ export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; 
             aria-pressed={info.pinned}
             aria-label={TEXT.pin}
             title={TEXT.pinHint}
-            onClick={() => void library.edit(info.id, { pinned: !info.pinned })}
+            onClick={() => library.edit(info, () => ({ pinned: !info.pinned }))}
           >
             <Icon name="pin" />
           </button>
         )}
-        {sheet.value === "side" && (
-          <IconButton icon="close" label={TEXT.closeDetails} onClick={() => (sheet.value = undefined)} />
+        {app.sheet.value === "side" && (
+          <IconButton icon="close" label={TEXT.closeDetails} onClick={() => (app.sheet.value = undefined)} />
         )}
       </div>
       <div class="detail">
@@ -120,10 +119,9 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
 }
 
 function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
-  const days = daysLeft(info.deleted ?? 0, app.store.serverNow());
   return (
     <>
-      <p class="hint">{TEXT.deletedKeptFor(days)}</p>
+      <p class="hint">{TEXT.deletedKeptFor(daysLeft(info.deleted ?? 0, app.store.serverNow()))}</p>
       <div class="actions">
         <button type="button" class="btn main" onClick={() => void libraryOf(app).undelete(info.id)}>
           <Icon name="undo" />
@@ -136,7 +134,6 @@ function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
 
 function Facts({ info }: { readonly info: RecordingInfo }) {
   const size = bytes(info.size);
-  const known = isKnown(info);
   const devices = knownDevices(info);
   const rows: readonly (readonly [string, string, string])[] = [
     [TEXT.recorded, info.started === null ? TEXT.unknown : TEXT.timeUtc(dateWords(info.started, true)), ""],
@@ -144,7 +141,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
     [TEXT.size, size.value, size.unit],
     [TEXT.messages, number(messagesOf(info), 0), ""],
     [COMMON.lost, number(knownLosses(info), 0), TEXT.samples],
-    [COMMON.rejects, number(known ? rejectsOf(info) : undefined, 0), TEXT.frames],
+    [COMMON.rejects, number(isKnown(info) ? rejectsOf(info) : undefined, 0), TEXT.frames],
     [COMMON.markers, number(info.markers, 0), ""],
   ];
   return (
@@ -196,7 +193,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
   const add = (event: Event): void => {
     event.preventDefault();
     const word = tag.value.trim();
-    if (word !== "" && !info.tags.includes(word)) void library.edit(info.id, { tags: [...info.tags, word] });
+    if (word !== "") library.edit(info, ({ tags }) => ({ tags: [...new Set([...tags, word])] }));
     tag.value = "";
   };
   return (
@@ -208,7 +205,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
             defaultValue={info.title === info.id ? "" : info.title}
             placeholder={recordingTitle(info)}
             maxLength={200}
-            onChange={(event) => void library.edit(info.id, { title: event.currentTarget.value })}
+            onChange={({ currentTarget: { value } }) => library.edit(info, () => ({ title: value }))}
           />
         </span>
       </label>
@@ -230,7 +227,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
           rows={3}
           defaultValue={info.notes}
           maxLength={10_000}
-          onChange={(event) => void library.edit(info.id, { notes: event.currentTarget.value })}
+          onChange={({ currentTarget: { value } }) => library.edit(info, () => ({ notes: value }))}
         />
       </label>
       <form onSubmit={add}>
@@ -253,7 +250,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
               class="tag outlined"
               aria-label={TEXT.removeTag(word)}
               title={TEXT.removeTagHint}
-              onClick={() => void library.edit(info.id, { tags: info.tags.filter((one) => one !== word) })}
+              onClick={() => library.edit(info, ({ tags }) => ({ tags: tags.filter((one) => one !== word) }))}
             >
               {word} ×
             </button>

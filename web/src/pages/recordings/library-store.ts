@@ -31,6 +31,7 @@ export class Library {
   readonly #app: App;
   #asked = 0;
   #keys = 0;
+  #edited = Promise.resolve();
 
   constructor(app: App) {
     this.#app = app;
@@ -83,8 +84,12 @@ export class Library {
       : [info, ...list];
   }
 
-  async edit(id: string, change: Partial<EditRequest>): Promise<void> {
-    this.#replace(await run(this.#app, recordingsApi.edit(id, change)));
+  /** Change what is kept on a recording: one change after another, each of what the one before has left. */
+  edit(info: RecordingInfo, change: (newest: RecordingInfo) => Partial<EditRequest>): void {
+    this.#edited = this.#edited.then(async () => {
+      const newest = this.all.peek()?.find(({ id }) => id === info.id) ?? info;
+      this.#replace(await run(this.#app, recordingsApi.edit(info.id, change(newest))));
+    });
   }
 
   /** Rename its file, which changes the recording's id. */

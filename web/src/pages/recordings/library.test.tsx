@@ -37,6 +37,23 @@ test("a recording is found by matching words only", async () => {
   await eventually(() => expect(rows().length).toBe(1));
 });
 
+test("a tag that is added while another one is being stored does not undo it", async () => {
+  const library = recorded("library");
+  const [listed] = library.answers["GET /api/recordings"] as readonly object[];
+  let kept: object | undefined;
+  const stores = (tags: readonly string[]) => ({
+    [`PATCH /api/recordings/yard ${JSON.stringify({ tags })}`]: () => (kept = { ...listed, tags }),
+  });
+  const answers = { ...library.answers, ...stores(["mast"]), ...stores(["hill"]), ...stores(["mast", "hill"]) };
+  await openLibrary({ ...library, answers });
+  for (const word of ["mast", "hill"]) {
+    fireEvent.input(find(".words form input"), { target: { value: word } });
+    fireEvent.submit(find(".words form"));
+  }
+  await eventually(() => expect(find(".words .tags").textContent).toContain("hill"));
+  expect(kept).toMatchObject({ tags: ["mast", "hill"] });
+});
+
 test("what is left out of a file is said, and is no damage", async () => {
   const library = recorded("library");
   const listed = library.answers["GET /api/recordings"] as readonly object[];
