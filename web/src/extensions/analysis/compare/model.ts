@@ -163,11 +163,17 @@ export function loadSources(model: CompareModel): () => void {
     asked.add(source);
     void load(source);
   };
-  void recordingsApi.list().then((outcome) => {
+  let missed: HttpProblem | undefined;
+  const list = async (): Promise<void> => {
+    const outcome = await recordingsApi.list();
     if (over) return;
-    if (outcome.ok) recordings.value = outcome.value;
-    else problem.value = outcome.problem;
-  });
+    if (!outcome.ok) {
+      problem.value = missed = outcome.problem;
+      return;
+    }
+    if (problem.peek() === missed) problem.value = undefined;
+    recordings.value = outcome.value;
+  };
   const followed = computed(() => {
     const { a, b } = place.value;
     const known = recordings.value;
@@ -177,10 +183,17 @@ export function loadSources(model: CompareModel): () => void {
     const other = likelyOther(a, productOf(app, details.value, a), app.store.devices.value, known);
     return [a.source, other.source].filter(recorded);
   });
-  const stop = followed.subscribe((sources) => sources.forEach(want));
+  const stops = [
+    followed.subscribe((sources) => sources.forEach(want)),
+    app.store.connection.subscribe(() => {
+      // what failed while the server was away is asked for again
+      if (recordings.peek() === undefined) void list();
+      else followed.peek().forEach(want);
+    }),
+  ];
   return () => {
     over = true;
-    stop();
+    stops.forEach((stop) => stop());
   };
 }
 

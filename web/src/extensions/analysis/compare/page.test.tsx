@@ -45,6 +45,7 @@ const ANSWER: ComparisonAnswer = {
   ],
 };
 const ROUTE = "POST /api/comparison";
+const connection = signal("open");
 
 function open(query: string, answers: Record<string, unknown> = {}, otherName = "Quaternion"): readonly Asked[] {
   const asked = answering({ "GET /api/recordings": [], [ROUTE]: ANSWER, ...answers });
@@ -53,7 +54,7 @@ function open(query: string, answers: Record<string, unknown> = {}, otherName = 
   const store = {
     devices: signal([device("1"), device("2")]),
     channels: signal([channel("1", "Quaternion"), channel("2", otherName)]),
-    connection: signal("open"),
+    connection,
     silentSince: signal(undefined),
     events: signal([
       { time: 1002, text: "kerb", device: "1" },
@@ -94,6 +95,19 @@ test("two live devices are compared by the clock, with plots, gaps, statistics a
   expect(screen.getByText(/nothing is compared across a gap/)).toBeTruthy();
   expect(screen.getByText("0.31 … 0.69 °")).toBeTruthy();
   await waitFor(() => expect(location.hash).toContain("b=2"));
+});
+
+test("a library that could not be had while the server was away is asked for once it is back", async () => {
+  let isAway = true;
+  const list = () => (isAway ? new Response("", { status: 502 }) : []);
+  const asked = open("a=1&al=30", { "GET /api/recordings": list });
+  await screen.findByText(/502/);
+  isAway = false;
+  connection.value = "closed";
+  connection.value = "open";
+  await screen.findByRole("slider", { name: /^Quaternion.w of A and B/ });
+  expect(bodies(asked)[0]).toMatchObject({ a: { source: "1" }, b: { source: "2" } });
+  expect(screen.queryByText(/502/)).toBeNull();
 });
 
 test("a rotation that leaves much of the difference is not called a mounting", async () => {
