@@ -105,6 +105,10 @@ test("a profile goes to the chosen device with that device's own differences, an
   page.goTo("compare/snapshot");
   page.goTo("compare/device");
   await waitFor(() => expect(line("2").textContent).toContain("written and read back"));
+  page.store.receive({ kind: "subscribed", fresh: true });
+  told("2", [job(5, { device: "2", message: "Another job of the same number." })]);
+  await waitFor(() => expect(line("2").textContent).toContain("written and read back"));
+  expect(line("2").textContent).not.toContain("of the same number");
   fireEvent.click(button("Dismiss results"));
   await waitFor(() => expect(line("2").textContent).not.toContain("written and read back"));
 });

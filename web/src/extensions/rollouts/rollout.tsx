@@ -2,7 +2,7 @@
  * One profile for several devices: the changes of each are shown first, with their problems; then each is written by a job of its own,
  * whose result is shown in its row.
  */
-import { type Signal, signal, useSignal } from "@preact/signals";
+import { effect, type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../forms/types";
@@ -16,31 +16,38 @@ import type { Model } from "../../pages/configure/model";
 import { configureApi } from "../../pages/configure/api";
 import { refFor } from "../../pages/configure/sides";
 import type { ComparisonActionProps } from "../../pages/configure/compare";
-import type { ConfigureState } from "../../pages/configure/view-state";
 import { madeFor } from "../../pages/app-state";
 import "./rollouts.css";
 import { COMMON } from "../../texts/common";
 import { TEXT as CONFIGURE } from "../../texts/configure";
 import { TEXT } from "./texts";
 
+type AllJobs = Store["jobs"]["value"];
 /** The comparison of a device, and the values that it had then. */
 type Check = Outcome<Difference & { readonly base: Present }>;
 type Checks = Readonly<Record<string, Check>>;
 
-/** Result of each device that a profile was written to: the job, as last seen, or why there is none. */
+/** Result of each device that a profile was written to: the job (no id: of an earlier run of the server), as last seen, or why there is none. */
 type RolloutResults = Readonly<
-  Record<string, { readonly id: number; readonly last: Job | undefined } | { readonly problem: HttpProblem }>
+  Record<
+    string,
+    { readonly id: number | undefined; readonly last: Job | undefined } | { readonly problem: HttpProblem }
+  >
 >;
 
 /** They stay until they are dismissed, whatever is shown meanwhile. */
-const resultsOf = madeFor((_page: ConfigureState) => signal<RolloutResults>({}));
+const resultsOf = madeFor((store: Store) => {
+  const results = signal<RolloutResults>({});
+  effect(() => follow(results, store.jobs.value));
+  return results;
+});
 
 export function RolloutSection({ model, store, others, side, take, title }: ComparisonActionProps) {
   const own = model.device.value;
   const devices = [...(own ? [own] : []), ...others].filter(({ id }) => refFor(side, "", model.id, id) !== undefined);
   const checks = useSignal<Checks>({});
   const ticked = useSignal<ReadonlySet<string>>(new Set(side === "device" ? [] : [model.id]));
-  const results = resultsOf(model.page);
+  const results = resultsOf(store);
   const text = model.file.value?.text ?? "";
   const finished = devices.map(({ id }) => `${id}:${store.jobs.value.get(id)?.done[0]?.id ?? 0}`).join();
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
@@ -57,8 +64,6 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
       stale = true;
     };
   }, [side, text, finished, take]);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
-  useEffect(() => follow(results, store), [store.jobs.value]);
   if (devices.length === 0) return null;
   const ready = devices.filter(({ id }) => ticked.value.has(id) && isReady(checks.value[id]));
   return (
@@ -250,8 +255,8 @@ function Result({
       </span>
     );
   }
-  const job = jobIn(store.jobs.value.get(device), result.id) ?? result.last;
-  if (job === undefined) return <span class="dim">{CONFIGURE.sent}</span>;
+  const job = jobOf(store.jobs.value, device, result.id) ?? result.last;
+  if (job === undefined) return <span class="dim">{result.id === undefined ? TEXT.unknown : CONFIGURE.sent}</span>;
   return (
     <div role="status">
       <span
@@ -268,15 +273,20 @@ function Result({
   );
 }
 
-/** Keep the results of jobs here; the server keeps only a few jobs. */
-function follow(results: Signal<RolloutResults>, store: Store): void {
-  const next: Record<string, RolloutResults[string]> = { ...results.peek() };
+const jobOf = (jobs: AllJobs, device: string, id: number | undefined): Job | undefined =>
+  id === undefined ? undefined : jobIn(jobs.get(device), id);
+
+/** Keep the results of jobs here; the server keeps only a few jobs, and another run of it numbers them anew. */
+function follow(results: Signal<RolloutResults>, jobs: AllJobs): void {
+  const next: Record<string, RolloutResults[string]> = { ...results.value };
   let changed = false;
   for (const [device, result] of Object.entries(next)) {
-    if ("problem" in result) continue;
-    const job = jobIn(store.jobs.value.get(device), result.id);
-    if (job === undefined || job === result.last) continue;
-    next[device] = { ...result, last: job };
+    if ("problem" in result || result.id === undefined) continue;
+    const job = jobOf(jobs, device, result.id);
+    if (jobs.size === 0)
+      next[device] = { id: undefined, last: result.last && isOver(result.last) ? result.last : undefined };
+    else if (job === undefined || job === result.last) continue;
+    else next[device] = { ...result, last: job };
     changed = true;
   }
   if (changed) results.value = next;
