@@ -2,7 +2,7 @@
 import { count, type Value } from "../../texts/plural";
 
 export const TEXT = {
-  unknown: "The server was started again before it told the result.",
+  unknown: "The server was started again before the result was known.",
   dismissResults: "Dismiss results",
   rolloutOf: (name: Value, total: number) => `${name}: ${count(total, "value")}.`,
   applyProfile: "Apply this profile",
