@@ -68,6 +68,7 @@ class PortShares:
         self._configured = {source: [ShareAddress.parse(text) for text in texts] for source, texts in addresses.items()}
         self._partial: dict[tuple[str, int], bytes] = {}  # of a frame of a client, by device and client
         self._changes: dict[str, ClientChanges] = {}  # by device
+        self._following: dict[str, list[Callable[[], None]]] = {}  # device → remove the listeners of its shared port
         self._tasks: set[asyncio.Task[None]] = set()
         self._turns: WeakKeyDictionary[Session, asyncio.Lock] = WeakKeyDictionary()  # requests about its port
         sessions.on_added(self._on_added)
@@ -93,19 +94,25 @@ class PortShares:
 
     def _follow(self, session: Session, link: SharedPortLink) -> None:
         known: dict[str, Any] = {"clients": {}, "configuring": None, "turned_away": 0, "unsent": 0}
-        off = [
-            link.on_state.add(lambda state: self._on_state(session, link, known, state)),
-            link.on_client_data.add(lambda data: self._on_client_data(session, link, data)),
-        ]
+        device = session.info.id
 
         async def closing() -> None:
-            for one in off:
-                one()
-            changes = self._changes.pop(session.info.id, None)
+            self._unfollow(device)
+            changes = self._changes.pop(device, None)
             if changes is not None:
                 changes.close()
 
-        session.listeners.before_close(closing)
+        self._following[device] = [
+            link.on_state.add(lambda state: self._on_state(session, link, known, state)),
+            link.on_client_data.add(lambda data: self._on_client_data(session, link, data)),
+            session.listeners.before_close(closing),
+        ]
+
+    def _unfollow(self, device: str) -> None:
+        """Keep nothing of a port that is shared no longer: a device may be shared again and again."""
+        for off in self._following.pop(device, ()):
+            off()
+        self._partial = {key: rest for key, rest in self._partial.items() if key[0] != device}
 
     # ── what clients do ──────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -250,10 +257,11 @@ class PortShares:
         assert isinstance(link, SerialLink | TcpLink)
         held = SharedPortLink(link, [address], link.settings)
         self._follow(session, held)
-        await session.access.use_link(held)
         try:
+            await session.access.use_link(held)
             await _opened(session, held)
         except DomainError:
+            self._unfollow(session.info.id)
             if not session.is_closed:
                 await session.access.use_link(link)
             raise
@@ -276,6 +284,7 @@ class PortShares:
         if not link.shares:
             await link.request("end")
             await session.access.use_link(link.inner)
+            self._unfollow(session.info.id)
 
     async def drop(self, session: Session, client: int) -> None:
         """Disconnect a client; it may connect again.

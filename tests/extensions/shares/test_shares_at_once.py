@@ -57,3 +57,30 @@ async def test_a_share_of_a_device_that_is_removed_meanwhile_is_refused(
         await until(adding.done, "it is refused")
         with pytest.raises((DomainError, LinkError)):
             await adding
+
+
+async def test_a_port_that_is_shared_again_and_again_keeps_nothing_of_earlier_shares(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each link to a holder stayed in memory until the device was removed, with what its clients had sent."""
+
+    async def refused(link: SharedPortLink, progress: object = None) -> None:
+        raise LinkError("refused", "No holder can be started.", "Try again.")
+
+    port = DevicePort()
+    async with house(tmp_path) as here:
+        shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
+        session = here.sessions.add(f"{port.path}?baud=115200")
+        await until(lambda: session.info.is_open, "it is open")
+        before = len(session.listeners._closing)
+        for _ in range(2):
+            await shares.add(session, f"{shares.folder}/one")
+            shares._partial[session.info.id, 1] = b"half a frame"
+            await shares.remove(session, f"{shares.folder}/one")
+            await until(lambda: session.info.is_open, "it is open")
+        monkeypatch.setattr(SharedPortLink, "open", refused)
+        with pytest.raises(DomainError, match="No holder"):
+            await shares.add(session, f"{shares.folder}/one")
+        assert len(session.listeners._closing) == before
+        assert not shares._following
+        assert not shares._partial
