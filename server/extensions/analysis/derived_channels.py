@@ -192,6 +192,7 @@ class DerivedChannels:
         for key, running in list(self._running.items()):
             if key[0] == device or not used.isdisjoint(running.live.channels):
                 del self._running[key]
+        self._problems = {key: problem for key, problem in self._problems.items() if key[0] != device}
 
     def _follow(self, device: str, running: _Running) -> None:
         """Compute and publish the samples of new rows."""

@@ -188,6 +188,19 @@ def test_a_signal_that_would_use_itself_is_refused_with_the_way(tmp_path: Path) 
     assert SignalDefinitions(tmp_path).of(bench.device)[0] == TOTAL
 
 
+def test_nothing_is_kept_of_the_signals_of_a_device_that_was_removed(tmp_path: Path) -> None:
+    """The reason that a signal was not computed stayed, with what the attempt had looked at."""
+    bench = DerivedBench(tmp_path)
+    bench.send(100)
+    bench.derived.put(bench.device, TOTAL)
+    bench.derived.definitions.put(bench.device, SignalDefinition("Other", "norm(Nothing)"))
+    bench.derived._sweep()
+    assert bench.derived.problem("1", "Other") is not None
+    bench.telemetry.bus.remove_device("1")
+    assert not bench.derived._problems
+    assert not bench.derived._running
+
+
 def test_a_signal_that_others_use_is_not_removed(tmp_path: Path) -> None:
     bench = DerivedBench(tmp_path)
     bench.send(100)
