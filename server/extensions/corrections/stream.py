@@ -293,8 +293,7 @@ class CorrectionForwarder:
     def state(self) -> Corrections:
         """State as the page shows it."""
         now = time.monotonic()
-        while self._recent and self._recent[0][0] < now - RATE_S:
-            self._recent.popleft()
+        self._forget(now)
         at = self._counts.forwarded_at
         return Corrections(
             source=self._public_source,
@@ -308,6 +307,10 @@ class CorrectionForwarder:
             rejected=self._counts.rejected + self._splitter.rejected,
             refused=self._counts.refused,
         )
+
+    def _forget(self, now: float) -> None:
+        while self._recent and self._recent[0][0] < now - RATE_S:
+            self._recent.popleft()
 
     async def close(self) -> None:
         self._unsubscribe()
@@ -388,6 +391,7 @@ class CorrectionForwarder:
         self._backoff.reset()
         self._counts.forwarded_at = now
         self._recent.append((now, len(message)))
+        self._forget(now)
         self._log.forwarded(name, frame, len(message))
         self._is_forwarding = True
         self._message, self._hint = f"Forwarding from {self._public_source}.", ""

@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -26,10 +27,11 @@ from imuscope.server.configuration.api_models import Corrections
 from imuscope.server.extensions.corrections import stream as correction_stream
 from imuscope.server.extensions.corrections.log import CorrectionLog
 from imuscope.server.extensions.corrections.ntrip import Caster, CorrectionError, mounts
-from imuscope.server.extensions.corrections.stream import CorrectionForwarder, gga, source_of, without_password
+from imuscope.server.extensions.corrections.stream import RATE_S, CorrectionForwarder, gga, source_of, without_password
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire import DeviceInfo
 from tests.each_row import each_row
+from tests.manual_clock import ManualClock
 from tests.server.correction_messages import NUMBERS, STREAM, message
 from tests.waiting import PATIENCE_S, until
 
@@ -274,6 +276,19 @@ async def test_a_caster_receives_the_position() -> None:
     assert words[3] == "N"
     assert float(words[2]) == pytest.approx(4500, abs=1)
     assert any(b"Ntrip-GGA: $GPGGA" in request for request in requests)
+
+
+async def test_a_stream_that_nobody_watches_keeps_the_last_seconds_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each message of weeks was remembered until a page asked for the state: 100 MB a day."""
+    clock = ManualClock(0.0)
+    monkeypatch.setattr(correction_stream, "time", SimpleNamespace(monotonic=clock))
+    stream = CorrectionForwarder(Receiver("isb"), "tcp://127.0.0.1:9")
+    for _ in range(1000):
+        clock.now += 0.1
+        await stream._forward("1005", bytes(100))
+    assert len(stream._recent) <= 10 * RATE_S + 1
+    assert stream.state().bytes_per_s == pytest.approx(1000, rel=0.02)
+    await stream.close()
 
 
 def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> None:
