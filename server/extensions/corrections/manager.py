@@ -51,15 +51,16 @@ class CorrectionManager:
         Raises:
             CorrectionError: the source is invalid; the previous stream continues.
         """
-        before = self._streams.get(session.info.id)
-        self._streams[session.info.id] = CorrectionForwarder(
-            DevicePort(session), source, lambda: self._exists(session), log_sink
-        )
-        if before is not None:  # last: another request may come while it closes
-            await before.close()
+        device = session.info.id
+        before = self._streams.get(device)
+        self._streams[device] = CorrectionForwarder(DevicePort(session), source, lambda: self._exists(device), log_sink)
+        over = [] if before is None else [before]
+        over += [self._streams.pop(one) for one in list(self._streams) if one != device and not self._exists(one)]
+        for stream in over:  # last: another request may come while it closes
+            await stream.close()
 
-    def _exists(self, session: AnyDevice) -> bool:
-        return any(info.id == session.info.id for info in self._sessions.infos)
+    def _exists(self, device: str) -> bool:
+        return any(info.id == device for info in self._sessions.infos)
 
     async def end(self, session: AnyDevice) -> Corrections:
         """Stop forwarding; returns the final state."""

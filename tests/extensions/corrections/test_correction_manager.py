@@ -47,3 +47,19 @@ async def test_of_streams_that_are_set_at_once_one_is_forwarded(monkeypatch: pyt
     assert corrections._streams == {"1": SlowForwarder.all[2]}
     await corrections.close()
     assert all(one.is_closed for one in SlowForwarder.all)
+
+
+async def test_the_stream_of_a_device_that_was_removed_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It kept the device in memory, with all that had been decoded of it."""
+    SlowForwarder.all, SlowForwarder.may_close = [], asyncio.Event()
+    SlowForwarder.may_close.set()
+    monkeypatch.setattr(manager, "CorrectionForwarder", SlowForwarder)
+    monkeypatch.setattr(manager, "DevicePort", lambda session: session)
+    sessions = SimpleNamespace(infos=[])
+    corrections = CorrectionManager(cast(Any, sessions))
+    for device in ("1", "2", "3"):
+        session = cast(Any, SimpleNamespace(info=SimpleNamespace(id=device)))
+        sessions.infos = [session.info]
+        await corrections.begin(session, "tcp://base:1")
+    assert list(corrections._streams) == ["3"]
+    assert [one.is_closed for one in SlowForwarder.all] == [True, True, False]
