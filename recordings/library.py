@@ -18,6 +18,7 @@ Threads may share a Library; its methods wait for the disk.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import secrets
 import shutil
@@ -127,6 +128,8 @@ class Library:
         now: unix seconds.
         tables: choices by heading, for new tables.
         decoder: identifies what decodes the recordings that are indexed.
+        steady: clock that does not step, s: a host without a clock of its own sets it when it finds a network. None:
+            `now`.
     """
 
     def __init__(
@@ -135,15 +138,18 @@ class Library:
         now: Callable[[], float] = time.time,
         tables: TableMemory | None = None,
         decoder: Callable[[], str] = str,
+        steady: Callable[[], float] | None = None,
     ) -> None:
         self.folder = folder
         self.tables = TableMemory() if tables is None else tables
         self._now = now
+        self._steady = now if steady is None else steady
         self._decoder = decoder
         self._lock = threading.RLock()
         self._peeks: dict[Path, tuple[tuple[int, int], RecordingProbe | None]] = {}
         self._paths: dict[str, Path] = {}
-        self._last_removal = -_SWEEP_S
+        self._deleted_at: dict[Path, float] = {}  # folder in the bin → by the steady clock, of deletions in this run
+        self._last_removal = -math.inf
 
     # ── listing ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -376,6 +382,7 @@ class Library:
                 move_files(belonging_files(entry.files), target)
             except OSError as error:
                 raise disk_error(error, entry.path) from None
+            self._deleted_at[target] = self._steady()
             return replace(entry, deleted=stamp / 1000)
 
     def undelete(self, recording: str) -> LibraryEntry:
@@ -402,19 +409,25 @@ class Library:
 
     def _remove_stale(self) -> None:
         """Remove recordings that have been in the bin for more than 7 days, and abandoned uploads."""
-        if self._now() - self._last_removal < _SWEEP_S:
+        steady = self._steady()
+        if steady - self._last_removal < _SWEEP_S:
             return
-        self._last_removal = self._now()
+        self._last_removal = steady
         for folder in self._bins():
-            if self._now() - int(folder.name) / 1000 > KEPT_S:
+            in_this_run = steady - self._deleted_at.get(folder, -math.inf)  # the host's clock may have been set since
+            if min(self._now() - int(folder.name) / 1000, in_this_run) > KEPT_S:
                 shutil.rmtree(folder, ignore_errors=True)
+        self._deleted_at = {folder: time for folder, time in self._deleted_at.items() if folder.exists()}
         with contextlib.suppress(OSError):
             for folder in (self.folder / INCOMING).iterdir():
                 changed = max(one.stat().st_mtime for one in (folder, *folder.iterdir()))  # that of the file grows
                 if self._now() - changed > STALE_S:
                     shutil.rmtree(folder, ignore_errors=True)
         there = self._files(self.folder)
-        self._peeks = {path: known for path, known in self._peeks.items() if path in there or BIN in path.parts}
+        self._peeks = {
+            path: known for path, known in self._peeks.items() if path in there or (BIN in path.parts and path.exists())
+        }
+        self._paths = {name: path for name, path in self._paths.items() if path in there}
 
     # ── uploads ──────────────────────────────────────────────────────────────────────────────────────────────────────
 

@@ -154,7 +154,9 @@ def build_services(
         names=DeviceNames(config.data),
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
-    library = Library(config.data / FOLDER, tables=TableMemory(config.data), decoder=decoding_mark)
+    library = Library(
+        config.data / FOLDER, tables=TableMemory(config.data), decoder=decoding_mark, steady=time.monotonic
+    )
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
     compactor = CompactionWorker(catalogue.finished)

@@ -21,6 +21,7 @@ from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_sho
 from imuscope.recordings.sidecar import Edits, MarkerInfo, sidecar_path
 from imuscope.recordings.upload_names import clean_name
 from tests.each_row import each_row
+from tests.manual_clock import ManualClock
 from tests.recordings.store_fixtures import NS, START, recording, store
 
 
@@ -170,6 +171,47 @@ def test_a_deleted_recording_is_restored_with_all_its_files(tmp_path: Path) -> N
     time[0] += KEPT_S + 1000
     assert [entry.title for entry in library.all()] == ["Another"]
     assert not list((tmp_path / ".bin").iterdir())
+
+
+def test_a_recording_that_was_deleted_before_the_clock_was_set_can_be_restored(tmp_path: Path) -> None:
+    """A robot without a clock of its own had emptied the bin as soon as it found the time."""
+    now, steady = ManualClock(START), ManualClock(0.0)
+    recording(tmp_path / "a.mcap")
+    library = Library(tmp_path, now, steady=steady)
+    library.delete("a")
+    now.now += 3650 * 86_400.0
+    steady.now += 3600.0
+    assert [entry.id for entry in library.all()] == ["a"]
+    steady.now += KEPT_S
+    assert not library.all()
+
+
+def test_the_bin_is_emptied_after_the_clock_was_set_back(tmp_path: Path) -> None:
+    """Nothing was removed until the clock had reached the time of the last look at the bin again."""
+    now, steady = ManualClock(START + 3650 * 86_400.0), ManualClock(0.0)
+    recording(tmp_path / "a.mcap")
+    library = Library(tmp_path, now, steady=steady)
+    library.all()
+    now.now = START
+    library.delete("a")
+    now.now += KEPT_S + 1000
+    steady.now += KEPT_S + 1000
+    assert not library.all()
+
+
+def test_nothing_is_remembered_of_a_recording_that_has_left_the_bin(tmp_path: Path) -> None:
+    now = ManualClock(START)
+    library = Library(tmp_path, now)
+    for number in range(5):
+        recording(tmp_path / f"{number}.mcap")
+        library.all()
+        library.delete(str(number))
+        library.all()
+    now.now += KEPT_S + 1000
+    assert not library.all()
+    assert not library._peeks
+    assert not library._paths
+    assert not library._deleted_at
 
 
 def test_a_split_log_is_one_and_goes_as_one(tmp_path: Path) -> None:
