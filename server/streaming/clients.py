@@ -137,9 +137,12 @@ class ClientFanout:
 
     def _on_removed(self, device: str) -> None:
         self._new_channels = [info for info in self._new_channels if info.device != device]
-        for number in self._store.of_device(device):
+        numbers = self._store.of_device(device)
+        for number in numbers:
             self._offered.pop(number, None)
             self._touched.pop(number, None)
+        for queue in self._queues:
+            queue.forget(numbers)
         self._devices_changed = True
         self._jobs_changed |= device in self._bus.jobs.latest
         self.request_flush()

@@ -191,6 +191,11 @@ class SendQueue:
             self._missing[frame.channel] = self._missing.get(frame.channel, 0) + frame.n
             self.dropped_of[frame.channel] = self.dropped_of.get(frame.channel, 0) + frame.n
 
+    def forget(self, channels: Iterable[int]) -> None:
+        """Forget lost samples of channels that are gone, which no later frame can report."""
+        for channel in channels:
+            self._missing.pop(channel, None)
+
     # ── out ──
 
     def pop(self) -> str | bytes | None:

@@ -57,6 +57,19 @@ def test_sent_plus_dropped_is_everything(steps: list[tuple[int, int, bool]]) -> 
             assert told[channel] == box.dropped_of.get(channel, 0)
 
 
+def test_samples_that_a_removed_channel_lost_do_not_hold_the_others_up() -> None:
+    """All later samples waited in the queue, because the loss could not be told in any frame."""
+    sent: list[bytes] = []
+    box = outbox(limit=100)
+    box.offer(Packet.of([frame(1, 0, 20)]))
+    assert box.dropped_of == {1: 20}
+    box._try_send = lambda data: not sent.append(data)  # type: ignore[func-returns-value]
+    box.forget([1])
+    box.offer(Packet.of([frame(2, 0, 1)]))
+    assert len(sent) == 1
+    assert box.is_idle
+
+
 def payload(data: bytes) -> bytes:
     """Payload of an unfragmented binary frame of a server (RFC 6455, 5.2)."""
     head, length = data[0], data[1]
