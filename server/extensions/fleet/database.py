@@ -88,7 +88,7 @@ class FleetDatabase:
 
     def __init__(self, folder: Path) -> None:
         self._lock = threading.Lock()
-        self._written = 0
+        self._written = PRUNE_EVERY  # a server that is started often writes less than that in a run
         with contextlib.ExitStack() as at_failure:
             try:
                 folder.mkdir(parents=True, exist_ok=True)

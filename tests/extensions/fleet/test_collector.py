@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from imuscope.server.extensions.fleet import collector as module
+from imuscope.server.extensions.fleet import database as database_file
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.collector import REQUEST_INTERVAL_S, Collector
 from imuscope.server.extensions.fleet.database import (
@@ -132,6 +133,17 @@ def bus(new_bus: Bus) -> Bus:
 def database(tmp_path: Path) -> Iterator[FleetDatabase]:
     with closing(FleetDatabase(tmp_path)) as database:
         yield database
+
+
+def test_events_are_pruned_by_a_server_that_is_started_often(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With fewer events in each run than between two prunings, the file grew without a limit."""
+    monkeypatch.setattr(database_file, "MAX_EVENTS", 10)
+    for _ in range(5):
+        with closing(FleetDatabase(tmp_path)) as database:
+            for _ in range(2):
+                database.write(FleetBatch(events=[StoredEvent("a", "", 0, 0.0, "k", "info", "t", "")] * 8))
+    with closing(FleetDatabase(tmp_path)) as database:
+        assert len(database.events()) <= 10 + 8
 
 
 def test_reports_that_overtake_the_first_answer_are_asked_for(new_bus: Bus) -> None:
