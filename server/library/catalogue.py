@@ -156,8 +156,9 @@ class Catalogue:
         busy = self._refreshing or (self._bus.recorder.latest is not None and self._bus.recorder.latest.running)
         if busy or time.monotonic() - self._listed > VIEWED_S or not self._clients.shedding.draws_pictures:
             return
-        for entry in entries:
-            mark = (entry.path, entry.size, entry.modified, str(entry.edits.reading))
+        marks = [(entry.path, entry.size, entry.modified, str(entry.edits.reading)) for entry in entries]
+        self._tried &= set(marks)
+        for entry, mark in zip(entries, marks, strict=True):
             if entry.is_current or entry.deleted is not None or not 0 < entry.size <= MAX_BYTES or mark in self._tried:
                 continue
             self._tried.add(mark)

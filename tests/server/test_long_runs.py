@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from imuscope.recordings.library import Library
 from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
+from imuscope.server.extensions.alarms.definitions import RecordingAction
+from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
 from imuscope.server.library import export_jobs
+from imuscope.server.library.catalogue import Catalogue
+from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.export_jobs import ExportJobs, ExportWork
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.message_link import MOST_COUNTED, MessageLink, TopicSource
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
+from tests.manual_clock import ManualClock
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import send
@@ -92,3 +99,29 @@ def test_messages_of_a_node_that_was_started_a_thousand_times_are_received() -> 
     numbers = [link.channel(*about, publisher=f"run {run}") or link.channel(*about) for run in range(2000)]
     assert 0 not in numbers
     assert len(set(numbers)) == MOST_COUNTED + 1
+
+
+def test_files_that_are_gone_are_not_remembered_as_looked_at(tmp_path: Path) -> None:
+    clients: Any = SimpleNamespace(shedding=SimpleNamespace(draws_pictures=True))
+    bus, library = Telemetry.create(lambda: 0.0).bus, Library(tmp_path)
+    catalogue = Catalogue(bus, clients, library, ColumnCache(tmp_path, library.path))
+    catalogue._listed = math.inf
+    catalogue._tried = {(tmp_path / "gone.mcap", 1, 2.0, "")}
+    catalogue._open_newest([])
+    assert not catalogue._tried
+
+
+async def test_the_markers_of_an_alarm_are_not_remembered_for_ever() -> None:
+    """One time for each device that had ever raised it."""
+    clock = ManualClock(0.0)
+    running = SimpleNamespace(every=True, devices=[], writer=SimpleNamespace(path=Path("a.mcap")))
+    recorder: Any = SimpleNamespace(current=running, now=clock, mark=lambda mark: None)
+    trigger = RecordingTrigger(recorder)
+    for number in range(100):
+        stored, definition = SimpleNamespace(id="alarm"), SimpleNamespace(name="Force")
+        instance: Any = SimpleNamespace(
+            stored=stored, device=str(number), definition=definition, note=lambda *_, **__: 0
+        )
+        await trigger._act(instance, RecordingAction(), 0.0)
+        clock.now += 5.0
+    assert len(trigger._histories["alarm"].marked) <= 3

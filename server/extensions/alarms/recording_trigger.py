@@ -128,7 +128,8 @@ class RecordingTrigger:
             self._running.held = now
             if instance not in self._running.alarms:
                 self._running.alarms.append(instance)
-        marked = self._history(instance).marked
+        history = self._history(instance)
+        marked = history.marked = {one: at for one, at in history.marked.items() if now - at < MARK_EVERY_S}
         if now - marked.get(instance.device, -math.inf) < MARK_EVERY_S:
             return
         marked[instance.device] = now

@@ -193,7 +193,8 @@ class Ros2Bridge:
     def _names(self) -> dict[str, str]:
         """Name of the node of each device that is identified, or has had the time to be."""
         now = time.monotonic()
-        ready = set()
+        present, ready = {device["id"] for device in self._client.devices}, set()
+        self._first_seen = {id: since for id, since in self._first_seen.items() if id in present}
         for device in self._client.devices:
             since = self._first_seen.setdefault(device["id"], now)
             if device.get("product") or device["id"] in self._nodes or now - since >= NAME_S:
