@@ -107,6 +107,8 @@ class ViewerClient:
                 self.channels[info["id"]] = info
                 self._dtypes[info["id"]] = [column["dtype"] for column in info["columns"]]
                 self.changed = True
+            # not when a device goes: its last samples are on their way, with those of others
+            self._dtypes = {number: self._dtypes[number] for number in self.channels}
         elif message["op"] == "health":
             self.health = {one["device"]: one for one in message["devices"]}
         elif message["op"] == "events":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import io
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
 from imuscope.server.extensions.alarms.definitions import RecordingAction
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
+from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.library import export_jobs
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
@@ -125,3 +127,15 @@ async def test_the_markers_of_an_alarm_are_not_remembered_for_ever() -> None:
         await trigger._act(instance, RecordingAction(), 0.0)
         clock.now += 5.0
     assert len(trigger._histories["alarm"].marked) <= 3
+
+
+def test_a_view_keeps_nothing_of_channels_that_are_gone() -> None:
+    """A process for ROS 2 or Foxglove, which runs as long as the server, kept the layout of every channel."""
+    client = ViewerClient(io.BytesIO(), io.StringIO(), nice=0)
+    for number in range(50):
+        client._on_message({"op": "devices", "devices": [{"id": str(number), "name": "a"}]})
+        columns = [{"dtype": "f4"}]
+        client._on_message({"op": "channels", "channels": [{"id": number, "device": str(number), "columns": columns}]})
+    client._on_message({"op": "devices", "devices": []})
+    assert not client.channels
+    assert len(client._dtypes) == 1  # its last samples may be on their way
