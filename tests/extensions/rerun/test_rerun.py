@@ -10,6 +10,7 @@ import re
 import socket
 import subprocess
 import warnings
+from collections import deque
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -268,6 +269,20 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
         [chunk] = entities(whole)[name_of(("D", "Acceleration [m/s²]"))]
         rows += chunk.num_rows
     assert sent - rate / 10 <= rows <= sent  # rows missing in the last batch are in the next
+
+
+def test_a_stream_keeps_nothing_of_devices_that_are_gone() -> None:
+    """The stream to a viewer elsewhere lasts as long as the server, and a track is an hour of positions."""
+    from imuscope.server.extensions.rerun.worker import RerunBatcher
+
+    column = {"name": "value", "unit": "", "label": "", "axis": "", "bits": []}
+    info = {"id": 7, "device": "d", "message": "m", "name": "a", "title": "A", "group": "", "doc": "", "frame": ""}
+    told = RerunMessage([{"id": "d", "name": "D"}], {7: info | {"kind": "scalar", "unit": "", "columns": [column]}})
+    feed = RerunBatcher(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
+    track = deque([(np.zeros(3), np.zeros(2))])
+    feed._paths, feed._words = {"d": track, "gone": track}, {(7, 0): 1, (8, 0): 1}
+    feed.lay_out()
+    assert (list(feed._paths), list(feed._words)) == (["d"], [(7, 0)])
 
 
 def test_an_invalid_viewer_address_is_refused_before_anything_starts() -> None:
