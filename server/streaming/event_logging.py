@@ -34,6 +34,7 @@ class EventLogger:
         self._recorder = wire.RecorderState(running=False)
         bus.events.subscribe(self.event)
         bus.devices.subscribe(self.device)
+        bus.removed.subscribe(self.removed)
         bus.jobs.subscribe(self.job_report)
         bus.recorder.subscribe(self.recorder)
 
@@ -63,6 +64,11 @@ class EventLogger:
             parts += [f"firmware {info.firmware}"] if info.firmware else []
             named = zip(("product", "serial_number", "firmware"), who, strict=True)
             _write(logging.INFO, "identified", info.id, f"This is {', '.join(parts)}.", dict(named))
+
+    def removed(self, device: str) -> None:
+        """Forget a device that was removed."""
+        self._devices.pop(device, None)
+        self._jobs.pop(device, None)
 
     def job_report(self, state: wire.DeviceJobs) -> None:
         """Log a change of a device's jobs."""

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from imuscope.recordings.library import Library
+from imuscope.server import wire
 from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
 from imuscope.server.extensions.alarms.definitions import RecordingAction
@@ -25,6 +26,7 @@ from imuscope.server.library.export_jobs import ExportJobs, ExportWork
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.message_link import MOST_COUNTED, MessageLink, TopicSource
 from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
 from tests.manual_clock import ManualClock
@@ -139,3 +141,14 @@ def test_a_view_keeps_nothing_of_channels_that_are_gone() -> None:
     client._on_message({"op": "devices", "devices": []})
     assert not client.channels
     assert len(client._dtypes) == 1  # its last samples may be on their way
+
+
+def test_the_log_keeps_nothing_of_devices_that_were_removed() -> None:
+    bus = Telemetry.create(lambda: 0.0).bus
+    logger = EventLogger(bus)
+    for number in range(20):
+        bus.set_device(wire.DeviceInfo(str(number), "a", "sim:xbus", "simulator", "live"))
+        bus.jobs.publish(wire.DeviceJobs(str(number), "idle"))
+        bus.remove_device(str(number))
+    assert not logger._devices
+    assert not logger._jobs
