@@ -170,7 +170,7 @@ class Ros2Link(MessageLink):
         absent = [topic for topic in self.where.topics if topic not in by_name]
         if absent:
             reasons.append(missing_topic(absent, available, self.where.place))
-        for topic, type in self._subscribed.items():
+        for topic, type in list(self._subscribed.items()):  # a thread adds to it
             types = {one.type for one in available if one.name == topic}
             if types and type not in types:
                 reasons.append(other_type(by_name[topic], type))

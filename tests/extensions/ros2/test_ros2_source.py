@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from imuscope.server.extensions.ros2.link import Ros2Link
 from imuscope.server.extensions.ros2.session import open_session
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkError, LinkSettings, steady_clock
+from imuscope.server.links.message_link import SeenTopic
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros
@@ -90,6 +92,26 @@ async def test_a_topic_that_is_absent_unknown_or_of_another_type_is_explained() 
         ):
             async with watched(source) as made:
                 await until(lambda made=made, words=words: words in made.notices, f"it says {words}")
+
+
+async def test_notices_are_made_while_topics_are_subscribed_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a thread does it while the page is told why a topic is not shown."""
+    port = free_port()
+    with running_router(port):
+        async with watched(f"ros2://127.0.0.1:{port}/imu/data?type={ros.IMU}") as made:
+            link = made.session.access.link
+            assert isinstance(link, Ros2Link)
+            await until(lambda: link._subscribed, "it has subscribed")
+
+            class Subscribing(SeenTopic):
+                """A topic that becomes subscribed to when it is looked at."""
+
+                def __getattribute__(self, name: str) -> Any:
+                    link._subscribed[f"/topic{len(link._subscribed)}"] = ros.IMU
+                    return super().__getattribute__(name)
+
+            monkeypatch.setattr(Ros2Link, "_available", [Subscribing("/imu/data", ros.IMU)])
+            assert link.notices == []
 
 
 async def test_a_router_that_is_absent_is_one_sentence_and_one_that_returns_is_found() -> None:
