@@ -93,7 +93,7 @@ class PortShares:
             self._follow(session, session.access.link)
 
     def _follow(self, session: Session, link: SharedPortLink) -> None:
-        known: dict[str, Any] = {"clients": {}, "configuring": None, "turned_away": 0, "unsent": 0}
+        known: dict[str, Any] = {"clients": {}, "arriving": {}, "configuring": None, "turned_away": 0, "unsent": 0}
         device = session.info.id
 
         async def closing() -> None:
@@ -123,7 +123,7 @@ class PortShares:
         before, now = known["clients"], {one["number"]: one for one in state["clients"]}
         for number, one in now.items():
             if number not in before:
-                self._start(self._report_new(session, link, one))
+                known["arriving"][number] = self._start(self._report_new(session, link, one))
                 continue
             for text in _news(link.name_of(number), before[number], one):
                 self._report(session, "warning", text)
@@ -135,15 +135,9 @@ class PortShares:
             words = f"{name} left before {one['bytes']} B that it had sent could be passed on: another was talking."
             self._report(session, "warning", words)
         for number in set(before) - set(now):
-            one = before[number]
-            name = link.names.get(number) or one["peer"]  # the link does not know it any more
-            lost = f" It lost {one['dropped_bytes']} B that it did not read in time." if one["dropped_bytes"] else ""
-            if number in state.get("displaced", ()):
-                words = "had to leave the shared port: all places were taken, and it sent and read nothing."
-                self._report(session, "warning", f"{name} {words}")
-            else:
-                self._report(session, "info", f"{name} left the shared port.{lost}")
-            link.names.pop(number, None)
+            is_displaced = number in state.get("displaced", ())
+            arriving = known["arriving"].pop(number)
+            self._start(self._report_gone(session, link, before[number], arriving, is_displaced=is_displaced))
             self._partial.pop((session.info.id, number), None)
         if state.get("turned_away", 0) > known["turned_away"]:
             self._report(session, "warning", "A client of the shared port was refused: all places are taken.")
@@ -167,6 +161,25 @@ class PortShares:
         name = link.names.get(client["number"]) or client["peer"]  # it may have left already
         self._report(session, "info", f"{name} is connected to the shared port and {rights}.")
 
+    async def _report_gone(
+        self,
+        session: Session,
+        link: SharedPortLink,
+        client: Mapping[str, Any],
+        arriving: asyncio.Task[None],
+        *,
+        is_displaced: bool,
+    ) -> None:
+        """Report that a client has left, after the report that it came."""
+        await asyncio.wait((arriving,))
+        name = link.names.pop(client["number"], "") or client["peer"]  # the link does not know it any more
+        if is_displaced:
+            words = "had to leave the shared port: all places were taken, and it sent and read nothing."
+            self._report(session, "warning", f"{name} {words}")
+            return
+        lost = f" It lost {client['dropped_bytes']} B that it did not read in time." if client["dropped_bytes"] else ""
+        self._report(session, "info", f"{name} left the shared port.{lost}")
+
     def _on_configuring(self, session: Session, link: SharedPortLink, client: int | None) -> None:
         if client is not None:
             text = f"{link.name_of(client)} is configuring the device; imuscope waits with what it sends."
@@ -177,10 +190,11 @@ class PortShares:
     def _report(self, session: Session, level: Any, text: str) -> None:
         self._bus.event(session.info.id, "link", level, text, data={"kind": "share"})
 
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+    def _start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(work, name="client of a share")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
 
     def _on_client_data(self, session: Session, link: SharedPortLink, sent: ClientData) -> None:
         session.listeners.note_sent(sent.data, sent.arrival_ns)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import threading
 from pathlib import Path
 
 import pytest
 
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.shares import port_shares
 from imuscope.server.extensions.shares.port_shares import PortShares
 from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
 from imuscope.server.links.base import LinkError
-from tests.extensions.shares.shared_port import DevicePort
+from imuscope.server.processes import Program
+from tests.extensions.shares.shared_port import DevicePort, opened
 from tests.server.control_harness import house
+from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
 pytestmark = pytest.mark.usefixtures("runtime")
@@ -84,3 +89,36 @@ async def test_a_port_that_is_shared_again_and_again_keeps_nothing_of_earlier_sh
         assert len(session.listeners._closing) == before
         assert not shares._following
         assert not shares._partial
+
+
+async def test_a_program_that_comes_and_leaves_is_told_in_that_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had left before its name was found, and the last line of the log said that it was connected."""
+    port, looked = DevicePort(), threading.Event()
+
+    def found_late(terminal: str) -> list[Program]:
+        assert looked.wait(PATIENCE_S)
+        return [Program(1, "driver")]
+
+    monkeypatch.setattr(port_shares, "programs_with", found_late)
+    async with house(tmp_path) as here:
+        told: list[str] = []
+        here.telemetry.bus.events.subscribe(lambda event: told.append(event.text))
+        shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
+        session = here.sessions.add(f"{port.path}?baud=115200")
+        await until(lambda: session.info.is_open, "it is open")
+        await shares.add(session, f"{shares.folder}/one")
+        link = session.access.link
+        assert isinstance(link, SharedPortLink)
+        driver = opened(Path(shares.folder, "one"))
+        await until(lambda: link.state["clients"], "it is there")
+        os.close(driver)
+        await until(lambda: not link.state["clients"], "it has left")
+        looked.set()
+        await until(lambda: sum("shared port" in text for text in told) == 2, "both are told")
+        assert [text for text in told if "shared port" in text] == [
+            "driver (process 1) is connected to the shared port and may write.",
+            "driver (process 1) left the shared port.",
+        ]
+        await shares.remove(session, f"{shares.folder}/one")
