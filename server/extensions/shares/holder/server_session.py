@@ -6,6 +6,8 @@ What it sends while a client has the voice waits, for MOST_WAIT_S; then it is re
 from __future__ import annotations
 
 import contextlib
+import errno
+import fcntl
 import os
 import socket
 from collections.abc import Callable, Mapping
@@ -64,17 +66,27 @@ class ServerSide:
         Raises:
             ShareError: another holder has the port.
         """
+        folder = os.open(os.path.dirname(self._path), os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)  # of two that begin at once, one would remove the socket of the other
+            accepting = self._listening()
+        finally:
+            os.close(folder)
+        self._accepting = accepting
+        self._loop.watch(accepting.fileno(), READ, self._on_connects)
+
+    def _listening(self) -> socket.socket:
+        """A socket at the path; ShareError as `listen`."""
         path = self._path
         accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         if os.path.exists(path):
-            try:
-                accepting.connect(path)
-            except OSError:
-                os.unlink(path)  # of a holder that was killed
-            else:
-                accepting.close()
-                raise ShareError("another holder has this port; end it first, or use its shares")
+            accepting.setblocking(False)
+            refused = accepting.connect_ex(path)
             accepting.close()
+            if refused in (0, errno.EAGAIN):  # EAGAIN: it is there, and busy
+                raise ShareError("another holder has this port; end it first, or use its shares")
+            with contextlib.suppress(FileNotFoundError):  # it has just ended
+                os.unlink(path)  # of a holder that was killed
             accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         before = os.umask(0o177)
         try:
@@ -83,8 +95,7 @@ class ServerSide:
             os.umask(before)
         accepting.listen(1)
         accepting.setblocking(False)
-        self._accepting = accepting
-        self._loop.watch(accepting.fileno(), READ, self._on_connects)
+        return accepting
 
     def _on_connects(self, _: int) -> None:
         assert self._accepting is not None
@@ -194,6 +205,6 @@ class ServerSide:
         """End everything."""
         self.disconnect()
         if self._accepting is not None:
-            self._accepting.close()
             with contextlib.suppress(OSError):
-                os.unlink(self._path)
+                os.unlink(self._path)  # first: then it cannot be that of a holder that begins
+            self._accepting.close()

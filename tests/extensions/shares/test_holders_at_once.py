@@ -1,0 +1,65 @@
+"""Holders of one port that begin at once."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from imuscope.server.extensions.shares.holder.event_loop import EventLoop
+from imuscope.server.extensions.shares.holder.server_session import ServerSide
+from imuscope.server.extensions.shares.holder.shares import ShareError
+from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
+
+
+def test_of_two_holders_that_begin_at_once_one_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both found the socket of a holder that was killed; the later one removed that of the other, which held the port
+    and could not be found any more.
+    """
+    path = str(tmp_path / "port.sock")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as killed:
+        killed.bind(path)
+    remove, lock, here, one_listens = os.unlink, fcntl.flock, list[int](), threading.Event()
+
+    def flock(folder: int, how: int) -> None:
+        here.append(threading.get_ident())
+        lock(folder, how)
+
+    def unlink(place: str) -> None:
+        here.append(threading.get_ident())
+        block_until(lambda: len(set(here)) == 2, "both have begun")
+        if threading.get_ident() != here[0]:
+            assert one_listens.wait(PATIENCE_S)
+        remove(place)
+
+    monkeypatch.setattr(os, "unlink", unlink)
+    monkeypatch.setattr(fcntl, "flock", flock)
+    loop = EventLoop()
+    sides = [
+        ServerSide(path, {}, loop, on_message=lambda kind, body: None, on_gone=lambda: None, state=dict) for _ in "ab"
+    ]
+    refused: list[ShareError] = []
+
+    def listen(side: ServerSide) -> None:
+        try:
+            side.listen()
+        except ShareError as error:
+            refused.append(error)
+        one_listens.set()
+
+    threads = [threading.Thread(target=listen, args=(side,)) for side in sides]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    monkeypatch.undo()
+    assert [str(error)[:14] for error in refused] == ["another holder"]
+    for side in sides:
+        side.close()
+    loop.close()
+    assert not os.path.exists(path)
