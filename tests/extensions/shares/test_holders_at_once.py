@@ -1,4 +1,4 @@
-"""Holders of one port that begin at once."""
+"""Holders of one port that begin at once, and a port that is lost while its server waits to send."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.extensions.shares.holder.event_loop import EventLoop
+from imuscope.server.extensions.shares.holder.process import Holder
 from imuscope.server.extensions.shares.holder.server_session import ServerSide
+from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareError
+from tests.extensions.shares.shared_port import DevicePort
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -63,3 +66,18 @@ def test_of_two_holders_that_begin_at_once_one_is_found(tmp_path: Path, monkeypa
         side.close()
     loop.close()
     assert not os.path.exists(path)
+
+
+def test_the_cause_of_a_lost_port_stays_though_more_was_to_be_sent(port: DevicePort, tmp_path: Path) -> None:
+    """The second write that waited found no port, and the page said "Bad file descriptor"."""
+    source = {"kind": "serial", "place": port.path, "baud": 115_200}
+    holder = Holder(HolderSettings(source, str(tmp_path / "port.sock"), ()))
+    holder._open_port()
+    now = 0.0
+    for number in (1, 2):
+        holder.server.wait(number, b"message", now)
+    port.unplug()
+    holder._tick(now)
+    state = holder.state(now)
+    assert (state["open"], state["error"]) == (False, "Input/output error")
+    holder._close()

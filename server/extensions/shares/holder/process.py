@@ -209,9 +209,7 @@ class Holder:
         if kind == MessageKind.WRITE:
             number = int.from_bytes(body[:4], "little")
             now = time.monotonic()
-            if not self.port.is_open:
-                self.server.done(number, "the port is gone", kind="gone")
-            elif self.server.writes or not self.arbiter.may_speak(SERVER, now):
+            if self.port.is_open and (self.server.writes or not self.arbiter.may_speak(SERVER, now)):
                 self.server.wait(number, body[4:], now)
             else:
                 self._write_for_server(number, body[4:], now)
@@ -227,6 +225,9 @@ class Holder:
             self.server.done(number)
 
     def _write_for_server(self, number: int, data: bytes, now: float) -> None:
+        if not self.port.is_open:  # lost with the write before, too
+            self.server.done(number, "the port is gone", kind="gone")
+            return
         self.arbiter.spoke(SERVER, now)
         stamp = time.monotonic_ns()  # before: an answer must not seem older than its request
         try:
