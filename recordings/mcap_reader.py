@@ -167,6 +167,8 @@ class McapReader:
             before = start_ns is not None and index.message_end_time < start_ns
             after = stop_ns is not None and index.message_start_time >= stop_ns
             if not before and not after:
+                if self._is_cut_now(index.chunk_start_offset):
+                    return
                 yield from self._chunk(index.chunk_start_offset, index.chunk_start_offset + index.chunk_length)
 
     @property
@@ -245,6 +247,8 @@ class McapReader:
         end = len(array)
         table = np.empty((4, _COLUMNS), np.int64)
         while at < end:
+            if done is None and self._is_cut_now(at):
+                return
             n, at, opcode, length = messages_from(array, at, table)
             if n:
                 yield MessageBlock(data, table[:, :n], at if done is None else done)
@@ -270,6 +274,13 @@ class McapReader:
             else:
                 self._learn(opcode, bytes(data[at + _RECORD : whole]))
             at = whole
+
+    def _is_cut_now(self, at: int) -> bool:
+        """Whether another program has made the file shorter, as `cp` over it does: reading on would end the process."""
+        if self._map.size() >= self.size:
+            return False
+        self.damage.append(FileDamage(at, "The file was made shorter while it was read."))
+        return True
 
     def _channel_ids(self) -> Bytes:
         known = np.zeros(1 << 16, np.uint8)

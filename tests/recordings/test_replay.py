@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 from imuscope.recordings.compaction import compact
@@ -10,6 +12,7 @@ from imuscope.recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, exte
 from imuscope.recordings.sources import McapSource
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
+from tests.source_files import ROOT
 
 MS = 1_000_000
 START = 1_760_000_000_000_000_000
@@ -178,3 +181,24 @@ def test_in_a_loop_devices_that_are_played_apart_stay_in_step(tmp_path: Path) ->
     clock = ManualClock(5_000)
     second = played(ReplayClock(source, clock, devices=["2"], **some), clock, 40)  # type: ignore[arg-type]
     assert [b - a for (a, _), (b, _) in zip(first, second, strict=True)] == [3 * MS] * 40
+
+
+READ_WHILE_CUT = """
+import os, sys
+from pathlib import Path
+from imuscope.recordings.mcap_reader import McapReader
+with McapReader(Path(sys.argv[1])) as file:
+    blocks = file.blocks()
+    next(blocks)
+    os.truncate(sys.argv[1], 4096)
+    print(len(list(blocks)), *(damage.words for damage in file.damage))
+"""
+
+
+@each_row("packed", [True, False])
+def test_a_file_that_is_made_shorter_while_it_is_read_ends_there(tmp_path: Path, packed: bool) -> None:
+    """As `cp` over it does: the system ended the whole process, which may be a server with live devices."""
+    path = recording(tmp_path, 20_000, packed=packed, size=400)
+    command = [sys.executable, "-c", READ_WHILE_CUT, str(path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "0 The file was made shorter while it was read.\n"), done.stderr
