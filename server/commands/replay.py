@@ -215,7 +215,7 @@ class TcpSink:
 
 
 class UdpSink:
-    """UDP sender: one datagram for each chunk. A missing receiver is not an error."""
+    """UDP sender: one datagram for each chunk. It continues without a receiver, and without a network."""
 
     def __init__(self, host: str, port: int) -> None:
         kind, _, _, _, address = socket.getaddrinfo(host or "127.0.0.1", port, type=socket.SOCK_DGRAM)[0]
@@ -230,7 +230,7 @@ class UdpSink:
     async def send(self, data: bytes) -> None:
         loop = asyncio.get_running_loop()
         for at in range(0, len(data), LONGEST_DATAGRAM):
-            with contextlib.suppress(ConnectionError):
+            with contextlib.suppress(OSError):
                 await loop.sock_sendall(self._socket, data[at : at + LONGEST_DATAGRAM])
 
     async def close(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import fcntl
 import io
 import os
@@ -16,16 +17,18 @@ import termios
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, ClassVar
 
 import pytest
 
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.cli import main
-from imuscope.server.commands.replay import ReplayError, _play, address
+from imuscope.server.commands.replay import ReplayError, UdpSink, _play, address
 from tests import virtual_time
 from tests.each_row import each_row
 from tests.fork_server import Child
+from tests.free_ports import free_port
 from tests.links.replayed import of, recording
 from tests.server_process import begun
 from tests.timeouts import PATIENCE_S
@@ -114,6 +117,30 @@ def test_over_udp_a_datagram_for_each_chunk(tmp_path: Path) -> None:
             datagrams = [receiver.recv(65536) for _ in range(100)]
             assert process.wait(PATIENCE_S) == 0
     assert datagrams == [of(1, n, n + 1) for n in range(100)]
+
+
+async def test_over_udp_it_goes_on_while_the_network_is_away() -> None:
+    """A cable that was pulled out ended it with a traceback."""
+
+    class Away(socket.socket):
+        """A socket whose network comes back after a while."""
+
+        sent: ClassVar[list[bytes]] = []
+
+        def send(self, data: Any, flags: int = 0) -> int:
+            self.sent.append(bytes(data))
+            if len(self.sent) < 3:
+                raise OSError(errno.ENETUNREACH, os.strerror(errno.ENETUNREACH))
+            return len(data)
+
+    sink = UdpSink("127.0.0.1", free_port())
+    sink._socket.close()
+    sink._socket = Away(socket.AF_INET, socket.SOCK_DGRAM)
+    sink._socket.setblocking(False)
+    for data in (b"one", b"two", b"three"):
+        await sink.send(data)
+    await sink.close()
+    assert Away.sent == [b"one", b"two", b"three"]
 
 
 def heard(port: int) -> bytes:
