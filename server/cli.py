@@ -13,12 +13,9 @@ import errno
 import gc
 import logging
 import os
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from imuscope.server.commands.arguments import COMMANDS, parse, parser
 from imuscope.server.commands.common import (
@@ -37,7 +34,7 @@ from imuscope.server.commands.common import (
 )
 from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
-from imuscope.server.end_signals import end_signals
+from imuscope.server.end_signals import ending_by_exception
 from imuscope.server.extension import extension_commands
 from imuscope.server.printable import printable
 
@@ -57,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parse(words)
         own = extension_commands().get(options.command)
         reads_file = options.command in OF_FILES if own is None else own.reads_file
-        with _cleaning_up_at_the_end() if reads_file else contextlib.nullcontext():
+        with ending_by_exception() if reads_file else contextlib.nullcontext():
             if options.command not in ("serve", "doctor") and getattr(options, "data", None) is not None:
                 load(data=options.data)  # an error, where it is none, also of commands that hardly need it
             status = (_RUN[options.command] if own is None else own.run)(options) or 0
@@ -84,25 +81,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 OF_FILES = ("inspect", "decode")
-
-
-@contextlib.contextmanager
-def _cleaning_up_at_the_end() -> Iterator[None]:
-    """End by an exception at a signal, so that temporary files and folders are removed."""
-
-    def end(number: int, frame: object) -> NoReturn:
-        raise SystemExit(128 + number)
-
-    if threading.current_thread() is not threading.main_thread():  # only that one may set handlers
-        yield
-        return
-    before = {number: signal.signal(number, end) for number in end_signals() if number != signal.SIGINT}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
 
 UNWRITABLE = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT)
 

@@ -30,7 +30,7 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
-from imuscope.server.end_signals import end_signals
+from imuscope.server.end_signals import end_signals, ending_by_exception
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
@@ -101,7 +101,8 @@ def record(request: RecordRequest, notes: TextIO) -> str:
     try:
         status, name = asyncio.run(_record(request, notes))
         tty = notes.isatty()
-        compact(request.path, progress=(lambda share: _show(notes, f"packing {share:.0%}")) if tty else None)
+        with ending_by_exception():  # it removes the packed copy, and the recording stays as it is
+            compact(request.path, progress=(lambda share: _show(notes, f"packing {share:.0%}")) if tty else None)
     except RecordingError as error:
         raise RecordError(f"{error.message} {error.hint}".rstrip()) from None
     _show(notes, "")

@@ -19,6 +19,7 @@ from tests.bench.tcp_device import TcpDevice
 from tests.each_row import each_row
 from tests.server.recorder_harness import chunks
 from tests.server_process import begun, imuscope
+from tests.source_files import ROOT
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -27,6 +28,31 @@ from tests.waiting import block_until
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One data folder, as the first start in it compiles."""
     return tmp_path_factory.mktemp("data")
+
+
+STOPPED_WHILE_PACKING = """
+import os, signal, sys
+from imuscope.recordings import compaction
+from imuscope.server.cli import main
+
+def stopped(*arguments, **more):
+    os.kill(os.getpid(), signal.SIGTERM)
+
+compaction.write_compacted = stopped
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_stopped_while_it_is_packed_the_recording_is_there_and_nothing_beside_it(tmp_path: Path, data: Path) -> None:
+    """A copy of its size was left in the user's folder, under a hidden name."""
+    path = tmp_path / "drive.mcap"
+    with TcpDevice(500) as line:
+        options = ["record", line.source, "-o", str(path), "--duration", "0.3", "--data", str(data)]
+        command = [sys.executable, "-c", STOPPED_WHILE_PACKING, *options]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 128 + signal.SIGTERM, done.stderr
+    assert list(tmp_path.iterdir()) == [path]
+    assert is_uncompacted(path)
 
 
 def test_data_received_in_time_is_in_the_file(tmp_path: Path, data: Path) -> None:
