@@ -30,7 +30,7 @@ from typing import Protocol, TextIO
 
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.replay import ReplayClock, extent
+from imuscope.recordings.replay import ReplayClock, ReplayedChunk, extent
 from imuscope.recordings.sources import Source
 from imuscope.server.end_signals import end_signals
 from imuscope.server.links.base import steady_clock
@@ -162,13 +162,27 @@ async def _play(replay: ReplayClock, sink: Sink, out: TextIO) -> int:
     sent = 0
     while (wait_ns := replay.wait_ns()) is not None:
         await asyncio.sleep(wait_ns / 1e9)
-        for one in replay.due_chunks(64):
+        for one in _due_chunks(replay):
             began = clock()
             await sink.send(one.data)
             sent += len(one.data)
             if clock() - began > STALL_NS:
                 replay.note_stall()
     return sent
+
+
+def _due_chunks(replay: ReplayClock) -> list[ReplayedChunk]:
+    """Chunks that are due.
+
+    Raises:
+        ReplayError: the file has changed, or is gone: each turn of a loop opens it again.
+    """
+    try:
+        return replay.due_chunks(64)
+    except RecordingError as error:
+        raise ReplayError(f"{error.message} {error.hint}".rstrip()) from None
+    except OSError as error:
+        raise ReplayError(f"The file cannot be read any more: {(error.strerror or 'it failed').lower()}.") from None
 
 
 class TcpSink:

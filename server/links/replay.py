@@ -175,3 +175,5 @@ class ReplayLink(FileLink):
         except OSError as error:
             words = f"{self.path} cannot be read any more: {error.strerror}."
             inbox.fail(LinkError("gone", words, "Check the disk."))
+        except RecordingError as error:
+            inbox.fail(LinkError("gone", error.message, error.hint or "Give another recording."))

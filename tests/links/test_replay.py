@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.replay import ReplayClock
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.links import Link, LinkError, open_link, split_devices
@@ -136,6 +137,17 @@ def test_a_recording_without_bytes_has_ended(tmp_path: Path) -> None:
     gone = open_link(f"{path}?from=1", settings())
     path.unlink()
     assert asyncio.run(fails(gone.open())).kind == "not-found"
+
+
+def test_a_recording_that_cannot_be_read_any_more_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a bag whose next turn finds another file: the thread ended without a word, and the device stayed live."""
+
+    def due_chunks(replay: ReplayClock, most: int = 0) -> NoReturn:
+        raise RecordingError("drive.db3 is damaged.", "Copy it again.")
+
+    monkeypatch.setattr(ReplayClock, "due_chunks", due_chunks)
+    chunks, error = asyncio.run(to_the_end(f"{recording(tmp_path, devices=1)}?loop=1"))
+    assert (chunks, error.kind, error.message, error.hint) == ([], "gone", "drive.db3 is damaged.", "Copy it again.")
 
 
 def test_a_capture_can_be_played_from_somewhere_too(tmp_path: Path) -> None:

@@ -17,11 +17,12 @@ import termios
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
 import pytest
 
 from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.cli import main
 from imuscope.server.commands.replay import ReplayError, UdpSink, _play, address
@@ -218,6 +219,24 @@ def test_unplayable_files_are_one_line(tmp_path: Path, capsys: pytest.CaptureFix
         assert words in said.err
         assert said.err.count("\n") == 1
         assert said.out == ""
+
+
+@each_row(
+    ("problem", "words"),
+    [
+        (FileNotFoundError(errno.ENOENT, "No such file or directory"), "cannot be read any more: no such file"),
+        (RecordingError("drive.db3 is damaged.", "Copy it again."), "drive.db3 is damaged. Copy it again."),
+    ],
+)
+def test_a_file_that_goes_while_it_is_played_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, problem: Exception, words: str
+) -> None:
+    def due_chunks(replay: ReplayClock, most: int = 0) -> NoReturn:
+        raise problem
+
+    monkeypatch.setattr(ReplayClock, "due_chunks", due_chunks)
+    assert main(["replay", str(recording(tmp_path, devices=1)), "--udp", f"127.0.0.1:{free_port()}"]) == 1
+    assert words in capsys.readouterr().err
 
 
 @each_row("text", ["", "x", "x:", "x:70000", "x:-1", "1:2:x"])
