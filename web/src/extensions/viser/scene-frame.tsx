@@ -59,8 +59,12 @@ export interface Player {
   readonly rate: () => number;
 }
 
-/** A scene that follows a player. */
+/** From the end of a connection to the next one, ms. */
+const AGAIN_MS = 1000;
+
+/** A scene that follows a player. It opens again after the server was started again. */
 export function Following({ player }: { readonly player: Player }) {
+  const [attempts, setAttempts] = useState(0);
   const [address, setAddress] = useState<string>();
   const [problem, setProblem] = useState<HttpProblem>();
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
@@ -68,15 +72,17 @@ export function Following({ player }: { readonly player: Player }) {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/ws/scene/${encodeURIComponent(player.recording)}`);
     let sent: SentHead | undefined;
+    let again: ReturnType<typeof setTimeout> | undefined;
     socket.onmessage = ({ data }) => setAddress((JSON.parse(String(data)) as { readonly address: string }).address);
     socket.onclose = ({ reason }) => {
       setAddress(undefined);
       setProblem({
         kind: "closed",
         message: reason || TEXT.sceneEnded,
-        hint: TEXT.reopenScene,
+        hint: reason ? TEXT.reopenScene : TEXT.reopens,
         status: 0,
       });
+      if (!reason) again = setTimeout(() => setAttempts(attempts + 1), AGAIN_MS);
     };
     const stop = onFrame((now) => {
       if (socket.readyState !== WebSocket.OPEN) return;
@@ -87,9 +93,10 @@ export function Following({ player }: { readonly player: Player }) {
     });
     return () => {
       stop();
+      clearTimeout(again);
       socket.onclose = null;
       socket.close();
     };
-  }, []);
+  }, [attempts]);
   return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
 }

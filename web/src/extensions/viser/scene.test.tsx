@@ -1,10 +1,11 @@
 // @vitest-environment happy-dom
 /** The 3D scene: a frame that is there on request only, beside the plots or as a panel of a workspace. */
 import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { newApp, openPage } from "../../testing/live-page";
 import { type Answers, recorded } from "../../testing/recorded";
 import { ViewerButton } from "../../views/viewers";
+import { Following } from "./scene-frame";
 import { TEXT as WORKSPACE } from "../../texts/workspace";
 
 const frames = (): readonly (string | null)[] =>
@@ -53,4 +54,28 @@ test("of two pages in one document each opens a scene of its own", async () => {
   expect(pressed()).toEqual(["false", "false"]);
   fireEvent.click(screen.getAllByRole("button", { name: "3D scene" })[0] as HTMLElement);
   await waitFor(() => expect(pressed()).toEqual(["true", "false"]));
+});
+
+test("a scene of a recording opens again after the server was started again", async () => {
+  const sockets: FakeSocket[] = [];
+  class FakeSocket {
+    onmessage: (event: { readonly data: string }) => void = () => undefined;
+    onclose: ((event: { readonly reason: string }) => void) | null = null;
+    readonly readyState = 0;
+    constructor(readonly address: string) {
+      sockets.push(this);
+    }
+    close(): void {}
+  }
+  vi.stubGlobal("WebSocket", FakeSocket);
+  render(<Following player={{ recording: "yard", head: () => 0, rate: () => 0 }} />);
+  await waitFor(() => expect(sockets).toHaveLength(1));
+  sockets[0]?.onmessage({ data: JSON.stringify({ address: "/viser/replay-1/" }) });
+  await waitFor(() => expect(frames()).toEqual([expect.stringMatching(/^\/viser\/replay-1\//)]));
+  sockets[0]?.onclose?.({ reason: "" });
+  expect((await screen.findByText(/has ended/)).closest("[role=alert]")?.textContent).toContain("opens again");
+  await waitFor(() => expect(sockets).toHaveLength(2));
+  sockets[1]?.onmessage({ data: JSON.stringify({ address: "/viser/replay-2/" }) });
+  await waitFor(() => expect(frames()).toEqual([expect.stringMatching(/^\/viser\/replay-2\//)]));
+  expect(sockets[1]?.address).toMatch(/\/ws\/scene\/yard$/);
 });

@@ -10,5 +10,6 @@ export const TEXT = {
   sceneByViser: "3D scene, by viser",
   startingScene: "Starting the 3D scene…",
   sceneEnded: "The 3D scene has ended.",
+  reopens: "It opens again once the server is back.",
   reopenScene: "Close the panel and open it again.",
 };
