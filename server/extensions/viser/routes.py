@@ -84,7 +84,7 @@ async def live_scene(socket: WebSocket, services: TheServices, key: str = "") ->
     except DomainError as error:
         await reject(socket, error)
         return
-    viser.add_viewer(key)
+    leave = viser.add_viewer(key)
     try:
         await relay(
             socket,
@@ -95,7 +95,7 @@ async def live_scene(socket: WebSocket, services: TheServices, key: str = "") ->
             passes=is_viser_message if socket.state.role == "control" else is_view_message,
         )
     finally:
-        viser.remove_viewer(key)
+        leave()
 
 
 @router.websocket("/ws/scene/{recording}")

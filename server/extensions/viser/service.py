@@ -20,7 +20,7 @@ import asyncio
 import secrets
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -98,19 +98,20 @@ class Viser:
         except TimeoutError:
             raise ViewError(f"viser did not start within {START_S:g} s.", "See the server's log.") from None
 
-    def add_viewer(self, key: str) -> None:
-        """Count a new viewer of a scene; call `remove_viewer` when it disconnects."""
+    def add_viewer(self, key: str) -> Callable[[], None]:
+        """Count a new viewer of a scene; call the result when it disconnects."""
         scene = self._scenes.get(key)
-        if scene is not None:
-            scene.viewers += 1
-            if scene.idle is not None:
-                scene.idle.cancel()
-                scene.idle = None
+        if scene is None:
+            return lambda: None
+        scene.viewers += 1
+        if scene.idle is not None:
+            scene.idle.cancel()
+            scene.idle = None
+        return lambda: self._remove_viewer(key, scene)
 
-    def remove_viewer(self, key: str) -> None:
-        """Remove a viewer of a scene. After a crash it may be a new scene without viewers, which is harmless."""
-        scene = self._scenes.get(key)
-        if scene is not None and scene.viewers:
+    def _remove_viewer(self, key: str, scene: SceneState) -> None:
+        """Remove a viewer of a scene. After a crash there may be a new scene of this key, with viewers of its own."""
+        if self._scenes.get(key) is scene and scene.viewers:
             scene.viewers -= 1
             if scene.viewers == 0:
                 self._leave_later(key, self._idle_s)
