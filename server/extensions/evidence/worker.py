@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from imuscope.recordings.atomic_write import write_atomic
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.extensions.evidence.content import About, EvidenceError, content_of
@@ -49,8 +50,7 @@ def write(
         share *= SPARE * (room * share) / (room * share + size - MOST_BYTES) if blocks.size else 0.5
     else:
         raise RecordingError("The file would exceed 20 MB.", "Choose a shorter range or fewer plots.")
-    with out.open("wb") as file:
-        file.writelines(pieces)
+    write_atomic(out, b"".join(pieces))
     return [out]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+import resource
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -53,6 +54,21 @@ def test_a_short_range_has_every_sample_and_its_figures(tmp_path: Path) -> None:
     assert "Every sample of the range is in this file." in text
     for words in ("0080A1B2", "1.12.0", "kerb", "20 samples lost.", "12\u2009345"):
         assert words in text
+
+
+def test_on_a_full_disk_the_former_file_stays_and_no_part_of_the_new_one(tmp_path: Path) -> None:
+    store = drive(tmp_path / "store")
+    out = tmp_path / "out.html"
+    before = made(store, out)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            made(store, out, About("Another drive"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert out.read_text(encoding="utf-8") == before
+    assert {path.name for path in tmp_path.iterdir()} == {"store", "out.html"}
 
 
 def test_latitudes_keep_their_digits(tmp_path: Path) -> None:
