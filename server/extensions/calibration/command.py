@@ -64,6 +64,8 @@ def run(options: argparse.Namespace) -> None:
     decode_options = checked_protocol(decode_options)
     facts = (options.field, options.gravity, options.square, options.vertical)
     request = CalibrateRequest(options.kind, facts, options.device, options.begin, options.end)
+    if options.output is not None and options.output.exists() and options.output.samefile(file):
+        raise UsageError("OUT is the input file; give another name")
     try:
         form = format_of(options.format or "", options.output)
         with seekable(file) as path:

@@ -84,6 +84,16 @@ def test_a_bias_at_rest_is_found_and_written_in_every_format(
         assert word in out.read_text(encoding="utf-8")
 
 
+def test_a_result_does_not_take_the_place_of_the_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = at_rest(tmp_path / "rest.bin")
+    before = file.read_bytes()
+    (tmp_path / "link.csv").symlink_to(file)
+    for out in (file, tmp_path / "link.csv"):
+        line = refused(capsys, "calibrate", file, "gyroscope", "--format", "csv", "-o", out)
+        assert "OUT is the input file" in line
+    assert file.read_bytes() == before
+
+
 def test_iron_is_found_from_turns_in_all_directions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     draw = np.random.default_rng(3)
     count = 4000
