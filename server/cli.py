@@ -160,13 +160,13 @@ def _send(options: argparse.Namespace) -> None:
     import asyncio
 
     from imuscope.server.commands.compose import ComposeError
-    from imuscope.server.commands.send import SendError, SendRequest, send
+    from imuscope.server.commands.send import SendError, SendRequest, send, until_signal
 
     source, decode_options = parse_source_options(options.source, decode_options_of(options))
     decode_options = checked_protocol(decode_options)
     request = SendRequest(source, options.message, options.pairs, options.yes, options.device or "")
     try:
-        asyncio.run(send(request, decode_options, sys.stdout, sys.stderr))
+        asyncio.run(until_signal(send(request, decode_options, sys.stdout, sys.stderr)))
     except (ComposeError, SendError) as error:
         raise UsageError(str(error)) from None
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import signal
-import threading
 from collections.abc import Iterator
 from typing import NoReturn
 
@@ -22,6 +21,7 @@ def end_signals() -> tuple[signal.Signals, ...]:
 @contextlib.contextmanager
 def ending_by_exception() -> Iterator[None]:
     """End by an exception at a signal, so that temporary files and folders are removed."""
+    import threading  # the holder of a shared port needs no threads
 
     def end(number: int, frame: object) -> NoReturn:
         raise SystemExit(128 + number)

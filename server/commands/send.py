@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TextIO
 
@@ -42,6 +43,7 @@ from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.configuration.value_format import value_at
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.end_signals import end_signals
 from imuscope.server.links import open_link
 from imuscope.server.links.base import Link, LinkError, LinkSettings, steady_clock
 from imuscope.server.printable import json_text
@@ -190,6 +192,32 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
         raise SendError(str(error)) from None
     except EncodeError as error:
         raise SendError(f"{request.message}: {error}") from None
+
+
+async def until_signal(work: Awaitable[None]) -> None:
+    """Work that a signal cancels, as asyncio does at Ctrl-C: the device then measures again.
+
+    Raises:
+        SystemExit: a signal ended it.
+    """
+    task = asyncio.current_task()
+    assert task is not None
+    received: list[int] = []
+
+    def end(number: int) -> None:
+        received.append(number)
+        task.cancel()
+
+    loop = asyncio.get_running_loop()
+    for number in end_signals():
+        if number != signal.SIGINT:
+            loop.add_signal_handler(number, end, number)
+    try:
+        await work
+    except asyncio.CancelledError:
+        if received:
+            raise SystemExit(128 + received[0]) from None
+        raise
 
 
 async def _choose_device(channel: LinkChannel, device: str) -> str:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import signal
+import socket
 from typing import Any
 
+from imuscope.protocols.xbus.frames import build
+from imuscope.protocols.xbus.requests import GO_TO_CONFIG, GO_TO_MEASUREMENT
 from tests.each_row import each_row
-from tests.server_process import imuscope
+from tests.server_process import begun, imuscope
+from tests.timeouts import PATIENCE_S
 
 
 def sent(*arguments: str) -> list[dict[str, Any]]:
@@ -30,6 +35,28 @@ def test_an_mti_is_read_and_set_and_measures_again() -> None:
     acknowledged, kept = sent("sim:xbus?baud=921600", "SetLocationID", "location_id=77")
     assert acknowledged["message"] == "SetLocationIDAck"
     assert kept == {"setting": "LocationID", "fields": {"location_id": 77}}
+
+
+@each_row("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_device_measures_again_after_a_signal(number: signal.Signals) -> None:
+    """`timeout 5 imuscope send …`, or the end of an ssh connection, left it silent."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(PATIENCE_S)
+        source = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        process = begun("send", source, "ReqDID", "--protocol", "xbus", apart=True)
+        device, _ = listener.accept()
+        with device:
+            device.settimeout(PATIENCE_S)
+            received = b""
+            while build(GO_TO_CONFIG) not in received:
+                received += device.recv(4096)
+            process.send_signal(number)
+            received = b""
+            while data := device.recv(4096):
+                received += data
+        process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 128 + number
+        assert received.endswith(build(GO_TO_MEASUREMENT))
 
 
 def test_a_field_of_an_imx_is_written_and_read_back() -> None:
