@@ -149,7 +149,7 @@ class StreamDiagnostics:
             if device not in waiting:
                 with contextlib.suppress(ValueError):
                     self.notices.remove(f"{words} {REARM}")
-        self._restarted = dict(waiting)
+        self._restarted = {device: self._restarted.get(device, words) for device, words in waiting.items()}
         self.message, self.hint = (" ".join(waiting.values()), REARM) if waiting else ("", "")
         self.required_action = "rearm" if waiting else ""
         return True

@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -16,6 +17,7 @@ from imuscope.recordings.library import Library
 from imuscope.server import wire
 from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
+from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
 from imuscope.server.extensions.alarms.definitions import RecordingAction
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
 from imuscope.server.integrations.viewer_client import ViewerClient
@@ -152,3 +154,13 @@ def test_the_log_keeps_nothing_of_devices_that_were_removed() -> None:
         bus.remove_device(str(number))
     assert not logger._devices
     assert not logger._jobs
+
+
+def test_a_notice_on_a_sequence_goes_although_its_words_have_changed() -> None:
+    """With several Secure devices on a line the notices of restarts added up, and were shown for ever."""
+    diagnostics = StreamDiagnostics(Mock(), lambda data: {}, str)
+    for number in range(10):
+        diagnostics.restarted({"1": f"Device 1 sends {number}."})
+        diagnostics.restarted({"1": f"Device 1 sends {number + 1}.", "2": "Device 2 sends 5."})
+        diagnostics.restarted({})
+    assert not diagnostics.notices
