@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Literal
 
 from imuscope.protocols.events import Event, sender_of
 from imuscope.server.links.base import Chunk, Flow
 from imuscope.server.listeners import CallbackList
+
+log = logging.getLogger("imuscope.session")
 
 Direction = Literal["rx", "tx"]
 
@@ -77,9 +80,12 @@ class SessionListeners:
         return lambda: self._closing.remove(last)
 
     async def close(self) -> None:
-        """Run what was to be run before the link is closed."""
+        """Run what was to be run before the link is closed. An error of one must not leave the link open for ever."""
         for last in tuple(self._closing):
-            await last()
+            try:
+                await last()
+            except Exception:
+                log.exception("an end of work on a link failed")
 
     def publish(self, events: Sequence[Event], own: str) -> None:
         """Pass events to the listeners of their sender; `own` is the link's own device in the stream."""

@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import Mock
+from unittest.mock import AsyncMock, Mock
 
 import pytest
 
@@ -17,6 +17,7 @@ from imuscope.recordings.library import Library
 from imuscope.server import wire
 from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
+from imuscope.server.devices.sessions import Sessions
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
 from imuscope.server.extensions.alarms.definitions import RecordingAction
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
@@ -32,7 +33,7 @@ from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
 from tests.manual_clock import ManualClock
-from tests.server.fakes import FakeLinks, sample
+from tests.server.fakes import SPEECH, FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import send
 
@@ -164,3 +165,21 @@ def test_a_notice_on_a_sequence_goes_although_its_words_have_changed() -> None:
         diagnostics.restarted({"1": f"Device 1 sends {number + 1}.", "2": "Device 2 sends 5."})
         diagnostics.restarted({})
     assert not diagnostics.notices
+
+
+async def test_a_link_is_closed_although_something_fails_before(tmp_path: Path, links: FakeLinks) -> None:
+    """It could not be removed any more, and went on reading its port."""
+    sink = Telemetry.create(lambda: 0.0).bus
+    settings = LinkSettings(now_ns=lambda: 0)
+    sessions = Sessions(sink, links.open, SPEECH, settings)
+    session = sessions.add("/dev/one")
+
+    async def fails() -> None:
+        raise OSError("no space left")
+
+    session.listeners.before_close(fails)
+    closed = AsyncMock()
+    links["/dev/one"].close = closed  # type: ignore[method-assign]
+    await sessions.remove(session.info.id)
+    closed.assert_awaited()
+    assert not sink.devices.latest
