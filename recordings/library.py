@@ -41,7 +41,7 @@ from imuscope.recordings.library_files import (
     move_files,
     named_groups,
 )
-from imuscope.recordings.library_index import INDEX, completed, index_of, write_index
+from imuscope.recordings.library_index import INDEX, completed, index_of, remove_stale_indexes, write_index
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.probe import ALWAYS_LISTED, RecordingProbe, probe
 from imuscope.recordings.quota import BIN
@@ -423,11 +423,16 @@ class Library:
                 changed = max(one.stat().st_mtime for one in (folder, *folder.iterdir()))  # that of the file grows
                 if self._now() - changed > STALE_S:
                     shutil.rmtree(folder, ignore_errors=True)
+        remove_stale_indexes(self.folder, self._names)
         there = self._files(self.folder)
         self._peeks = {
             path: known for path, known in self._peeks.items() if path in there or (BIN in path.parts and path.exists())
         }
         self._paths = {name: path for name, path in self._paths.items() if path in there}
+
+    def _names(self) -> list[str]:
+        """Names of the files that may be recordings, also in the bin."""
+        return [path.name for folder in (self.folder, *self._bins()) for path in self._files(folder)]
 
     # ── uploads ──────────────────────────────────────────────────────────────────────────────────────────────────────
 

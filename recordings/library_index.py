@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,26 @@ def write_index(folder: Path, path: Path, columns: ColumnStore, decoder: str) ->
     with contextlib.suppress(OSError):  # a read-only folder: indexed again each time
         (folder / INDEX).mkdir(exist_ok=True)
         atomic_write.write_atomic(folder / INDEX / f"{path.name}.json", json.dumps(body, ensure_ascii=False))
+
+
+def remove_index(folder: Path, name: str) -> None:
+    """Remove the index of a recording that is deleted for good, by the name of its file."""
+    with contextlib.suppress(OSError):
+        (folder / INDEX / f"{name}.json").unlink()
+
+
+def remove_stale_indexes(folder: Path, names_of_files: Callable[[], Collection[str]]) -> None:
+    """Remove the indexes of recordings that are gone.
+
+    Args:
+        names_of_files: names of the files that are there; called after a look at the indexes, so that none is newer.
+    """
+    try:
+        names = [one.name.removesuffix(".json") for one in (folder / INDEX).iterdir() if one.suffix == ".json"]
+    except OSError:
+        return
+    for name in set(names) - set(names_of_files()) if names else ():
+        remove_index(folder, name)
 
 
 def index_of(folder: Path, path: Path, stamp: tuple[int, int]) -> dict[str, Any] | None:

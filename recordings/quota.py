@@ -15,6 +15,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from imuscope.recordings import file_lock, sidecar
+from imuscope.recordings.library_index import remove_index
 from imuscope.recordings.mcap_reader import MAGIC, McapReader
 from imuscope.recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
 from imuscope.recordings.regular_file import open_regular
@@ -69,6 +70,9 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_i
         if excess <= 0 or (only_if_short and not is_short(folder)):
             return gone
         gone += [one for one in sorted(path.glob("*")) if one.suffix != sidecar.SUFFIX]
+        for one in path.glob("*"):
+            if not (folder / one.name).exists():
+                remove_index(folder, one.name)
         shutil.rmtree(path, ignore_errors=True)
         excess -= size
     for _, path, size in files:
@@ -82,6 +86,7 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_i
         except OSError as error:
             log.warning("%s is over the quota and cannot be deleted: %s", path.name, error)
             continue
+        remove_index(folder, path.name)
         gone.append(path)
         excess -= size
     return gone

@@ -199,6 +199,24 @@ def test_the_bin_is_emptied_after_the_clock_was_set_back(tmp_path: Path) -> None
     assert not library.all()
 
 
+def test_the_index_goes_with_its_recording_and_not_before(tmp_path: Path) -> None:
+    """There was one more file for each recording that a robot had ever made, whatever its quota."""
+    now = ManualClock(START)
+    for name in "abc":
+        recording(tmp_path / f"{name}.mcap")
+    library = Library(tmp_path, now)
+    indexes = [tmp_path / INDEX / f"{name}.mcap.json" for name in "abc"]
+    (tmp_path / INDEX).mkdir()
+    for index in indexes:
+        index.write_text("{}")
+    library.delete("a")
+    (tmp_path / "b.mcap").unlink()  # by a user, in a file manager
+    library.all()
+    assert [index.exists() for index in indexes] == [True, False, True]
+    assert cull(tmp_path, 0) == [tmp_path / ".bin" / str(round(START * 1000)) / "a.mcap", tmp_path / "c.mcap"]
+    assert not list((tmp_path / INDEX).iterdir())
+
+
 def test_nothing_is_remembered_of_a_recording_that_has_left_the_bin(tmp_path: Path) -> None:
     now = ManualClock(START)
     library = Library(tmp_path, now)
