@@ -112,6 +112,9 @@ class GroupProfiles:
 
     def judged(self, robot: RobotSummary) -> RobotSummary:
         """A summary with how far the robot is from the profiles of its group. Unknown settings are requested later."""
+        there = {device.id for device in robot.devices}
+        for key in [key for key in self._unknown_digests if key[0] == robot.name and key[1] not in there]:
+            del self._unknown_digests[key]  # it would be requested for ever
         for device in robot.devices:
             if robot.state == "live" and device.settings and device.settings not in self._known:
                 self._unknown_digests[robot.name, device.id] = device.settings

@@ -94,6 +94,15 @@ def test_settings_are_asked_for_once_for_all_robots_that_have_them(tmp_path: Pat
     assert list(profiles.questions(60.0, 10)) == []
 
 
+def test_settings_of_a_device_that_is_gone_are_not_asked_for(tmp_path: Path) -> None:
+    """They were asked for as long as the robot was live."""
+    profiles, there = GroupProfiles(tmp_path), robot("a", settings_at(100))
+    profiles.judged(there)
+    profiles.judged(there.model_copy(update={"devices": []}))
+    assert list(profiles.questions(0.0, 10)) == []
+    assert not profiles._unknown_digests
+
+
 def test_settings_that_no_robot_has_sent_cannot_be_a_profile(tmp_path: Path) -> None:
     first = robot("a", settings_at(100))
     with pytest.raises(DomainError, match="not known"):
