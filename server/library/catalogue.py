@@ -33,6 +33,7 @@ from imuscope.server.streaming.clients import ClientFanout
 log = logging.getLogger("imuscope.library")
 
 CHECK_INTERVAL_S = 2.0
+LISTS_EVERY = 15  # checks: a listing reads a file of each recording, and most checks find nothing new
 VIEWED_S = 60.0  # after a listing the library counts as viewed
 MAX_BYTES = 100_000_000  # of a file opened only for its thumbnail: seconds of a core, at low priority
 
@@ -50,6 +51,8 @@ class Catalogue:
         self._columns = columns
         self._bus, self._clients = bus, clients
         self._stamp: object = None
+        self._listing: list[LibraryEntry] | None = None  # of an earlier check; None once it may be out of date
+        self._checks = 0
         self._watcher: asyncio.Task[None] | None = None
         self._refreshing: set[asyncio.Task[None]] = set()
         self._listed = -VIEWED_S
@@ -128,6 +131,7 @@ class Catalogue:
 
     def changed(self) -> None:
         """Publish a change of the library."""
+        self._listing = None
         self._bus.library_changed()
 
     def finished(self, path: Path) -> None:
@@ -197,7 +201,10 @@ class Catalogue:
         now = self._bus.recorder.latest
         written = now.id if now is not None and now.running else ""
         stamp = await asyncio.to_thread(self.library.stamp, written)
-        entries = await asyncio.to_thread(self.library.all)
+        self._checks += 1
+        entries = self._listing
+        if entries is None or stamp != self._stamp or self._checks % LISTS_EVERY == 0:
+            entries = self._listing = await asyncio.to_thread(self.library.all)
         has_changed = await self._index(entries)
         if has_changed or (self._stamp is not None and stamp != self._stamp):
             self.changed()

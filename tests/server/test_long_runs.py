@@ -183,3 +183,20 @@ async def test_a_link_is_closed_although_something_fails_before(tmp_path: Path, 
     await sessions.remove(session.info.id)
     closed.assert_awaited()
     assert not sink.devices.latest
+
+
+async def test_the_library_is_not_listed_again_while_nothing_changes(tmp_path: Path) -> None:
+    """Each check read a file of every recording: with thousands of them it took a large part of a core."""
+    clients: Any = SimpleNamespace(shedding=SimpleNamespace(draws_pictures=False), browsers=1)
+    library = Library(tmp_path)
+    catalogue = Catalogue(Telemetry.create(lambda: 0.0).bus, clients, library, ColumnCache(tmp_path, library.path))
+    library.all = Mock(side_effect=library.all)  # type: ignore[method-assign]
+    for _ in range(5):
+        await catalogue._refresh()
+    assert library.all.call_count == 1
+    (tmp_path / "a.csv").write_text("t,x\n0,1\n")
+    await catalogue._refresh()
+    assert library.all.call_count == 2
+    catalogue.changed()
+    await catalogue._refresh()
+    assert library.all.call_count == 3
