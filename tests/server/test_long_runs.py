@@ -19,8 +19,6 @@ from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
-from imuscope.server.extensions.alarms.definitions import RecordingAction
-from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.library import export_jobs
 from imuscope.server.library.catalogue import Catalogue
@@ -32,7 +30,6 @@ from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
-from tests.manual_clock import ManualClock
 from tests.server.fakes import SPEECH, FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import send
@@ -116,22 +113,6 @@ def test_files_that_are_gone_are_not_remembered_as_looked_at(tmp_path: Path) -> 
     catalogue._tried = {(tmp_path / "gone.mcap", 1, 2.0, "")}
     catalogue._open_newest([])
     assert not catalogue._tried
-
-
-async def test_the_markers_of_an_alarm_are_not_remembered_for_ever() -> None:
-    """One time for each device that had ever raised it."""
-    clock = ManualClock(0.0)
-    running = SimpleNamespace(every=True, devices=[], writer=SimpleNamespace(path=Path("a.mcap")))
-    recorder: Any = SimpleNamespace(current=running, now=clock, mark=lambda mark: None)
-    trigger = RecordingTrigger(recorder)
-    for number in range(100):
-        stored, definition = SimpleNamespace(id="alarm"), SimpleNamespace(name="Force")
-        instance: Any = SimpleNamespace(
-            stored=stored, device=str(number), definition=definition, note=lambda *_, **__: 0
-        )
-        await trigger._act(instance, RecordingAction(), 0.0)
-        clock.now += 5.0
-    assert len(trigger._histories["alarm"].marked) <= 3
 
 
 def test_a_view_keeps_nothing_of_channels_that_are_gone() -> None:

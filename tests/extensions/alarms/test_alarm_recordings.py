@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from imuscope.recordings.mcap_reader import TIME, McapReader, json_messages
 from imuscope.server.config import Config
+from imuscope.server.extensions.alarms.definitions import RecordingAction
+from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
 from tests.each_row import each_row
+from tests.manual_clock import ManualClock
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import chunks, recorded, send, settled
@@ -232,3 +236,19 @@ def test_the_recording_of_a_simulator_has_the_bytes_before_the_crossing(server: 
         led_to_it = [one for one in arrivals(memory) if crossed - 1.5e9 < one < crossed]
         assert led_to_it
         assert led_to_it == [one for one in times if crossed - 1.5e9 < one < crossed]
+
+
+async def test_the_markers_of_an_alarm_are_not_remembered_for_ever() -> None:
+    """One time for each device that had ever raised it."""
+    clock = ManualClock(0.0)
+    running = SimpleNamespace(every=True, devices=[], writer=SimpleNamespace(path=Path("a.mcap")))
+    recorder: Any = SimpleNamespace(current=running, now=clock, mark=lambda mark: None)
+    trigger = RecordingTrigger(recorder)
+    for number in range(100):
+        stored, definition = SimpleNamespace(id="alarm"), SimpleNamespace(name="Force")
+        instance: Any = SimpleNamespace(
+            stored=stored, device=str(number), definition=definition, note=lambda *_, **__: 0
+        )
+        await trigger._act(instance, RecordingAction(), 0.0)
+        clock.now += 5.0
+    assert len(trigger._histories["alarm"].marked) <= 3
