@@ -341,6 +341,7 @@ def _settle(nursery: int, env: dict[str, str], streams: Sequence[int]) -> None:
         sys.exit("who asked for this has ended")
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where the tests run under nohup
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a script runs them in the background
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGCHLD])
     for number, one in enumerate(streams):
         os.dup2(one, number)

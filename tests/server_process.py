@@ -33,7 +33,8 @@ ROOT = Path(__file__).resolve().parent.parent
 _TIED = """
 import ctypes, os, signal, sys
 ctypes.CDLL(None).prctl(1, int(signal.SIGTERM))
-signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where the tests run under nohup
+for number in (signal.SIGHUP, signal.SIGINT):  # ignored where the tests run under nohup, or a script's background
+    signal.signal(number, signal.SIG_DFL)
 if os.getppid() != int(sys.argv[1]): sys.exit("who asked for this has ended")
 os.execv(sys.argv[2], sys.argv[2:])
 """
