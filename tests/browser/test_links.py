@@ -78,9 +78,10 @@ def test_lost_links_and_servers_come_back_while_others_go_on(
     adapter.pull()
     until(page, f"{LINKS} > {before} && window.imuscope.store.devices.value[0].status === 'lost'")
     until(page, "/lost/i.test(document.querySelector('.device .why .tag.bad')?.innerText)")
-    held, other = page.evaluate(COUNT, "1"), page.evaluate(COUNT, "3")
-    until(page, f"({COUNT})('3') > {other + 20}")
-    assert page.evaluate(COUNT, "1") == held
+    for rest in (True, False):  # what came just before the loss is shown with the next samples of others
+        held, other = page.evaluate(COUNT, "1"), page.evaluate(COUNT, "3")
+        until(page, f"({COUNT})('3') > {other + 20}")
+        assert rest or page.evaluate(COUNT, "1") == held
     adapter.plug()
     streams(held + ENOUGH)
     until(page, f"{LINKS} > {before + 1}")  # the loss and the return are events
