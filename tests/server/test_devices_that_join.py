@@ -40,13 +40,8 @@ def test_a_device_that_appears_in_a_recording_with_a_past_is_recorded(
     assert chunks(recorded(tmp_path), "rx/2") == sample(2)
 
 
-def test_a_device_that_appears_while_a_recording_is_written_to_its_end_does_not_join_it(
-    running: InProcessServer, links: FakeLinks, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It was queued for a file that nobody wrote any more, until the memory was full."""
-    recorder = running.services.recorder
-    running.client.post("/api/recordings/start", json={})
-    session = running.call(lambda: recorder.current)
+def slow_end(monkeypatch: pytest.MonkeyPatch) -> tuple[threading.Event, threading.Event]:
+    """Let the end of a recording begin, which is the first event, and wait for the second, as on a slow disk."""
     ends, may_end, stop = threading.Event(), threading.Event(), RecordingWriter.stop
 
     def slow(writer: RecordingWriter) -> None:
@@ -55,6 +50,17 @@ def test_a_device_that_appears_while_a_recording_is_written_to_its_end_does_not_
         stop(writer)
 
     monkeypatch.setattr(RecordingWriter, "stop", slow)
+    return ends, may_end
+
+
+def test_a_device_that_appears_while_a_recording_is_written_to_its_end_does_not_join_it(
+    running: InProcessServer, links: FakeLinks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was queued for a file that nobody wrote any more, until the memory was full."""
+    recorder = running.services.recorder
+    running.client.post("/api/recordings/start", json={})
+    session = running.call(lambda: recorder.current)
+    ends, may_end = slow_end(monkeypatch)
     stopping = threading.Thread(target=running.client.post, args=("/api/recordings/stop",), kwargs={"json": {}})
     stopping.start()
     assert ends.wait(PATIENCE_S)
@@ -73,14 +79,7 @@ def test_a_recording_that_is_stopped_while_it_ends_by_itself_has_ended(
     recorder = running.services.recorder
     running.client.post("/api/recordings/start", json={})
     writer = running.call(lambda: recorder.current).writer
-    ends, may_end, stop = threading.Event(), threading.Event(), RecordingWriter.stop
-
-    def slow(writer: RecordingWriter) -> None:
-        ends.set()
-        may_end.wait(PATIENCE_S)
-        stop(writer)
-
-    monkeypatch.setattr(RecordingWriter, "stop", slow)
+    ends, may_end = slow_end(monkeypatch)
     writer._fail(RecordingError("The disk is full.", "Free some space."))
     assert ends.wait(PATIENCE_S)
     answers: list[Any] = []

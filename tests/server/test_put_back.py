@@ -117,6 +117,12 @@ def held(
             ended.wait(PATIENCE_S)
 
 
+async def turns() -> None:
+    """Let other tasks and threads go on."""
+    for _ in range(10):
+        await asyncio.sleep(0.01)
+
+
 async def test_what_is_stored_slowly_does_not_outlast_what_came_after_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -128,8 +134,7 @@ async def test_what_is_stored_slowly_does_not_outlast_what_came_after_it(
             await until(begun.is_set, "the writing begins")
             desk.put_back.transaction_ended()
             await until(lambda: reported(here, IS_BACK), "it is back")
-            for _ in range(10):  # turns in which the removal would overtake it
-                await asyncio.sleep(0.01)
+            await turns()  # in which the removal would overtake it
             may_write.set()
             await saving
         await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
@@ -147,8 +152,7 @@ async def test_a_job_that_is_stopped_while_its_frames_are_stored_leaves_none(
             saving.cancel()
             await asyncio.gather(saving, return_exceptions=True)
             removing = asyncio.create_task(desk.put_back.keep(()))
-            for _ in range(10):  # turns in which the removal would overtake it
-                await asyncio.sleep(0.01)
+            await turns()  # in which the removal would overtake it
             may_write.set()
             await removing
         await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
