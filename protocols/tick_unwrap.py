@@ -68,10 +68,9 @@ def follow(
     """Unwrap the rows `raw`.
 
     Args:
-        arrival: (n,) ns, or (0,) if unknown.
         arrival: (n,) ns, or (0,) where not known.
         state: (STATES,), updated. WRAP: index into `wraps` of the modulus in effect; OPEN_FROM, OPEN_TO: those still
-            still possible.
+            possible.
         wraps: candidates for the modulus, ascending.
         late: ticks by which a row may be older than the newest.
         tick_ns: length of a tick, for comparison with arrival times; 0: unknown.
@@ -84,6 +83,7 @@ def follow(
     """
     count = 0
     timed = len(arrival) > 0 and tick_ns > 0
+    soon = slack_ns // tick_ns if timed else -1  # at least so many ticks are near: no division for the usual row
     for row in range(len(raw)):
         ticks = raw[row]
         if state[STARTED] == 0:
@@ -95,7 +95,9 @@ def follow(
         newest = state[NEWEST]
         value = ticks + state[TURNS]
         passed = arrival[row] - state[ARRIVAL] if timed else 0
-        near = (passed + passed // 1000 + slack_ns) // tick_ns if timed else max(wrap // NEAR_SHARE, 1)
+        near = soon
+        if passed < 0 or not 0 <= value - newest <= soon:
+            near = (passed + passed // 1000 + slack_ns) // tick_ns if timed else max(wrap // NEAR_SHARE, 1)
         if value < newest or value - newest > near:
             before = value - wrap
             if state[TURNS] > 0 and before <= newest <= before + late:

@@ -33,6 +33,7 @@ from imuscope.recordings import sidecar
 from imuscope.recordings.capture_timing import BLIND_RATE
 from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter
 from imuscope.recordings.file_reading import FileReading
+from imuscope.recordings.freed_memory import keep_freed_memory
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
@@ -295,6 +296,7 @@ def decode(
     Raises:
         RecordingError, OSError: the file cannot be read, or the store cannot be written; nothing is left behind.
     """
+    keep_freed_memory()
     writer = ColumnStoreWriter(folder)
     try:
         if isinstance(source, TableSource):

@@ -26,6 +26,7 @@ sys.path.insert(0, str(ROOT))
 
 from imuscope.protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
 from imuscope.protocols.registry import PROTOCOLS  # noqa: E402
+from imuscope.recordings.freed_memory import keep_freed_memory  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
 
 CHUNK = 1 << 20
@@ -67,6 +68,7 @@ def decode(protocol: str, chunks: Sequence[bytes]) -> int:
 
 def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
     """The figures of one file."""
+    keep_freed_memory()  # as the decoding of a file does
     once = file.read_bytes()
     data = once * -(-size // len(once))
     megabytes = len(data) / 1e6
