@@ -326,18 +326,15 @@ class Recording:
         Raises:
             ImuscopeError: it is unknown, or does not apply.
         """
-        from imuscope.server.commands.decoded import DecodedFileError
-        from imuscope.server.errors import DomainError
-        from imuscope.server.extensions.analysis.analyse import AnalyseError, AnalyseRequest, reports_of
+        from imuscope.recordings.explained_error import ExplainedError
+        from imuscope.server.extensions.analysis.analyse import AnalyseRequest, reports_of
 
         texts = tuple(f"{name}={value}" for name, value in options.items())
         request = AnalyseRequest(analysis, signals, begin_s, end_s, texts)
         try:
             return {report.name: dict(report.figures) for report in reports_of(self._store, self.path.name, request)}
-        except (AnalyseError, DecodedFileError) as error:
-            raise ImuscopeError(str(error)) from None
-        except DomainError as error:
-            raise ImuscopeError(f"{error.message} {error.hint}".strip()) from None
+        except ExplainedError as error:
+            raise ImuscopeError(error.text) from None
 
     def export(
         self,
@@ -361,13 +358,14 @@ class Recording:
         Raises:
             ImuscopeError: the format is unknown, or the part is empty.
         """
-        from imuscope.server.commands.decode import DecodedPart, DecodeError, export_columns
+        from imuscope.recordings.explained_error import ExplainedError
+        from imuscope.server.commands.decode import DecodedPart, export_columns
 
         try:
             part = DecodedPart(begin_s, end_s, device, tuple(self[name].name for name in signals))
             return export_columns(self._store, self.path, Path(out), part)
-        except DecodeError as error:
-            raise ImuscopeError(str(error)) from None
+        except ExplainedError as error:
+            raise ImuscopeError(error.text) from None
 
     def close(self) -> None:
         """Remove the columns. Arrays that were read stay."""
@@ -399,12 +397,11 @@ def open(
     Raises:
         ImuscopeError: it cannot be opened; where its times can be read in two ways the message names the option.
     """
+    from imuscope.recordings.explained_error import ExplainedError
     from imuscope.recordings.importers import open_file
-    from imuscope.recordings.mcap_writer import RecordingError
     from imuscope.recordings.table_options import TableOptions
     from imuscope.server.devices.decode_options import DecodeOptions
     from imuscope.server.devices.protocol_set import all_protocols
-    from imuscope.server.errors import DomainError
     from imuscope.server.library.computed_signals import compute_signals
     from imuscope.server.library.decode import decode
 
@@ -419,8 +416,8 @@ def open(
         return Recording(file, store, folder)
     except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)
-        if isinstance(error, RecordingError | DomainError):
-            raise ImuscopeError(f"{error.message} {error.hint}".strip()) from None
+        if isinstance(error, ExplainedError):
+            raise ImuscopeError(error.text) from None
         if isinstance(error, OSError):
             raise ImuscopeError(f"{file}: {(error.strerror or 'it cannot be read').lower()}.") from None
         raise

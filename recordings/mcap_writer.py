@@ -54,6 +54,7 @@ from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, S
 
 from imuscope.protocols.messages.records import HEAD, Definitions, MessageChannel, records_of
 from imuscope.recordings import file_lock
+from imuscope.recordings.explained_error import ExplainedError
 from imuscope.recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending, message, messages
 
 Direction = Literal["rx", "tx"]
@@ -109,7 +110,7 @@ _WORDS = {
 }
 
 
-class RecordingError(Exception):
+class RecordingError(ExplainedError):
     """External failure (full disk, missing folder): one sentence, and what to do.
 
     Args:
@@ -117,8 +118,8 @@ class RecordingError(Exception):
     """
 
     def __init__(self, message: str, hint: str = "", *, is_full: bool = False) -> None:
-        super().__init__(message)
-        self.message, self.hint, self.is_full = message, hint, is_full
+        super().__init__(message, hint)
+        self.is_full = is_full
 
 
 class McapWriter:

@@ -17,13 +17,14 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from imuscope.recordings.explained_error import ExplainedError
 from imuscope.server.commands.arguments import COMMANDS, parse, parser
 from imuscope.server.commands.common import (
-    UsageError,
     check_protocol,
     check_sources,
     checked_protocol,
     decode_options_of,
+    file_to_decode,
     given_options,
     missing_file_text,
     normalized_sources,
@@ -35,6 +36,7 @@ from imuscope.server.commands.common import (
 from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
 from imuscope.server.end_signals import ending_by_exception
+from imuscope.server.errors import UsageError
 from imuscope.server.extension import extension_commands
 from imuscope.server.printable import printable
 
@@ -60,9 +62,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status = (_RUN[options.command] if own is None else own.run)(options) or 0
         sys.stdout.flush()
         return status
-    except (UsageError, ConfigError, DecodeOptionError) as error:
-        end = "" if str(error).endswith((".", "?")) else "."
-        print(f"imuscope: {printable(str(error))}{end}", file=sys.stderr)
+    except (ExplainedError, ConfigError, DecodeOptionError) as error:
+        text = error.text if isinstance(error, ExplainedError) else str(error)
+        end = "" if text.endswith((".", "?")) else "."
+        print(f"imuscope: {printable(text)}{end}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
@@ -122,8 +125,8 @@ def _inspect(options: argparse.Namespace) -> None:
     how = {name: getattr(options, name) for name in ("direction", "format", "rejects", "device")}
     try:
         inspect_file(path, sys.stdout, decode_options, notes=sys.stderr, **how)
-    except (ValueError, OSError) as error:
-        if isinstance(error, OSError) and (isinstance(error, BrokenPipeError) or error.errno in UNWRITABLE):
+    except OSError as error:
+        if isinstance(error, BrokenPipeError) or error.errno in UNWRITABLE:
             raise
         raise UsageError(str(error)) from None
 
@@ -133,102 +136,79 @@ def _compose(options: argparse.Namespace) -> None:
         raise UsageError("give a message, or --jsonl with a file")
     if options.jsonl not in (None, "-"):
         readable(options.jsonl)
-    from imuscope.server.commands.compose import ComposeError, composers, context_of, find_composer, frame_of, frames_of
+    from imuscope.server.commands.compose import composers, context_of, find_composer, frame_of, frames_of
 
     decode_options = decode_options_of(options)
     all_composers = composers(decode_options)
-    try:
-        if options.jsonl is None:
-            protocol = "" if decode_options.protocol == "auto" else decode_options.protocol
-            composer = find_composer(all_composers, options.message, protocol, options.pairs)
-            known = context_of(composer.name, decode_options)
-            frame, _ = frame_of(composer, options.message, options.pairs, known)
-            print(frame.hex())
-            return
-        with sys.stdin if options.jsonl == "-" else open(options.jsonl, encoding="utf-8") as lines:
-            if decode_options.protocol not in ("", "auto") and decode_options.protocol not in all_composers:
-                raise UsageError(f"unknown protocol {decode_options.protocol!r}; available: {', '.join(all_composers)}")
-            for frame in frames_of(
-                lines, all_composers, "" if decode_options.protocol == "auto" else decode_options.protocol
-            ):
+    protocol = "" if decode_options.protocol == "auto" else decode_options.protocol
+    if options.jsonl is None:
+        composer = find_composer(all_composers, options.message, protocol, options.pairs)
+        known = context_of(composer.name, decode_options)
+        frame, _ = frame_of(composer, options.message, options.pairs, known)
+        print(frame.hex())
+        return
+    with sys.stdin if options.jsonl == "-" else open(options.jsonl, encoding="utf-8") as lines:
+        if protocol and protocol not in all_composers:
+            raise UsageError(f"unknown protocol {protocol!r}; available: {', '.join(all_composers)}")
+        try:
+            for frame in frames_of(lines, all_composers, protocol):
                 sys.stdout.write(frame.hex() + "\n")
-    except (ComposeError, UnicodeDecodeError) as error:
-        raise UsageError(str(error)) from None
+        except UnicodeDecodeError as error:
+            raise UsageError(str(error)) from None
 
 
 def _send(options: argparse.Namespace) -> None:
     import asyncio
 
-    from imuscope.server.commands.compose import ComposeError
-    from imuscope.server.commands.send import SendError, SendRequest, send, until_signal
+    from imuscope.server.commands.send import SendRequest, send, until_signal
 
     source, decode_options = parse_source_options(options.source, decode_options_of(options))
     decode_options = checked_protocol(decode_options)
     request = SendRequest(source, options.message, options.pairs, options.yes, options.device or "")
-    try:
-        asyncio.run(until_signal(send(request, decode_options, sys.stdout, sys.stderr)))
-    except (ComposeError, SendError) as error:
-        raise UsageError(str(error)) from None
+    asyncio.run(until_signal(send(request, decode_options, sys.stdout, sys.stderr)))
 
 
 def _commands(options: argparse.Namespace) -> None:
     decode_options = decode_options_of(options)
     check_protocol(decode_options.protocol)
     from imuscope.server.commands.commands import manual
-    from imuscope.server.commands.compose import ComposeError
 
-    try:
-        for line in manual(decode_options, options.name):
-            print(line)
-    except ComposeError as error:
-        raise UsageError(str(error)) from None
+    for line in manual(decode_options, options.name):
+        print(line)
 
 
 def _rearm(options: argparse.Namespace) -> None:
-    from imuscope.server.commands.rearm import RearmError, RearmRequest, rearm
+    from imuscope.server.commands.rearm import rearm
 
     token = secret_text(options.token, "token") if options.token else ""
     data = load(data=options.data).data
-    try:
-        print(printable(rearm(RearmRequest(options.device, options.server, token, data))))
-    except RearmError as error:
-        raise UsageError(str(error)) from None
+    print(printable(rearm(options.device, options.server, token, data)))
 
 
 def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
     data = load(data=options.data).data
-    from imuscope.server.commands.record import RecordError, RecordRequest, record
-    from imuscope.server.links.base import LinkError
+    from imuscope.server.commands.record import RecordRequest, record
 
     reading = decode_options_of(options)
     named = normalized_sources(options.sources)
     sources = [parse_source_options(source, reading) for source in named]
     check_sources(named, reading)
     requests = tuple((source, checked_protocol(decode_options)) for source, decode_options in sources)
-    try:
-        print(record(RecordRequest(requests, options.output, options.duration, data), sys.stderr))
-    except (RecordError, LinkError) as error:
-        raise UsageError(str(error)) from None
+    print(record(RecordRequest(requests, options.output, options.duration, data), sys.stderr))
 
 
 def _decode(options: argparse.Namespace) -> None:
-    file = readable(str(options.file))
-    decode_options = decode_options_of(options)
-    warn_if_interpreted(size_of(file))
-    from imuscope.server.commands.decode import DecodedPart, DecodeError, decode_file
+    file, decode_options = file_to_decode(options)
+    from imuscope.server.commands.decode import DecodedPart, decode_file
 
-    decode_options = checked_protocol(decode_options)
     part = DecodedPart(
         options.begin, options.end, options.device, tuple(options.channel or ()), not options.without_position
     )
-    try:
-        with seekable(file) as path:
-            for made in decode_file(path, options.output, decode_options, sys.stderr, part):
-                print(made)
-    except DecodeError as error:
-        raise UsageError(str(error)) from None
+    with seekable(file) as path:
+        for made in decode_file(path, options.output, decode_options, sys.stderr, part):
+            print(made)
 
 
 def _replay(options: argparse.Namespace) -> None:
@@ -251,10 +231,7 @@ def _replay(options: argparse.Namespace) -> None:
         return replay.UdpSink(*replay.address(options.udp)) if options.udp is not None else replay.PtySink()
 
     how = (options.protocol, options.speed, options.loop, options.begin, options.end, options.device)
-    try:
-        asyncio.run(replay.replay(replay.ReplayRequest(Path(options.file), sink, *how), sys.stdout))
-    except replay.ReplayError as error:
-        raise UsageError(str(error)) from None
+    asyncio.run(replay.replay(replay.ReplayRequest(Path(options.file), sink, *how), sys.stdout))
 
 
 def _completion(options: argparse.Namespace) -> None:
@@ -272,15 +249,12 @@ def _serve(options: argparse.Namespace) -> None:
 def _simulate(options: argparse.Namespace) -> None:
     from imuscope.server.commands import replay, simulate
 
-    try:
-        device = simulate.options_of(options.device)
-        place = replay.address(options.tcp) if options.tcp is not None else None
-        decode_options = decode_options_of(options)
-        for name in decode_options.values.keys() - simulate.options_of_family(device.protocol):
-            raise UsageError(f"--{name.replace('_', '-')} is not an option of {device.protocol}")
-        simulate.simulate(device, decode_options, options.pty, place, sys.stdout)
-    except (simulate.SimulateError, replay.ReplayError) as error:
-        raise UsageError(str(error)) from None
+    device = simulate.options_of(options.device)
+    place = replay.address(options.tcp) if options.tcp is not None else None
+    decode_options = decode_options_of(options)
+    for name in decode_options.values.keys() - simulate.options_of_family(device.protocol):
+        raise UsageError(f"--{name.replace('_', '-')} is not an option of {device.protocol}")
+    simulate.simulate(device, decode_options, options.pty, place, sys.stdout)
 
 
 _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {

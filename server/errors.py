@@ -1,7 +1,8 @@
 """User-facing errors in the one shape {kind, message, hint}, and the table of kinds.
 
 `DomainError` is raised when a request cannot be fulfilled, by code that is independent of HTTP; server/api/errors.py
-converts it to a response. A kind is one word for programs, with one meaning and one HTTP status.
+converts it to a response, server/cli.py any ExplainedError to one line. A kind is one word for programs, with one
+meaning and one HTTP status.
 
 Programs may act on a kind, so a kind never has two meanings, nor does one error have two kinds. tests/error_catalog.py
 collects all errors in the source and compares them with this table.
@@ -13,6 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+from imuscope.recordings.explained_error import ExplainedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,20 +90,16 @@ KINDS: Mapping[str, Kind] = {
 }
 
 
-class ExplainedError(Exception):
-    """A failure: one sentence, and what to do."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
+class UsageError(ExplainedError):
+    """A command of the command line that cannot be carried out: one sentence, which may lack its full stop."""
 
 
-class DomainError(Exception):
+class DomainError(ExplainedError):
     """A request that cannot be fulfilled: a kind of KINDS, a sentence for the user, and what to do next ("": none)."""
 
     def __init__(self, kind: str, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.kind, self.message, self.hint = kind, message, hint
+        super().__init__(message, hint)
+        self.kind = kind
 
 
 def status_of(kind: str) -> int:

@@ -55,10 +55,6 @@ SHAPES = {
     "MeshError": Shape(None, 0, None, hinted=False),  # a notice in the scene: a sentence or two
     "ConfigError": Shape(None, 0, None, hinted=False),  # one line on standard error, as all that follow
     "UsageError": Shape(None, 0, None, hinted=False, stop=True),
-    "DecodeError": Shape(None, 0, None, hinted=False, stop=True),
-    "RecordError": Shape(None, 0, None, hinted=False, stop=True),
-    "ReplayError": Shape(None, 0, None, hinted=False, stop=True),
-    "SendError": Shape(None, 0, None, hinted=False, stop=True),
     "ComposeError": Shape(None, 0, None, hinted=False, stop=True),
 }
 CALLED = re.compile(rf"\b(?:{'|'.join(SHAPES)})\(")

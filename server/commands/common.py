@@ -1,4 +1,4 @@
-"""Helpers shared by several commands: one-line errors, decode options of sources."""
+"""Helpers shared by several commands: files and decode options of sources."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from imuscope.server.devices.decode_options import (
     option_text,
     parse_source_options,
 )
+from imuscope.server.errors import UsageError
 
 PIPE_BYTES = 1 << 20
 SLOW_BYTES = 1 << 20
@@ -31,10 +32,6 @@ INTERPRETED = (
     "Decoding runs as plain Python, about 100 times slower: there is no machine code for this source and processor. "
     "Install imuscope again, or build it (python -m imuscope.protocols.compiler)."
 )
-
-
-class UsageError(Exception):
-    """An error that the user can correct, printed as one line."""
 
 
 def warn_if_interpreted(size: int | None) -> None:
@@ -110,6 +107,19 @@ def checked_protocol(options: DecodeOptions) -> DecodeOptions:
     """
     check_protocol(options.protocol)
     return replace(options, protocol="" if options.protocol == "auto" else options.protocol)
+
+
+def file_to_decode(options: argparse.Namespace) -> tuple[Path, DecodeOptions]:
+    """The file of a command with its decode options; says so where decoding it takes long.
+
+    Raises:
+        UsageError: there is no such file, or an option cannot be fulfilled.
+        DecodeOptionError: an option is invalid.
+    """
+    file = readable(str(options.file))
+    decode_options = decode_options_of(options)
+    warn_if_interpreted(size_of(file))
+    return file, checked_protocol(decode_options)
 
 
 def check_protocol(name: str) -> None:

@@ -35,6 +35,7 @@ from imuscope.protocols.schema import Field
 from imuscope.protocols.shown_values import to_shown, to_wire
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import UsageError
 
 NOTHING: FrameRecord = {}
 _NUMBER = re.compile(r"0x[0-9A-Fa-f]{1,2}")
@@ -44,7 +45,7 @@ FOREIGN = ("nmea", "ubx", "rtcm3")
 """Messages that any port can carry, composed from their own bytes. Families add others (ProtocolComposer.strings)."""
 
 
-class ComposeError(ValueError):
+class ComposeError(UsageError):
     """The reason why a frame cannot be composed, in one sentence."""
 
 

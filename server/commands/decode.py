@@ -24,6 +24,7 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sources import damage_of
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.errors import UsageError
 from imuscope.server.extension import FileOutput, file_outputs
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import REMARK, decode
@@ -34,10 +35,6 @@ _CELLS = 30
 _EVERY_S = 0.1
 MOST_DAMAGE = 5  # sentences
 MOST_SENTENCES = 12  # on the clock of a file
-
-
-class DecodeError(Exception):
-    """An error that the user can correct, in one line."""
 
 
 class Bar:
@@ -94,7 +91,7 @@ def decode_file(
         part: part of the file to decode.
 
     Raises:
-        DecodeError: decoding failed; no files are left behind.
+        UsageError, RecordingError: decoding failed; no files are left behind.
     """
     _check_output(out, path, part)
     bar, rejected, clocks, empty = Bar(notes), list[str](), list[str](), ""
@@ -109,12 +106,12 @@ def decode_file(
             rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
             empty = empty_words(columns, path.name)
             written = _written(columns, path, out, part, lambda share: bar.show(0.5 + share / 2))
-    except RecordingError as error:
+    except RecordingError:
         if rejected or empty:
-            raise DecodeError((rejected or [empty])[0]) from None
-        raise DecodeError(f"{error.message} {error.hint}".strip()) from None
+            raise UsageError((rejected or [empty])[0]) from None
+        raise
     except OSError as error:
-        raise DecodeError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
+        raise UsageError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
     finally:
         bar.clear()
     for words in [*clocks, *rejected, *(damage.words for damage in damage_of(source)[:MOST_DAMAGE])]:
@@ -126,23 +123,21 @@ def export_columns(columns: ColumnStore, path: Path, out: Path, part: DecodedPar
     """Write a part of an opened file; see `decode_file`.
 
     Raises:
-        DecodeError: it is not possible; no files are left behind.
+        UsageError, RecordingError: it is not possible; no files are left behind.
     """
     _check_output(out, path, part)
     try:
         return _written(columns, path, out, part, lambda _: None)
-    except RecordingError as error:
-        raise DecodeError(f"{error.message} {error.hint}".strip()) from None
     except OSError as error:
-        raise DecodeError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
+        raise UsageError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
 
 
 def _check_output(out: Path, path: Path, part: DecodedPart) -> None:
     _format_of(out, with_position=part.with_position)
     if not out.parent.is_dir():
-        raise DecodeError(f"folder not found: {out.parent}")
+        raise UsageError(f"folder not found: {out.parent}")
     if out.exists() and out.samefile(path):
-        raise DecodeError("OUT is the input file; give another name")
+        raise UsageError("OUT is the input file; give another name")
 
 
 def _written(
@@ -189,7 +184,7 @@ def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutpu
     """The export format, or the output of an extension, that a suffix selects: exactly one of both.
 
     Raises:
-        DecodeError: the suffix selects none, or what it selects always shows positions.
+        UsageError: the suffix selects none, or what it selects always shows positions.
     """
     format = by_suffix(out.name)
     outputs = file_outputs()
@@ -198,10 +193,10 @@ def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutpu
         hiding = [one for one in outputs.values() if one.hides_position]
         only = f"applies to {', '.join(one.title.partition(':')[0] for one in hiding) or 'no installed output'} only"
         remedy = f"; let OUT end with {' or '.join(one.suffix for one in hiding)}" if hiding else ""
-        raise DecodeError(f"--without-position {only}{remedy}")
+        raise UsageError(f"--without-position {only}{remedy}")
     if format is None and output is None:
         known = ", ".join([*dict.fromkeys(one.suffix for one in FORMATS.values()), *outputs])
-        raise DecodeError(
+        raise UsageError(
             f"{out.suffix or 'a name without suffix'} is not a valid format; OUT ends with one of: {known}"
         )
     return (None, output) if output is not None else (format, None)
@@ -211,18 +206,18 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
     """The export request of a part.
 
     Raises:
-        DecodeError: unknown device or channel, or a time range outside of the file.
+        UsageError: unknown device or channel, or a time range outside of the file.
     """
     manifest = columns.manifest
     devices = {one["id"]: one["name"] for one in manifest["devices"]}
     if part.device and part.device not in devices:
         listed = ", ".join(f"{one} ({name})" for one, name in devices.items())
-        raise DecodeError(f"{path.name} has no device {part.device!r}; it has: {listed}")
+        raise UsageError(f"{path.name} has no device {part.device!r}; it has: {listed}")
     start = manifest["started"] or 0.0
     t0 = start + part.begin_s if part.begin_s else -math.inf
     t1 = math.inf if part.end_s is None else start + part.end_s
     if not t0 < t1 or part.begin_s < 0 or (manifest["ended"] is not None and t0 > manifest["ended"]):
-        raise DecodeError(f"{path.name} lasts {(manifest['ended'] or start) - start:.3f} s; that range is empty")
+        raise UsageError(f"{path.name} lasts {(manifest['ended'] or start) - start:.3f} s; that range is empty")
     if not part.channels:
         return ExportRequest(columns, path, path.name, t0, t1, device=part.device)
     kinds = [*manifest["channels"], *manifest.get("payloads", ())]
@@ -230,6 +225,6 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
     for name in part.channels:
         if name not in names:
             near = difflib.get_close_matches(name, names, 5, 0.4) or list(names)[:5]
-            raise DecodeError(f"{path.name} has no channel {name!r}; nearest are: {', '.join(near)}")
+            raise UsageError(f"{path.name} has no channel {name!r}; nearest are: {', '.join(near)}")
     chosen = tuple(one["id"] for one in kinds if {one["name"], one["message"]} & set(part.channels))
     return ExportRequest(columns, path, path.name, t0, t1, chosen, part.device)

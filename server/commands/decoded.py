@@ -10,19 +10,14 @@ from typing import TextIO
 
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.commands.decode import MOST_DAMAGE, Bar, empty_words, time_sentences
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import UsageError
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
 from imuscope.server.printable import printable
-
-
-class DecodedFileError(Exception):
-    """An error that the user can correct, in one line."""
 
 
 @contextlib.contextmanager
@@ -35,7 +30,7 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO, *, of_device: boo
         of_device: whether that is printed also where it is the clock of a device, as usual.
 
     Raises:
-        DecodedFileError: the file cannot be decoded, or the work on its columns raises a DomainError.
+        UsageError, RecordingError, DomainError: the file cannot be decoded.
     """
     bar = Bar(notes)
     try:
@@ -44,16 +39,14 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO, *, of_device: boo
             store = decode(source, folder / "columns", all_protocols(), reading, bar.show, compute=compute_signals)
             bar.clear()
             if words := empty_words(store, path.name):
-                raise DecodedFileError(printable(words))
+                raise UsageError(printable(words))
             for words in time_sentences(store, of_device=of_device):
                 print(f"imuscope: {printable(words)}", file=notes)
             yield store
             for one in store.manifest["damage"][:MOST_DAMAGE]:
                 print(f"imuscope: {printable(one['words'])}", file=notes)
-    except (RecordingError, DomainError) as error:
-        raise DecodedFileError(f"{error.message} {error.hint}".strip()) from None
     except OSError as error:
-        raise DecodedFileError(f"{path}: {(error.strerror or 'it cannot be read').lower()}") from None
+        raise UsageError(f"{path}: {(error.strerror or 'it cannot be read').lower()}") from None
     finally:
         bar.clear()
 
@@ -65,11 +58,11 @@ def time_range_of(store: ColumnStore, name: str, begin_s: float, end_s: float | 
         begin_s, end_s: seconds from the beginning of the file.
 
     Raises:
-        DecodedFileError: the part is empty.
+        UsageError: the part is empty.
     """
     begin, end = store.manifest["started"] or 0.0, store.manifest["ended"]
     t0 = begin + begin_s if begin_s else -math.inf
     t1 = math.inf if end_s is None else begin + end_s
     if not t0 < t1 or begin_s < 0 or (end is not None and t0 > end):
-        raise DecodedFileError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
+        raise UsageError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
     return t0, t1

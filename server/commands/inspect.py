@@ -37,8 +37,9 @@ from imuscope.recordings.readers.registry import marked_reader
 from imuscope.recordings.sources import McapSource
 from imuscope.server.commands.common import temporary_copy
 from imuscope.server.commands.inspect_table import InspectTable
-from imuscope.server.commands.replay import ReplayError, choose_device
+from imuscope.server.commands.replay import choose_device
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import UsageError
 from imuscope.server.printable import json_text
 
 CHUNK = 1 << 20
@@ -71,7 +72,7 @@ def inspect_file(
         notes: stream for a note if the file also has messages of other protocols.
 
     Raises:
-        ValueError: unknown protocol, or no known frames in the file.
+        UsageError, RecordingError: unknown protocol, or no known frames in the file.
         OSError: the file cannot be read.
     """
     with _opened(Path(path), reading.protocol, device, direction) as (row, pieces):
@@ -142,7 +143,7 @@ def _report_rejects(name: str, row: ProtocolInfo, counts: Counter[str], rejects:
     """Report frames that were rejected for a reason that another option would avoid.
 
     Raises:
-        ValueError: no line was written.
+        UsageError: no line was written.
     """
     reasons = [reason for reason in row.decoding.remedies if counts[reason]]
     words = "; ".join(f"{counts[one]} frames are not accepted: {row.decoding.remedies[one].listed}" for one in reasons)
@@ -152,9 +153,9 @@ def _report_rejects(name: str, row: ProtocolInfo, counts: Counter[str], rejects:
         return
     if rejected := next((reason for reason in row.decoding.refusals if counts[reason]), ""):
         what, hint = row.decoding.refusals[rejected]
-        raise ValueError(f"{name}: {counts[rejected]} frames are not accepted. {what} {hint}")
+        raise UsageError(f"{name}: {counts[rejected]} frames are not accepted. {what} {hint}")
     others = ", ".join(f"{count} {reason}" for reason, count in counts.most_common(3) if reason)
-    raise ValueError(
+    raise UsageError(
         words or f"{name} has no valid frame of {row.title}" + (f": {others} (--rejects)" if others else "")
     )
 
@@ -176,10 +177,10 @@ def _opened(
     is at its end.
 
     Raises:
-        ValueError: unknown protocol, no known frames, or no device bytes.
+        UsageError: unknown protocol, no known frames, or no device bytes.
     """
     if protocol != "auto" and protocol not in PROTOCOLS:
-        raise ValueError(f"unknown protocol {protocol!r}; available: {', '.join(PROTOCOLS)}")
+        raise UsageError(f"unknown protocol {protocol!r}; available: {', '.join(PROTOCOLS)}")
     named = "" if protocol == "auto" else protocol
     if path.is_file() or path.is_dir():
         with _of_file(path, path.name, named, device, direction) as stream:
@@ -194,7 +195,7 @@ def _opened(
                 yield stream
             return
         if device:
-            raise ValueError(f"{name} {NO_DEVICES}")
+            raise UsageError(f"{name} {NO_DEVICES}")
         yield PROTOCOLS[named or _guessed(head, name)], _untimed(itertools.chain((head,), _pieces(pipe)))
 
 
@@ -204,14 +205,14 @@ def _of_file(
 ) -> Iterator[tuple[ProtocolInfo, Iterator[TimedPiece]]]:
     try:
         source = open_file(path, named)
-    except RecordingError as error:
+    except RecordingError:
         with path.open("rb") as file:
             head = file.read(GUESS_BYTES)
         if head and not head.startswith(MAGIC) and known_file(head) is None and marked_reader(head) is None:
             _guessed(head, name)  # raises a more exact error
-        raise ValueError(f"{error.message} {error.hint}".strip()) from None
+        raise
     if device and not isinstance(source, McapSource | MessageFile):
-        raise ValueError(f"{name} {NO_DEVICES}")
+        raise UsageError(f"{name} {NO_DEVICES}")
     if isinstance(source, CaptureSource):
         with contextlib.closing(source.stream()) as file:
             head = _head(file)
@@ -219,11 +220,8 @@ def _of_file(
             yield decoded_by, _untimed(itertools.chain((head,), _pieces(file)))
         return
     if not isinstance(source, McapSource | MessageFile) or not source.devices:
-        raise ValueError(f"{name} has no device bytes; use `imuscope decode` to read its numbers")
-    try:
-        one = choose_device(source, device)
-    except ReplayError as error:
-        raise ValueError(str(error)) from None
+        raise UsageError(f"{name} has no device bytes; use `imuscope decode` to read its numbers")
+    one = choose_device(source, device)
     has_arrivals = source.devices[one].identity.get("link", "file") != "file"
     parts = (
         (part.data, (part.ends, part.times) if has_arrivals else None)
@@ -251,16 +249,16 @@ def _guessed(head: bytes, name: str) -> str:
     """The protocol of some bytes.
 
     Raises:
-        ValueError: no protocol matches enough of them.
+        UsageError: no protocol matches enough of them.
     """
     if not head:
-        raise ValueError(f"{name} is empty.")
+        raise UsageError(f"{name} is empty.")
     best = detect(head)[0]
     if best.score >= GUESS_SCORE:
         return best.protocol
     where = f"the first {GUESS_BYTES // 1024} kB of " if len(head) == GUESS_BYTES else ""
     at_best = f", at best {best.reason}" if best.score > 0 else ""
-    raise ValueError(
+    raise UsageError(
         f"no known protocol in {where}{name}{at_best}. If you know it, add --protocol {' or '.join(PROTOCOLS)}."
     )
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TextIO
 
 from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_writer import SUFFIX, RecordingError
+from imuscope.recordings.mcap_writer import SUFFIX
 from imuscope.server import wire
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.timings import ConfigurationTimings
@@ -31,6 +31,7 @@ from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.end_signals import end_signals, ending_by_exception
+from imuscope.server.errors import UsageError
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
@@ -40,10 +41,6 @@ from imuscope.server.streaming.telemetry import Telemetry
 POLL_S = 0.25
 MAX_MESSAGES = 20
 QUIET_ROUNDS = 8  # without data, before the reason is printed
-
-
-class RecordError(Exception):
-    """The reason why a recording failed or ended early, in one sentence."""
 
 
 @dataclass(slots=True)
@@ -92,19 +89,16 @@ def record(request: RecordRequest, notes: TextIO) -> str:
 
     Raises:
         LinkError: the source is invalid.
-        RecordError: nothing was recorded, or recording ended early.
+        UsageError, RecordingError: nothing was recorded, or recording ended early.
     """
     if request.path.suffix != SUFFIX:
-        raise RecordError(f"The name of a recording must end with {SUFFIX}; {request.path.name} does not.")
+        raise UsageError(f"The name of a recording must end with {SUFFIX}; {request.path.name} does not.")
     if not request.path.parent.is_dir():
-        raise RecordError(f"Folder not found: {request.path.parent}. Name another with -o.")
-    try:
-        status, name = asyncio.run(_record(request, notes))
-        tty = notes.isatty()
-        with ending_by_exception():  # it removes the packed copy, and the recording stays as it is
-            compact(request.path, progress=(lambda share: _show(notes, f"packing {share:.0%}")) if tty else None)
-    except RecordingError as error:
-        raise RecordError(f"{error.message} {error.hint}".rstrip()) from None
+        raise UsageError(f"Folder not found: {request.path.parent}. Name another with -o.")
+    status, name = asyncio.run(_record(request, notes))
+    tty = notes.isatty()
+    with ending_by_exception():  # it removes the packed copy, and the recording stays as it is
+        compact(request.path, progress=(lambda share: _show(notes, f"packing {share:.0%}")) if tty else None)
     _show(notes, "")
     size = request.path.stat().st_size
     return printable(f"{request.path}: {status.seconds:.1f} s, {amount(status.size)} of {name}, {amount(size)} on disk")
@@ -148,10 +142,10 @@ async def _record(request: RecordRequest, notes: TextIO) -> tuple[RecordStatus, 
         await sessions.close()
     state = recorder.state
     if state.message:
-        raise RecordError(f"{state.message} {state.hint}".rstrip())
+        raise UsageError(state.message, state.hint)
     if not status.size:
         result = "No data was received" + (", so nothing was recorded" if request.patience_s is None else "")
-        raise RecordError(f"{result}. {why}")
+        raise UsageError(f"{result}. {why}")
     return status, name
 
 

@@ -29,10 +29,10 @@ from pathlib import Path
 from typing import Protocol, TextIO
 
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.replay import ReplayClock, ReplayedChunk, extent
 from imuscope.recordings.sources import Source
 from imuscope.server.end_signals import end_signals
+from imuscope.server.errors import UsageError
 from imuscope.server.links.base import steady_clock
 from imuscope.server.links.reader_thread import write_all
 
@@ -42,10 +42,6 @@ QUIET_POLLS = 10
 STUCK_S = 10.0  # a client that accepts no data for this long is disconnected
 OPENED_S = 0.3  # programs discard the bytes in a port when they open it
 POLL_S = 0.02
-
-
-class ReplayError(Exception):
-    """The reason why a file cannot be played, in one sentence."""
 
 
 class Sink(Protocol):
@@ -90,13 +86,13 @@ async def replay(request: ReplayRequest, out: TextIO) -> int:
     """Play to the end, or until a signal that ends the program. Returns the number of bytes sent.
 
     Raises:
-        ReplayError: the file cannot be played, or the destination cannot be used.
+        UsageError, RecordingError: the file cannot be played, or the destination cannot be used.
     """
     replay_clock = _replay_clock(request)
     try:
         sink = request.to()
     except OSError as error:
-        raise ReplayError(f"The destination cannot be used: {error.strerror or error}.") from None
+        raise UsageError(f"The destination cannot be used: {error.strerror or error}.") from None
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in end_signals():
@@ -116,17 +112,14 @@ async def replay(request: ReplayRequest, out: TextIO) -> int:
 
 
 def _replay_clock(request: ReplayRequest) -> ReplayClock:
-    try:
-        file = open_file(request.path, request.protocol)
-        span = extent(file)
-    except RecordingError as error:
-        raise ReplayError(f"{error.message} {error.hint}".rstrip()) from None
+    file = open_file(request.path, request.protocol)
+    span = extent(file)
     if span is None:
-        raise ReplayError(f"{request.path.name} has no device bytes.")
+        raise UsageError(f"{request.path.name} has no device bytes.")
     stop_ns = span[1] + 1 if request.end_s is None else span[0] + round(request.end_s * 1e9)
     start_ns = span[0] + round(request.begin_s * 1e9)
     if not start_ns < stop_ns or start_ns > span[1]:
-        raise ReplayError(f"{request.path.name} lasts {(span[1] - span[0]) / 1e9:.3f} s; that range is empty.")
+        raise UsageError(f"{request.path.name} lasts {(span[1] - span[0]) / 1e9:.3f} s; that range is empty.")
     return ReplayClock(
         file,
         steady_clock(),
@@ -142,14 +135,14 @@ def choose_device(file: Source, device: str) -> str:
     """Device whose bytes are replayed.
 
     Raises:
-        ReplayError: unknown device, or several devices and none named.
+        UsageError: unknown device, or several devices and none named.
     """
     known = list(file.devices)
     listed = ", ".join(f"{one.id} ({one.identity.get('name') or one.protocol or '?'})" for one in file.devices.values())
     if device and device not in known:
-        raise ReplayError(f"{file.path.name} has no device {device!r}; it has: {listed}.")
+        raise UsageError(f"{file.path.name} has no device {device!r}; it has: {listed}.")
     if not device and len(known) > 1:
-        raise ReplayError(f"{file.path.name} has several devices; name one with --device: {listed}.")
+        raise UsageError(f"{file.path.name} has several devices; name one with --device: {listed}.")
     return device or (known[0] if known else "1")
 
 
@@ -175,14 +168,12 @@ def _due_chunks(replay: ReplayClock) -> list[ReplayedChunk]:
     """Chunks that are due.
 
     Raises:
-        ReplayError: the file has changed, or is gone: each turn of a loop opens it again.
+        UsageError, RecordingError: the file has changed, or is gone: each turn of a loop opens it again.
     """
     try:
         return replay.due_chunks(64)
-    except RecordingError as error:
-        raise ReplayError(f"{error.message} {error.hint}".rstrip()) from None
     except OSError as error:
-        raise ReplayError(f"The file cannot be read any more: {(error.strerror or 'it failed').lower()}.") from None
+        raise UsageError(f"The file cannot be read any more: {(error.strerror or 'it failed').lower()}.") from None
 
 
 class TcpSink:
@@ -315,9 +306,9 @@ def address(text: str) -> tuple[str, int]:
     """Host and port of HOST:PORT, [HOST]:PORT or :PORT.
 
     Raises:
-        ReplayError: not a valid address.
+        UsageError: not a valid address.
     """
     host, colon, port = text.rpartition(":")
     if not colon or not port.isascii() or not port.isdigit() or int(port) > 65535:
-        raise ReplayError(f"{text!r} is not a valid address; write it as HOST:PORT.")
+        raise UsageError(f"{text!r} is not a valid address; write it as HOST:PORT.")
     return host.removeprefix("[").removesuffix("]"), int(port)

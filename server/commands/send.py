@@ -44,6 +44,7 @@ from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.configuration.value_format import value_at
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.end_signals import end_signals
+from imuscope.server.errors import UsageError
 from imuscope.server.links import open_link
 from imuscope.server.links.base import Link, LinkError, LinkSettings, steady_clock
 from imuscope.server.printable import json_text
@@ -53,10 +54,6 @@ BOOT_S = 0.6  # a simulator, or a device that is reset when its port is opened, 
 ENOUGH = 400  # bytes for detection
 ADDRESS_S = 0.5  # for a few frames of each device
 ALONE = 0xFF  # bus identifier of a device that does not share its line
-
-
-class SendError(Exception):
-    """The reason of a failure, in one sentence."""
 
 
 class NullTrafficListener:
@@ -155,7 +152,7 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
     """Send the command and print the result.
 
     Raises:
-        SendError, compose.ComposeError: with the reason.
+        UsageError, LinkError: with the reason.
     """
     all_composers = composers(reading)
     try:
@@ -184,14 +181,12 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
                 await channel.close()
         finally:
             await link.close()
-    except LinkError as error:
-        raise SendError(str(error)) from None
     except DeviceRejectedError as error:
-        raise SendError(f"refused: {error}") from None
+        raise UsageError(f"refused: {error}") from None
     except NoReplyError as error:
-        raise SendError(str(error)) from None
+        raise UsageError(str(error)) from None
     except EncodeError as error:
-        raise SendError(f"{request.message}: {error}") from None
+        raise UsageError(f"{request.message}: {error}") from None
 
 
 async def until_signal(work: Awaitable[None]) -> None:
@@ -225,7 +220,7 @@ async def _choose_device(channel: LinkChannel, device: str) -> str:
     is known after a few of their frames.
 
     Raises:
-        SendError: none was named, and there are several.
+        UsageError: none was named, and there are several.
     """
     end = time.monotonic() + ADDRESS_S
     while not device and channel.addresses != [ALONE] and time.monotonic() < end:
@@ -234,7 +229,7 @@ async def _choose_device(channel: LinkChannel, device: str) -> str:
     received = channel.addresses
     if len(received) > 1 and not device:
         named = ", ".join(map(str, received))
-        raise SendError(f"the line is shared by the bus identifiers {named}; choose one with --device")
+        raise UsageError(f"the line is shared by the bus identifiers {named}; choose one with --device")
     return device or (str(received[0]) if received and received[0] != ALONE else "")
 
 
@@ -293,7 +288,7 @@ async def _transact(context: _SendContext, channel: LinkChannel, out: TextIO, no
     frame, values = frame_of(context.composer, request.message, request.pairs, known, present)
     if command is None:
         if request.message in context.composer.of_devices:
-            raise SendError(f"{request.message} is sent by devices only, and a device does not take it")
+            raise UsageError(f"{request.message} is sent by devices only, and a device does not take it")
         await channel.send(frame)
         _print(out, {"sent": frame.hex()})
         return
@@ -354,7 +349,7 @@ async def _run_setting(
         _print(out, {"setting": setting.name, "fields": _readable(setting.fields, got)})
         return
     if not setting.write:
-        raise SendError(f"{setting.name} is read-only")
+        raise UsageError(f"{setting.name} is read-only")
     present: Values = {}
     try:
         if names_elements(request.pairs, setting.fields):
@@ -370,7 +365,7 @@ async def _run_setting(
     await _allow_write(driver, setting, values, request, known, play)
     written = await play(driver.write(setting.name, values, known))
     if written.refused:
-        raise SendError(f"{setting.name} was refused: {written.refused}")
+        raise UsageError(f"{setting.name} was refused: {written.refused}")
     _print(out, {"setting": setting.name, "fields": _readable(setting.fields, written.actual)})
     if written.actual is not None:
         _report_altered(driver, setting, values, written.actual, notes)
@@ -381,9 +376,9 @@ def _setting(driver: DeviceDriver, name: str, known: DeviceContext) -> Setting |
 
 
 def _allow(row: Command, request: SendRequest) -> None:
-    """Raise SendError for a dangerous command that is not confirmed."""
+    """Raise UsageError for a dangerous command that is not confirmed."""
     if row.caution and not request.is_confirmed:
-        raise SendError(f"{row.name}: {row.consequence or 'this can do harm.'} Add --yes to send it")
+        raise UsageError(f"{row.name}: {row.consequence or 'this can do harm.'} Add --yes to send it")
 
 
 def _target(
@@ -408,7 +403,7 @@ async def _allow_write(
     known: DeviceContext,
     play: Callable[[Transaction[Any]], Any],
 ) -> None:
-    """Raise SendError for an unconfirmed write that could cut the link or do other harm, like the page."""
+    """Raise UsageError for an unconfirmed write that could cut the link or do other harm, like the page."""
     if request.is_confirmed:
         return
     old: Values | None = None
@@ -417,7 +412,7 @@ async def _allow_write(
     risks = dangers_of_write(driver, setting, old, values, known, restarts=False)
     if risks:
         words = " ".join(dict.fromkeys(one.consequence or "This can do harm." for one in risks))
-        raise SendError(f"{setting.name}: {words} Add --yes to send it")
+        raise UsageError(f"{setting.name}: {words} Add --yes to send it")
 
 
 def _report_altered(driver: DeviceDriver, setting: Setting, requested: Values, got: Values, notes: TextIO) -> None:

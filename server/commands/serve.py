@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from imuscope.recordings.resource_limits import history_room
 from imuscope.server import logging_setup
 from imuscope.server.commands.common import (
-    UsageError,
     check_sources,
     given_options,
     normalized_sources,
@@ -22,6 +21,7 @@ from imuscope.server.commands.common import (
 from imuscope.server.config import Config, load
 from imuscope.server.devices.decode_options import declared_options, option_text
 from imuscope.server.devices.protocol_set import problems
+from imuscope.server.errors import UsageError
 from imuscope.server.extension import extension_problems, extensions
 from imuscope.server.extension_settings import extension_settings
 from imuscope.server.links.simulated_device import simulators

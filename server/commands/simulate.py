@@ -20,6 +20,7 @@ from typing import TextIO
 
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.end_signals import end_signals
+from imuscope.server.errors import UsageError
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
 from imuscope.server.links.simulator import SimulatorThread
@@ -30,20 +31,16 @@ RATE_POLL_S = 0.05  # delay until the TCP side follows a new baud rate of the de
 MAX_WAITING = 1 << 20  # bytes queued for a TCP client; a client further behind is disconnected
 
 
-class SimulateError(Exception):
-    """The reason why a device cannot be simulated, in one sentence."""
-
-
 def options_of(text: str) -> SimulatorOptions:
     """Options of the device that the user named, such as "xbus?product=MTi-680G".
 
     Raises:
-        SimulateError: unknown device, or an invalid option.
+        UsageError: unknown device, or an invalid option.
     """
     try:
         return SimulatorOptions.of(SourceUrl.parse(text if text.startswith(PREFIXES) else PREFIXES[0] + text))
     except LinkError as error:
-        raise SimulateError(str(error).replace(PREFIXES[0], "")) from None
+        raise UsageError(str(error).replace(PREFIXES[0], "")) from None
 
 
 def options_of_family(protocol: str) -> set[str]:
@@ -65,7 +62,7 @@ def simulate(
         out: stream on which the address of the device is printed.
 
     Raises:
-        SimulateError: the link cannot be created, or the address cannot be used.
+        UsageError: the link cannot be created, or the address cannot be used.
     """
     simulator_thread = SimulatorThread(lambda start_ns: make_device(options, start_ns, reading.values), options)
     try:
@@ -118,12 +115,12 @@ class Bridge:
         """Start listening; returns the HOST:PORT to which clients connect.
 
         Raises:
-            SimulateError: the address is in use, or is not an address of this machine.
+            UsageError: the address is in use, or is not an address of this machine.
         """
         try:
             self._server = await asyncio.start_server(self._serve, host or "127.0.0.1", port)
         except OSError as error:
-            raise SimulateError(f"Cannot listen on {host or '127.0.0.1'}:{port}: {error.strerror}.") from None
+            raise UsageError(f"Cannot listen on {host or '127.0.0.1'}:{port}: {error.strerror}.") from None
         loop = asyncio.get_running_loop()
         loop.add_reader(self._port, self._from_device)
         self._follower = loop.create_task(self._follow(), name="rate of the port")
@@ -199,9 +196,9 @@ def _link(path: Path, port: str) -> None:
             path.unlink()
         path.symlink_to(port)
     except FileExistsError:
-        raise SimulateError(f"{path} exists and is not a link to a port. Choose another path.") from None
+        raise UsageError(f"{path} exists and is not a link to a port. Choose another path.") from None
     except OSError as error:
-        raise SimulateError(f"{path} cannot be created: {error.strerror}.") from None
+        raise UsageError(f"{path} cannot be created: {error.strerror}.") from None
 
 
 def _points_to(path: Path, port: str) -> bool:

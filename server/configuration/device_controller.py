@@ -37,6 +37,7 @@ from imuscope.protocols.transactions import (
     Transaction,
     Values,
 )
+from imuscope.recordings.explained_error import ExplainedError
 from imuscope.server.configuration.preview import DevicePresentState, SerialLine, load_of
 from imuscope.server.configuration.put_back import PutBackStore, PutBackTask
 from imuscope.server.configuration.timings import ConfigurationTimings
@@ -53,7 +54,7 @@ from imuscope.server.devices.link_member import (
     state_of,
     suppress_timeout,
 )
-from imuscope.server.errors import DomainError, ExplainedError
+from imuscope.server.errors import DomainError
 from imuscope.server.links.base import LinkError
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.wire import DeviceJobs, Job, PendingRollback

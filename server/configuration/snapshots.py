@@ -53,10 +53,10 @@ import yaml
 
 from imuscope.protocols.schema import Field, Setting
 from imuscope.recordings import atomic_write
+from imuscope.recordings.explained_error import ExplainedError
 from imuscope.recordings.mcap_writer import check_format_version
 from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo
 from imuscope.server.configuration.value_format import comment, entry_comment
-from imuscope.server.errors import ExplainedError
 
 FORMAT = 1
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times as fast

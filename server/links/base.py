@@ -93,7 +93,7 @@ class LinkError(DomainError):
         super().__init__(kind, message, hint)
 
     def __str__(self) -> str:
-        return f"{self.message} {self.hint}".rstrip()
+        return self.text
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from imuscope.protocols.xbus.json_codec import frame_from_json
 from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.commands.inspect_table import explained_rejects
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import UsageError
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.protocols.xbus_vectors import everything
@@ -126,9 +127,9 @@ def test_capture(captures: Path) -> None:
 def test_unknown_bytes(tmp_path: Path) -> None:
     path = tmp_path / "noise.bin"
     path.write_bytes(bytes(1000))
-    with pytest.raises(ValueError, match="no known protocol"):
+    with pytest.raises(UsageError, match="no known protocol"):
         lines_of(path)
-    with pytest.raises(ValueError, match="unknown protocol 'x'"):
+    with pytest.raises(UsageError, match="unknown protocol 'x'"):
         lines_of(path, DecodeOptions("x"))
 
 

@@ -28,7 +28,7 @@ from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_records import bytes_of
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.probe import probe
-from imuscope.server.commands.decode import DecodeError, decode_file
+from imuscope.server.commands.decode import decode_file
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.snapshots import SnapshotError, from_text, to_text
 from imuscope.server.devices.decode_options import DecodeOptions
@@ -159,7 +159,7 @@ def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
         open_file(path)
     assert error.value.message == f"later.mcap {words}"
     assert error.value.hint.startswith("Update imuscope")
-    with pytest.raises(DecodeError, match="newer imuscope"):
+    with pytest.raises(RecordingError, match="newer imuscope"):
         decode_file(path, tmp_path / "out.csv", DecodeOptions(), io.StringIO())
     told = probe(path)
     assert told is not None

@@ -25,7 +25,8 @@ from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.cli import main
-from imuscope.server.commands.replay import ReplayError, UdpSink, _play, address
+from imuscope.server.commands.replay import UdpSink, _play, address
+from imuscope.server.errors import UsageError
 from tests import virtual_time
 from tests.each_row import each_row
 from tests.fork_server import Child
@@ -241,7 +242,7 @@ def test_a_file_that_goes_while_it_is_played_is_one_line(
 
 @each_row("text", ["", "x", "x:", "x:70000", "x:-1", "1:2:x"])
 def test_addresses(text: str) -> None:
-    with pytest.raises(ReplayError):
+    with pytest.raises(UsageError):
         address(text)
     assert address(":40") == ("", 40)
     assert address("[::1]:40") == ("::1", 40)

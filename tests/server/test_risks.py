@@ -16,11 +16,11 @@ from imuscope.protocols.isb.commands import COMMAND_ROWS
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.commands import send
-from imuscope.server.commands.send import SendError
 from imuscope.server.configuration.change_plan import plan_command
 from imuscope.server.configuration.form_builder import forms_of
 from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import UsageError
 from tests.each_row import each_row
 from tests.server.control_harness import BRIEFEST, house
 
@@ -112,6 +112,6 @@ def test_the_command_line_asks_for_confirmation_where_the_page_does(message: str
     described in the help.
     """
     wish = send.SendRequest("sim:isb?rate=20", message, pairs)
-    with pytest.raises(SendError, match=words) as refused:
+    with pytest.raises(UsageError, match=words) as refused:
         asyncio.run(send.send(wish, DecodeOptions(), io.StringIO(), io.StringIO()))
     assert "--yes" in str(refused.value)

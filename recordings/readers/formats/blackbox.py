@@ -205,7 +205,7 @@ class Blackbox(FlightLog):
         try:
             log = _Log(head, self.path.name)
         except RecordingError as error:
-            self.note(begin, f"{error.message} {error.hint}")
+            self.note(begin, error.text)
             return
         self._describe(log)
         wraps = {name: _Wraps() for name in (MAIN, SLOW, GPS)}

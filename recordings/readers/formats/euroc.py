@@ -68,7 +68,7 @@ def open_euroc_folder(folder: Path, options: TableOptions) -> TableSource:
             tables.append(EurocTable(one / DATA, options, one.name, _about(one / SENSOR)))
         except RecordingError as error:
             first = first or error
-            errors.append(remark(f"{one.name} is left out: {error.message} {error.hint}"))
+            errors.append(remark(f"{one.name} is left out: {error.text}"))
     if not tables:
         assert first is not None
         raise first

@@ -58,7 +58,7 @@ class TableSet(TableSource):
                 refused += 1
                 if refused == count:
                     raise  # none of them can be read
-                self.damage.append(remark(f"{name} is left out: {error.message} {error.hint}"))
+                self.damage.append(remark(f"{name} is left out: {error.text}"))
                 continue
             self.damage += [replace(one, words=f"{name}: {one.words}") for one in table.damage]
             if number and table.axis is not None:

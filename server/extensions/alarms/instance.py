@@ -127,7 +127,7 @@ class AlarmInstance:
         try:
             judge = compiled(self.definition, infos, rates, device)
         except DomainError as error:
-            self.problem = f"{error.message} {error.hint}".strip()
+            self.problem = error.text
             self._samples, self.channels = None, frozenset()
             self.is_waiting = isinstance(error, RateUnknownError)
             return

@@ -11,9 +11,9 @@ from typing import Any, TextIO
 
 from imuscope.protocols.plural import counted
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.commands.decoded import decoded, time_range_of
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import UsageError
 from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analysis_named
 from imuscope.server.extensions.analysis.report import Figures, figures_of, in_parallel
 from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
@@ -21,10 +21,6 @@ from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_s
 from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 
 BELOW = ("notes", "obstacles", "unchecked")  # sentences, printed below the table
-
-
-class AnalyseError(Exception):
-    """An error that the user can correct, in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +59,10 @@ def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, no
         notes: stream for the progress bar.
 
     Raises:
-        AnalyseError: the file cannot be decoded, or the request cannot be fulfilled.
+        UsageError, RecordingError, DomainError: the file cannot be decoded, or the request cannot be fulfilled.
     """
-    try:
-        with decoded(path, reading, notes) as store:
-            return reports_of(store, path.name, request)
-    except DecodedFileError as error:
-        raise AnalyseError(str(error)) from None
+    with decoded(path, reading, notes) as store:
+        return reports_of(store, path.name, request)
 
 
 def reports_of(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:
@@ -79,15 +72,14 @@ def reports_of(store: ColumnStore, name: str, request: AnalyseRequest) -> list[S
         name: of the file, for messages.
 
     Raises:
-        AnalyseError: an option is not NAME=VALUE.
-        DecodedFileError, DomainError: the request cannot be fulfilled.
+        UsageError, DomainError: the request cannot be fulfilled.
     """
     analysis = analysis_named(request.analysis)
     chosen = {}
     for option in request.options:
         key, equals, value = option.partition("=")
         if not equals:
-            raise AnalyseError(f"--option {option!r:.60} is not NAME=VALUE")
+            raise UsageError(f"--option {option!r:.60} is not NAME=VALUE")
         chosen[key] = value
     settings = analysis.settings(chosen)
     t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
@@ -111,13 +103,10 @@ def print_text(analysis: str, name: str, reports: Sequence[SignalReport], out: T
     """A format that the analysis has.
 
     Raises:
-        AnalyseError: it has no such format, or it cannot be made of these signals.
+        DomainError: it has no such format, or it cannot be made of these signals.
     """
-    try:
-        signals = [FiguresOfSignal(one.name, one.unit, one.figures) for one in reports]
-        out.write(analysis_named(analysis).text(name, signals))
-    except DomainError as error:
-        raise AnalyseError(f"{error.message} {error.hint}".strip()) from None
+    signals = [FiguresOfSignal(one.name, one.unit, one.figures) for one in reports]
+    out.write(analysis_named(analysis).text(name, signals))
 
 
 def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:

@@ -7,17 +7,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from imuscope.server.commands.common import (
-    UsageError,
-    checked_protocol,
-    decode_options_of,
-    readable,
-    seekable,
-    size_of,
-    warn_if_interpreted,
-)
+from imuscope.server.commands.common import file_to_decode, readable, seekable
 from imuscope.server.commands.file_arguments import add_file, add_range, add_table
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import UsageError
 
 _COLUMN = 34
 
@@ -86,11 +79,8 @@ def analysis_list() -> str:
 
 
 def run(options: argparse.Namespace) -> None:
-    file = readable(str(options.file))
-    decode_options = decode_options_of(options)
-    warn_if_interpreted(size_of(file))
+    file, decode_options = file_to_decode(options)
     from imuscope.server.extensions.analysis.analyse import (
-        AnalyseError,
         AnalyseRequest,
         analyse_file,
         print_json,
@@ -98,26 +88,21 @@ def run(options: argparse.Namespace) -> None:
         print_text,
     )
 
-    decode_options = checked_protocol(decode_options)
     if options.analysis == "comparison":
         _compare(options, file, decode_options)
         return
     if options.other is not None:
         raise UsageError("--with belongs to the comparison of two files: imuscope analyse A comparison --with B")
     request = AnalyseRequest(options.analysis, options.signal, options.begin, options.end, options.option or ())
-    try:
-        with seekable(file) as path:
-            reports = analyse_file(path, decode_options, request, sys.stderr)
-        if options.format not in ("table", "json"):
-            print_text(request.analysis, options.format, reports, sys.stdout)
-            return
-    except AnalyseError as error:
-        raise UsageError(str(error)) from None
+    with seekable(file) as path:
+        reports = analyse_file(path, decode_options, request, sys.stderr)
+    if options.format not in ("table", "json"):
+        print_text(request.analysis, options.format, reports, sys.stdout)
+        return
     (print_json if options.format == "json" else print_table)(reports, sys.stdout)
 
 
 def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOptions) -> None:
-    from imuscope.server.extensions.analysis.analyse import AnalyseError
     from imuscope.server.extensions.analysis.compare import FileComparison, compare_files, print_comparison, print_json
 
     if options.other is None:
@@ -133,9 +118,6 @@ def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOpti
     )
     sides = (options.signal, options.signal_b or (), range_a, range_b)
     request = FileComparison(*sides, options.align, options.offset, options.search)
-    try:
-        with seekable(file) as a, seekable(readable(str(options.other))) as b:
-            answer = compare_files(a, b, decode_options, request, sys.stderr)
-    except AnalyseError as error:
-        raise UsageError(str(error)) from None
+    with seekable(file) as a, seekable(readable(str(options.other))) as b:
+        answer = compare_files(a, b, decode_options, request, sys.stderr)
     (print_json if options.format == "json" else print_comparison)(answer, sys.stdout)

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TextIO
 
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.commands.decoded import decoded, time_range_of
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.analysis.analyse import AnalyseError
+from imuscope.server.errors import UsageError
 from imuscope.server.extensions.analysis.signal_request import requested_signals
 from imuscope.server.extensions.analysis.signals import recorded_samples
 from imuscope.server.extensions.analysis.two_sides import (
@@ -54,20 +54,17 @@ def compare_files(a: Path, b: Path, reading: DecodeOptions, request: FileCompari
     """Compare B with A.
 
     Raises:
-        AnalyseError: a file cannot be decoded, or the request cannot be fulfilled.
+        UsageError, RecordingError, DomainError: a file cannot be decoded, or the request cannot be fulfilled.
     """
     names = (request.signals, request.signals_b or request.signals)
     if len(names[0]) != len(names[1]):
-        raise AnalyseError("--signal and --signal-b differ in number; name one signal of B for each of A")
-    try:
-        with decoded(a, reading, notes) as first, decoded(b, reading, notes) as second:
-            sides = [
-                _side(first, a.name, names[0], request.range_a),
-                _side(second, b.name, names[1], request.range_b),
-            ]
-            return compared(sides, sides, ComparisonOptions(request.align, request.offset, request.search))
-    except DecodedFileError as error:
-        raise AnalyseError(str(error)) from None
+        raise UsageError("--signal and --signal-b differ in number; name one signal of B for each of A")
+    with decoded(a, reading, notes) as first, decoded(b, reading, notes) as second:
+        sides = [
+            _side(first, a.name, names[0], request.range_a),
+            _side(second, b.name, names[1], request.range_b),
+        ]
+        return compared(sides, sides, ComparisonOptions(request.align, request.offset, request.search))
 
 
 def _side(store: ColumnStore, name: str, words: Sequence[str], part: FileRange) -> ComparisonSide:

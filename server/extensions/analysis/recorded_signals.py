@@ -40,7 +40,7 @@ def add_computed_signals(store: ColumnStore, definitions: Mapping[str, Any], sin
             try:
                 computed.add(device, definition)
             except DomainError as error:
-                _report(sink, device, definition, f"{error.message} {error.hint}".strip())
+                _report(sink, device, definition, error.text)
             except MemoryError:
                 _report(sink, device, definition, "it needs too much memory for a recording of this length.")
 

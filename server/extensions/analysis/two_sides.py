@@ -183,7 +183,7 @@ def _signal(pair: _Pair, offset: float, columns: int) -> ComparedSignal:
             raise pair.refusal
         _take(row, difference(a, b, offset), columns)
     except DomainError as error:
-        row.notes.append(f"{error.message} {error.hint}")
+        row.notes.append(error.text)
     return row
 
 
@@ -199,7 +199,7 @@ def _attitude(sides: Sequence[ComparisonSide], offset: float, columns: int) -> C
         time, other = attitude_of(second.info, sides[1].read)
         difference, figures = attitude_difference(own, (time, turned(first, second, other)), offset)
     except DomainError as error:
-        row.notes.append(f"{error.message} {error.hint}")
+        row.notes.append(error.text)
         return row
     _take(row, difference, columns)
     row.figures |= figures

@@ -10,9 +10,9 @@ from typing import Any, TextIO
 import numpy as np
 
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.commands.decoded import DecodedFileError, decoded, time_range_of
+from imuscope.server.commands.decoded import decoded, time_range_of
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import DomainError, UsageError
 from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
 from imuscope.server.extensions.analysis.triads import Samples, finite
 from imuscope.server.extensions.calibration.export import FORMATS, exported
@@ -29,10 +29,6 @@ from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.wire import ChannelInfo
 
 SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".h": "c"}
-
-
-class CalibrateError(Exception):
-    """An error that the user can correct, in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +61,14 @@ def format_of(name: str, output: Path | None) -> str:
     """The format to write: as given, else that of the suffix, else "text" for people.
 
     Raises:
-        CalibrateError: the suffix selects none.
+        UsageError: the suffix selects none.
     """
     if name or output is None:
         return name or "text"
     by_suffix = SUFFIXES.get(output.suffix.lower())
     if by_suffix is None:
         known = ", ".join(SUFFIXES)
-        raise CalibrateError(f"{output.name} selects no format; end the name with one of {known}, or give --format")
+        raise UsageError(f"{output.name} selects no format; end the name with one of {known}, or give --format")
     return by_suffix
 
 
@@ -80,13 +76,10 @@ def calibrate_file(path: Path, reading: DecodeOptions, request: CalibrateRequest
     """Calibrate with the samples of a file.
 
     Raises:
-        CalibrateError: the file cannot be decoded, or its samples do not determine the answer.
+        UsageError, RecordingError, DomainError: the file cannot be decoded, or its samples do not determine the answer.
     """
-    try:
-        with decoded(path, reading, notes) as store:
-            return _calibrated(store, path.name, request)
-    except DecodedFileError as error:
-        raise CalibrateError(str(error)) from None
+    with decoded(path, reading, notes) as store:
+        return _calibrated(store, path.name, request)
 
 
 def _calibrated(store: ColumnStore, name: str, request: CalibrateRequest) -> Calibration:

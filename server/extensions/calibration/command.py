@@ -7,16 +7,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from imuscope.server.commands.common import (
-    UsageError,
-    checked_protocol,
-    decode_options_of,
-    readable,
-    seekable,
-    size_of,
-    warn_if_interpreted,
-)
+from imuscope.server.commands.common import file_to_decode, seekable
 from imuscope.server.commands.file_arguments import add_file, add_range, add_table
+from imuscope.server.errors import UsageError
 
 CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
 
@@ -47,31 +40,19 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
 
 
 def run(options: argparse.Namespace) -> None:
-    file = readable(str(options.file))
-    decode_options = decode_options_of(options)
+    file, decode_options = file_to_decode(options)
     for name, most in (("field", 1e6), ("gravity", 20.0)):
         if not 0 <= getattr(options, name) <= most:
             raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
-    warn_if_interpreted(size_of(file))
-    from imuscope.server.extensions.calibration.calibrate import (
-        CalibrateError,
-        CalibrateRequest,
-        calibrate_file,
-        format_of,
-        text_of,
-    )
+    from imuscope.server.extensions.calibration.calibrate import CalibrateRequest, calibrate_file, format_of, text_of
 
-    decode_options = checked_protocol(decode_options)
     facts = (options.field, options.gravity, options.square, options.vertical)
     request = CalibrateRequest(options.kind, facts, options.device, options.begin, options.end)
     if options.output is not None and options.output.exists() and options.output.samefile(file):
         raise UsageError("OUT is the input file; give another name")
-    try:
-        form = format_of(options.format or "", options.output)
-        with seekable(file) as path:
-            text = text_of(calibrate_file(path, decode_options, request, sys.stderr), form)
-    except CalibrateError as error:
-        raise UsageError(str(error)) from None
+    form = format_of(options.format or "", options.output)
+    with seekable(file) as path:
+        text = text_of(calibrate_file(path, decode_options, request, sys.stderr), form)
     if options.output is None:
         sys.stdout.write(text)
         return

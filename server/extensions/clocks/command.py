@@ -9,18 +9,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from imuscope.recordings.temporary_folder import TemporaryFolder
-from imuscope.server.commands.common import (
-    UsageError,
-    check_sources,
-    checked_protocol,
-    decode_options_of,
-    readable,
-    seekable,
-    size_of,
-    warn_if_interpreted,
-)
+from imuscope.server.commands.common import check_sources, checked_protocol, decode_options_of, file_to_decode, seekable
 from imuscope.server.commands.file_arguments import add_table
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.errors import UsageError
 
 MOST_S = 3600.0
 PATIENCE_S = 30.0  # with a source that sends nothing: a serial port may be tried at several baud rates
@@ -44,21 +36,16 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
 def run(options: argparse.Namespace) -> None:
     if not 0 < options.seconds <= MOST_S:
         raise UsageError(f"--seconds {options.seconds:g} is outside 0 … {MOST_S:g}")
-    is_live = _is_live(options.file)
-    file = Path() if is_live else readable(options.file)
-    decode_options = decode_options_of(options)
-    if not is_live:
-        warn_if_interpreted(size_of(file))
-    from imuscope.server.commands.decoded import DecodedFileError
+    if _is_live(options.file):
+        decode_options = checked_protocol(decode_options_of(options))
+        opened = _received(options, decode_options)
+    else:
+        file, decode_options = file_to_decode(options)
+        opened = seekable(file)
     from imuscope.server.extensions.clocks.print_clocks import print_clocks
 
-    decode_options = checked_protocol(decode_options)
-    opened = _received(options, decode_options) if is_live else seekable(file)
-    try:
-        with opened as path:
-            print_clocks(path, decode_options, sys.stdout, sys.stderr, format=options.format)
-    except DecodedFileError as error:
-        raise UsageError(str(error)) from None
+    with opened as path:
+        print_clocks(path, decode_options, sys.stdout, sys.stderr, format=options.format)
 
 
 def _is_live(source: str) -> bool:
@@ -77,18 +64,14 @@ def _is_live(source: str) -> bool:
 @contextlib.contextmanager
 def _received(options: argparse.Namespace, reading: DecodeOptions) -> Iterator[Path]:
     """A recording of the source, which is gone afterwards."""
-    from imuscope.server.commands.record import RecordError, RecordRequest, record
+    from imuscope.server.commands.record import RecordRequest, record
     from imuscope.server.config import load
     from imuscope.server.devices.decode_options import parse_source_options
-    from imuscope.server.links.base import LinkError
 
     check_sources([options.file], reading)
     data = load(data=options.data).data
     with TemporaryFolder() as folder:
         path = folder / "live.mcap"
         source = parse_source_options(options.file, reading)
-        try:
-            record(RecordRequest((source,), path, options.seconds, data, PATIENCE_S), sys.stderr)
-        except (RecordError, LinkError) as error:
-            raise UsageError(str(error)) from None
+        record(RecordRequest((source,), path, options.seconds, data, PATIENCE_S), sys.stderr)
         yield path

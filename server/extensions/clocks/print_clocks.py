@@ -44,7 +44,7 @@ def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO,
         format: "table" for people, "json" for programs.
 
     Raises:
-        DecodedFileError: the file cannot be decoded.
+        UsageError, RecordingError, DomainError: the file cannot be decoded.
     """
     with decoded(path, reading, notes, of_device=True) as store:
         if not store.manifest.get("time"):

@@ -16,7 +16,8 @@ import numpy as np
 
 from imuscope.recordings.column_store import VERSION as COLUMNS_VERSION
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.errors import DomainError, ExplainedError
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.registry import analysis_named
 from imuscope.server.extensions.analysis.report import figures_of
 from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
@@ -42,10 +43,6 @@ FORMAT = 1  # of the embedded data
 MOST_EVENTS = 2000
 EventRow = dict[str, Any]
 Step = Callable[[float], None]
-
-
-class EvidenceError(ExplainedError):
-    """Evidence that is not possible: one sentence, and what to do."""
 
 
 @dataclass(slots=True)
@@ -82,7 +79,7 @@ def content_of(
         room: bytes for the samples.
 
     Raises:
-        EvidenceError: the range has no samples of any plot.
+        RecordingError: the range has no samples of any plot.
     """
     infos = list(channels_of(store).values())
     scrub = Scrubber() if request.with_position else scrubber_of(store, infos)
@@ -104,7 +101,7 @@ def content_of(
         step((number + 1) / len(curves))
     plots_with_data = [plot for plot in shown if plot["series"]]
     if not plots_with_data:
-        raise EvidenceError(
+        raise RecordingError(
             "This range contains nothing to show.",
             "Choose a longer range or other plots." if n_position == 0 else "Choose plots without positions.",
         )
@@ -149,7 +146,7 @@ def _range(store: ColumnStore, request: EvidenceRequest) -> tuple[float, float]:
     t0 = first if request.t0 is None else max(request.t0, first)
     t1 = last if request.t1 is None else min(request.t1, last)
     if not t0 < t1:
-        raise EvidenceError("This range contains nothing to show.", "Choose a range within the recording.")
+        raise RecordingError("This range contains nothing to show.", "Choose a range within the recording.")
     return t0, t1
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from imuscope.recordings.atomic_write import write_atomic
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.server.extensions.evidence.content import About, EvidenceError, content_of
+from imuscope.server.extensions.evidence.content import About, content_of
 from imuscope.server.extensions.evidence.document import document
 from imuscope.server.extensions.evidence.request import EvidenceRequest, request_of
 from imuscope.server.library.export_worker import run
@@ -39,10 +39,7 @@ def write(
     room = MOST_BYTES - len(script.encode()) - len(style.encode())
     share = SPARE
     for _ in range(TRIES):
-        try:
-            content, blocks = content_of(store, about, request, round(room * share * PER_BYTE), step)
-        except EvidenceError as error:
-            raise RecordingError(error.message, error.hint) from None
+        content, blocks = content_of(store, about, request, round(room * share * PER_BYTE), step)
         pieces = [piece.encode() for piece in document(content, blocks, script, style)]
         size = sum(map(len, pieces))
         if size <= MOST_BYTES:

@@ -57,7 +57,7 @@ EXTENSION = Extension(
         ExtensionCommand(
             "upload",
             "imuscope.server.extensions.fleet.store_arguments:add_upload",
-            "imuscope.server.extensions.fleet.cli:upload",
+            "imuscope.server.extensions.fleet.store_commands:upload",
             scope="source",
             protocol_help="protocol of a capture (default: detected)",
             reads_file=True,
@@ -65,20 +65,20 @@ EXTENSION = Extension(
         ExtensionCommand(
             "query",
             "imuscope.server.extensions.fleet.store_arguments:add_query",
-            "imuscope.server.extensions.fleet.cli:query",
+            "imuscope.server.extensions.fleet.store_commands:query",
             has_data=False,
         ),
         ExtensionCommand(
             "compact",
             "imuscope.server.extensions.fleet.store_arguments:add_compact",
-            "imuscope.server.extensions.fleet.cli:compact",
+            "imuscope.server.extensions.fleet.store_commands:compact",
             reads_file=True,
             has_data=False,
         ),
         ExtensionCommand(
             "fleet",
             "imuscope.server.extensions.fleet.fleet_arguments:add_fleet",
-            "imuscope.server.extensions.fleet.cli:fleet",
+            "imuscope.server.extensions.fleet.fleet_command:serve_fleet",
         ),
     ),
     requires=("alarms",),

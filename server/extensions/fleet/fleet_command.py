@@ -10,11 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imuscope.server.commands.common import UsageError
 from imuscope.server.commands.serve import run
 from imuscope.server.config import Config, load
 from imuscope.server.devices.decode_options import secret_text
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import UsageError
 from imuscope.server.extensions.fleet.access import FleetAccessError, RouterSettings, as_document, read_robots
 from imuscope.server.extensions.fleet.bus import BusCredentials, FleetBusError, client_settings
 from imuscope.server.extensions.fleet.database import FleetDatabase, FleetDatabaseError
@@ -41,7 +40,7 @@ def serve_fleet(options: argparse.Namespace) -> None:
     """Serve until stopped.
 
     Raises:
-        UsageError: the options cannot be fulfilled.
+        UsageError, DomainError: the options cannot be fulfilled.
         ConfigError, DecodeOptionError: invalid options or configuration file.
     """
     config = _config(options)
@@ -65,7 +64,7 @@ def serve_fleet(options: argparse.Namespace) -> None:
                 access.operators = Operators(Path(settings.operators), server.group_of, server.group_of_rollout)
             if not settings.router:
                 server.open()
-        except (DomainError, FleetDatabaseError, FleetBusError, FleetAccessError) as error:
+        except (FleetDatabaseError, FleetBusError, FleetAccessError) as error:
             raise UsageError(str(error)) from None
         place = f"at the router {settings.router}" if settings.router else f"at {settings.listen or DEFAULT_LISTEN}"
         print_or_log(

@@ -20,7 +20,6 @@ import duckdb
 import pyarrow as pa
 import pyarrow.dataset as ds
 
-from imuscope.server.errors import ExplainedError
 from imuscope.server.extensions.fleet.delta_dataset import check_readable, dataset_of
 from imuscope.server.extensions.fleet.delta_tables import open_table
 from imuscope.server.extensions.fleet.parquet_files import ParquetFiles, allow, files_of, identifier, quoted
@@ -36,8 +35,8 @@ _NAMED = re.compile(r"\bsamples\s*\(\s*'((?:[^']|'')*)'\s*\)", re.IGNORECASE)
 _CATALOG = {"show", "tables", "information_schema", "describe", "columns"}
 
 
-class QueryError(ExplainedError):
-    """A question that cannot be answered: one sentence, and what to do."""
+class QueryError(StoreError):
+    """A question that cannot be answered."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ def main() -> int:
     output = _Output(sys.stdout.buffer)
     try:
         _answer(request, output)
-    except (QueryError, StoreError) as error:
+    except StoreError as error:
         kinds = {QueryError: "bad-query", NotInStoreError: "not-found"}
         return output.fail(kinds.get(type(error), "store"), error.message, error.hint)
     except MemoryError:

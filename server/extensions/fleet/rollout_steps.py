@@ -344,7 +344,7 @@ def _now() -> float:
 
 
 def _sentence(error: DomainError) -> str:
-    return _clipped(f"{error.message} {error.hint}".strip())
+    return _clipped(error.text)
 
 
 def _clipped(text: str) -> str:

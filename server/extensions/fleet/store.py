@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from imuscope.recordings.explained_error import ExplainedError
 from imuscope.server.config import Config
-from imuscope.server.errors import ExplainedError
 from imuscope.server.extensions.fleet.bandwidth_proxy import LimitedLine
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store_settings import STORE_FORMS
@@ -43,7 +43,11 @@ _NOT_IN_A_PATH = re.compile(r"[\[\]^|\\]|%[0-9A-Fa-f]{2}")
 
 
 class StoreError(ExplainedError):
-    """A store that cannot be used: one sentence, and what to do."""
+    """A store that cannot be used: one sentence without a full stop, and what to do."""
+
+    @property
+    def text(self) -> str:
+        return f"{self.message.rstrip('.')}. {self.hint}".strip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,4 +271,4 @@ def check_store(config: Config) -> None:
     try:
         location(config.of(FleetTables).store.url)
     except StoreError as error:
-        raise ValueError(f"{error.message.rstrip('.')}. {error.hint}".strip()) from None
+        raise ValueError(error.text) from None

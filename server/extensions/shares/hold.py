@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
-from imuscope.server.commands.common import UsageError
+from imuscope.server.errors import UsageError
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.extensions.shares.settings import OPTION
 from imuscope.server.extensions.shares.shared_port_link import ROOT, holder_settings

@@ -45,7 +45,8 @@ class ShareSettings(ExtensionSettings):
         Raises:
             UsageError: an address is before all sources.
         """
-        from imuscope.server.commands.common import UsageError, normalized_sources
+        from imuscope.server.commands.common import normalized_sources
+        from imuscope.server.errors import UsageError
 
         by_source: dict[str, list[str]] = {}
         addresses = iter(options.shares or ())

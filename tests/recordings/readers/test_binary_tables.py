@@ -175,7 +175,7 @@ def test_hdf5_is_known_by_its_first_bytes(head: bytes, name: str, tmp_path: Path
     with pytest.raises(RecordingError, match="is a damaged HDF5 file") as refused:
         open_file(path)
     assert "-v7" in refused.value.hint
-    with pytest.raises(ValueError, match="HDF5"):
+    with pytest.raises(RecordingError, match="HDF5"):
         inspect_file(path, io.StringIO())
 
 
