@@ -43,6 +43,7 @@ COMMON = {
         "read_kernel",
         "rate_meter",
         "route_rules",
+        "tasks",
         "terminals",
         "version",
         "wire",

@@ -21,6 +21,7 @@ from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.send_queue import SendQueue
+from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.live")
 router = lazy_router()
@@ -171,6 +172,4 @@ async def live(socket: WebSocket, services: TheServices) -> None:
         queue = sender.queue
         figures = {"sent_bytes": queue.sent_bytes, "dropped": queue.dropped}
         _log(sender, f"has gone; {queue.sent_bytes / 1e6:.1f} MB sent.", logging.INFO, **figures)
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)

@@ -48,6 +48,7 @@ from imuscope.server.errors import UsageError
 from imuscope.server.links import open_link
 from imuscope.server.links.base import Link, LinkError, LinkSettings, steady_clock
 from imuscope.server.printable import json_text
+from imuscope.server.tasks import end_tasks
 
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is detected
 BOOT_S = 0.6  # a simulator, or a device that is reset when its port is opened, cannot receive before
@@ -111,9 +112,7 @@ class LinkChannel:
         await self._link.write(data)
 
     async def reopen(self, baud: int | None) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
         await self._link.reopen(baud)
         self._decoder = self._fresh()
         self.start()

@@ -29,6 +29,7 @@ from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.devices.link_member import link_of
 from imuscope.server.links.base import LinkError
+from imuscope.server.tasks import end_tasks
 from imuscope.server.wire import Level
 
 if TYPE_CHECKING:
@@ -148,9 +149,7 @@ class PutBackTask:
 
     async def close(self) -> None:
         """Stop; stored frames are for the next start."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
 
     async def _work(self) -> None:
         while self._left:  # again, when more was left while the end of the earlier was stored

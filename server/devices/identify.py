@@ -7,6 +7,7 @@ import contextlib
 from collections.abc import Awaitable, Callable
 
 from imuscope.server.links.base import LinkError
+from imuscope.server.tasks import end_tasks
 
 
 class IdentifyRequest:
@@ -42,6 +43,4 @@ class IdentifyRequest:
 
     async def close(self) -> None:
         """Cancel a pending request."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)

@@ -43,6 +43,7 @@ from imuscope.server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
 from imuscope.server.links.base import SESSION, Chunk, Link, LinkError
 from imuscope.server.streaming.sink import TelemetrySink
+from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.session")
 
@@ -164,9 +165,7 @@ class Session:
         self._task = asyncio.get_running_loop().create_task(task, name=f"session {self.info.source}")
 
     async def _stop_reading(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
 
     async def interrupt(self, message: str) -> None:
         """Stop reading and decode the received bytes; the link is opened again next.

@@ -26,6 +26,7 @@ from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.listeners import CallbackList
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.shedding import Shedding
+from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.session")
 
@@ -108,9 +109,7 @@ class Sessions:
 
     async def close(self) -> None:
         """Stop everything and close every link."""
-        if self._ticker is not None:
-            self._ticker.cancel()
-            await asyncio.gather(self._ticker, return_exceptions=True)
+        await end_tasks(self._ticker)
         await asyncio.gather(*(self.remove(device) for device in list(self._sessions)))
         await asyncio.to_thread(self._sequences.save)
 

@@ -26,6 +26,7 @@ from websockets.typing import Subprotocol
 from imuscope.server.auth import refuse
 from imuscope.server.errors import DomainError
 from imuscope.server.integrations.shared_secret import SecretEndpoint
+from imuscope.server.tasks import end_tasks
 
 OPEN_S = 10.0
 STUCK_S = 20.0
@@ -149,9 +150,7 @@ async def _pump(
     try:
         await asyncio.wait((up, down), return_when=asyncio.FIRST_COMPLETED)
     finally:
-        for task in (up, down):
-            task.cancel()
-        await asyncio.gather(up, down, return_exceptions=True)
+        await end_tasks(up, down)
     stuck = not down.cancelled() and isinstance(down.exception(), TimeoutError)
     transport = browser.scope.get("extensions", {}).get("imuscope.transport")
     if stuck and transport is not None:

@@ -15,7 +15,8 @@ Messages on its standard output, besides those of its view:
 
     {"op": "subscribe", "channels": [ids], "past": [ids], "history": s}     past: channels with history
 
-A process that ends before it was stopped has crashed: `on_crash` is called. Restarting it is up to the view.
+A process that ends before it was stopped has crashed: `on_crash` is called. Restarting it is up to the view; one that
+runs as long as the server is a KeptProcess.
 """
 
 from __future__ import annotations
@@ -24,15 +25,18 @@ import asyncio
 import contextlib
 import json
 import logging
+import math
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from imuscope.server import wire
+from imuscope.server.backoff import Backoff
 from imuscope.server.heartbeat import UNWATCHED_S
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.send_queue import SendQueue
+from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
 HEAD = struct.Struct("<IB")
@@ -119,9 +123,7 @@ class ViewerProcess:
             await worker.end()
         me = asyncio.current_task()
         others = [task for task in self._tasks if task is not me]
-        for task in others:
-            task.cancel()
-        await asyncio.gather(*others, return_exceptions=True)
+        await end_tasks(*others)
 
     async def _feed(self, worker: Worker) -> None:
         loop = asyncio.get_running_loop()
@@ -189,3 +191,76 @@ class ViewerProcess:
             if words:
                 self._last_lines.append(words)
                 log.debug("%s: %s", self._module, words)
+
+
+class KeptProcess:
+    """A viewer's process that is started again whenever it has ended, with growing delays.
+
+    Args:
+        begin: called when it runs; sends its first messages.
+        end: called when it has ended.
+        make: the process, given what it is to call after a crash with its last output.
+        backoff: delays before it is started again.
+        steady_s: after running this long, the next end counts as the first.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Callable[[str], None]], ViewerProcess],
+        begin: Callable[[], None],
+        on_crash: Callable[[str], None],
+        backoff: Backoff,
+        *,
+        end: Callable[[], None] = lambda: None,
+        steady_s: float = math.inf,
+    ) -> None:
+        self._make, self._begin, self._on_crash, self._end = make, begin, on_crash, end
+        self._backoff, self._steady_s = backoff, steady_s
+        self._process: ViewerProcess | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._has_ended = asyncio.Event()
+
+    @property
+    def pid(self) -> int | None:
+        """Process ID; None while it is not running."""
+        return None if self._process is None else self._process.pid
+
+    def start(self) -> None:
+        """Start in the background."""
+        self._task = asyncio.create_task(self._keep_running(), name="kept process")
+
+    async def close(self) -> None:
+        """Stop the process, and wait until it has ended."""
+        await end_tasks(self._task)
+
+    def send(self, **words: Any) -> None:
+        """Send a message to the process, if it runs."""
+        if self._process is not None:
+            self._process.send(**words)
+
+    def restart(self) -> None:
+        """End the process that runs, after a failure of its own."""
+        self._has_ended.set()
+
+    def _crashed(self, words: str) -> None:
+        self._on_crash(words)
+        self.restart()
+
+    async def _keep_running(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            began = loop.time()
+            self._has_ended.clear()
+            process = self._process = self._make(self._crashed)
+            try:
+                with contextlib.suppress(OSError):
+                    await process.start()
+                    self._begin()
+                    await self._has_ended.wait()
+            finally:
+                self._process = None
+                await process.stop()
+                self._end()
+            if loop.time() - began > self._steady_s:
+                self._backoff.reset()
+            await asyncio.sleep(self._backoff.next())

@@ -29,6 +29,7 @@ from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.clients import ClientFanout
+from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.library")
 
@@ -183,9 +184,7 @@ class Catalogue:
     async def close(self) -> None:
         """Stop watching the folder."""
         tasks = [*self._refreshing, *([self._watcher] if self._watcher is not None else [])]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
 
     async def _watch(self) -> None:
         while True:

@@ -35,6 +35,7 @@ from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.library.cache_provenance import CHANGED, is_stale
 from imuscope.server.library.decoder_fingerprint import decoding_mark
+from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.columns")
@@ -194,9 +195,7 @@ class ColumnCache:
         if spare is not None:
             await spare.end()
         tasks = [opening.task for opening in self._opening.values() if opening.task is not None]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
 
     def _columns(self, store: Path) -> ColumnStore | None:
         columns = self._open.get(store)

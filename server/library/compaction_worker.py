@@ -16,6 +16,7 @@ from pathlib import Path
 
 from imuscope.recordings import compaction, file_lock
 from imuscope.recordings.mcap_writer import SUFFIX
+from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.packer")
@@ -62,9 +63,7 @@ class CompactionWorker:
         """Stop; the remaining recordings are compacted after the next start."""
         self._closed = True
         self._waiting.clear()
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
 
     async def _work(self) -> None:
         while self._waiting:

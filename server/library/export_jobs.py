@@ -31,6 +31,7 @@ from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.zip_download import one_file
 from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.exports")
@@ -173,8 +174,7 @@ class ExportJobs:
         """Cancel a job, or delete it and its result; KeyError for an unknown job."""
         job = self._jobs[number]
         if job.task is not None and not job.task.done():
-            job.task.cancel()
-            await asyncio.gather(job.task, return_exceptions=True)
+            await end_tasks(job.task)
         self._jobs.pop(number, None)
         await asyncio.to_thread(shutil.rmtree, job.folder, ignore_errors=True)
         self._publish()
@@ -182,9 +182,7 @@ class ExportJobs:
     async def close(self) -> None:
         """Stop all jobs and delete their files."""
         tasks = [job.task for job in self._jobs.values() if job.task is not None]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
         for job in self._jobs.values():
             await asyncio.to_thread(shutil.rmtree, job.folder, ignore_errors=True)
 

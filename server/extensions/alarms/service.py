@@ -33,6 +33,7 @@ from imuscope.server.prometheus_text import PrometheusText
 from imuscope.server.services import Services
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore
+from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.alarms")
 
@@ -116,8 +117,7 @@ class AlarmService:
         if self._task is None:
             return
         async with self._writing:  # a thread that writes goes on when its task is cancelled, and would be the last
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+            await end_tasks(self._task)
         if self._is_dirty:
             await self._try_save()
 

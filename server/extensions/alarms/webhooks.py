@@ -29,6 +29,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.webhook_targets import TargetError, check_host, connect
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.security_headers import WEBHOOK_HEADER
+from imuscope.server.tasks import end_tasks
 from imuscope.server.version import VERSION
 
 log = logging.getLogger("imuscope.alarms")
@@ -219,9 +220,7 @@ class WebhookQueue:
     async def close(self) -> None:
         """Post nothing more."""
         self._waiting.clear()
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
 
 
 class Webhooks:

@@ -25,6 +25,7 @@ from imuscope.server.extensions.analysis.limits import LESS, AnalysisLimits
 from imuscope.server.extensions.analysis.settings import AnalysisSettings
 from imuscope.server.fair_queue import FairQueue, QueueFullError
 from imuscope.server.parts import ServicePart
+from imuscope.server.tasks import end_tasks
 
 if TYPE_CHECKING:
     from imuscope.server.services import Services
@@ -118,9 +119,7 @@ class AnalysisService:
         self._is_viewed = lambda: False
         if self._idle is not None:
             self._idle.cancel()
-        if self._preparing is not None:
-            self._preparing.cancel()
-            await asyncio.gather(self._preparing, return_exceptions=True)
+        await end_tasks(self._preparing)
         await self.forks.close()
 
 

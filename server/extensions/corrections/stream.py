@@ -49,6 +49,7 @@ from imuscope.server.extensions.corrections.ntrip import (
 )
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.source_url import is_host, is_printable
+from imuscope.server.tasks import end_tasks
 from imuscope.server.wire import DeviceInfo
 
 log = logging.getLogger("imuscope.corrections")
@@ -314,8 +315,7 @@ class CorrectionForwarder:
 
     async def close(self) -> None:
         self._unsubscribe()
-        self._task.cancel()
-        await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
         if self._running:
             self._running = False
             self._log.log_end()
@@ -366,8 +366,7 @@ class CorrectionForwarder:
                 for one in self._splitter.feed(data):
                     await self._forward(one.name, bytes.fromhex(one.line))
         finally:
-            reporting.cancel()
-            await asyncio.gather(reporting, return_exceptions=True)
+            await end_tasks(reporting)
 
     async def _forward(self, name: str, message: bytes) -> None:
         """Send one whole message to the device."""

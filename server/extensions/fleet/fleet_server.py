@@ -35,6 +35,7 @@ from imuscope.server.extensions.fleet.rollouts import RolloutFiles, Rollouts
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 from imuscope.server.extensions.fleet.unknown_fields import PARTS
 from imuscope.server.prometheus_text import PrometheusText
+from imuscope.server.tasks import end_tasks
 
 if TYPE_CHECKING:
     import zenoh
@@ -136,9 +137,7 @@ class FleetServer:
         self._closed = True
         await self.rollouts.close()
         self.pages.close()
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
         if self._writing is not None:
             await asyncio.gather(self._writing, return_exceptions=True)
         await self.alarms.close()  # after it: the last state is written last

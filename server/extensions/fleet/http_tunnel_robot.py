@@ -48,6 +48,7 @@ from imuscope.server.extensions.fleet.summaries import PagesAllowed
 from imuscope.server.previous_names import path_of
 from imuscope.server.printable import printable
 from imuscope.server.route_rules import RouteRules
+from imuscope.server.tasks import end_tasks
 
 if TYPE_CHECKING:
     import zenoh
@@ -159,9 +160,7 @@ class PageServer:
     async def close(self) -> None:
         """End all streams, at once."""
         tasks = [stream.task for stream in self._streams.values()]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
 
     def _stop_all(self, server: str = "") -> None:
         for stream in list(self._streams.values()):

@@ -32,6 +32,7 @@ from imuscope.server.extensions.fleet.http_tunnel_server import PageStream
 from imuscope.server.extensions.fleet.robot_routes import TheFleetServer, fleet_server_of
 from imuscope.server.previous_names import path_of
 from imuscope.server.printable import printable
+from imuscope.server.tasks import end_tasks, until_one_ends
 
 router = lazy_router(include_in_schema=False)
 
@@ -129,9 +130,7 @@ async def _head(stream: PageStream, request: Request) -> ResponseHead | Response
             raise _ViewerGoneError
         return waiting.result()
     finally:
-        for task in (waiting, gone):
-            task.cancel()
-        await asyncio.gather(waiting, gone, return_exceptions=True)
+        await end_tasks(waiting, gone)
 
 
 async def _until_gone(request: Request) -> None:
@@ -175,7 +174,6 @@ async def live_of_robot(robot: str, socket: WebSocket, services: TheServices) ->
     except DomainError as error:
         await _close(socket, error)
         return
-    tasks: list[asyncio.Task[None]] = []
     try:
         head = await stream.next()
         if not isinstance(head, ResponseHead):
@@ -185,18 +183,13 @@ async def live_of_robot(robot: str, socket: WebSocket, services: TheServices) ->
             asyncio.create_task(_to_robot(socket, stream), name="browser: to the robot"),
             asyncio.create_task(_from_robot(socket, stream), name="browser: from the robot"),
         ]
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
+        await until_one_ends(tasks)
     except DomainError as error:
         await _close(socket, error)
     except (WebSocketDisconnect, RuntimeError, OSError):
         pass  # the browser has gone
     finally:
         stream.close()
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _close(socket: WebSocket, error: DomainError) -> None:

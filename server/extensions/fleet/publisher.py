@@ -45,6 +45,7 @@ from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummar
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.route_rules import RouteRules
 from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.tasks import end_tasks
 from imuscope.server.version import VERSION
 
 if TYPE_CHECKING:
@@ -194,9 +195,7 @@ class FleetPublisher:
         await self.pages.close()
         if self._unsubscribe is not None:
             self._unsubscribe()
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
         session, self._session = self._session, None
         if session is not None:
             await asyncio.to_thread(_leave, session)

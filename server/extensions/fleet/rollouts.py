@@ -39,6 +39,7 @@ from imuscope.server.extensions.fleet.rollout_models import (
 from imuscope.server.extensions.fleet.rollout_plan import DeviceChange, GroupPlan, plan_of
 from imuscope.server.extensions.fleet.rollout_steps import DeviceRollout, RolloutTiming
 from imuscope.server.extensions.fleet.summaries import RobotSummary
+from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.fleet")
 
@@ -281,9 +282,7 @@ class Rollouts:
     async def close(self) -> None:
         """Cancel running rollouts. Robots complete or roll back their pending change."""
         tasks = [run.task for run in self._runs.values() if run.task is not None]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
 
     # ── the task ─────────────────────────────────────────────────────────────────────────────────────────────────────
 

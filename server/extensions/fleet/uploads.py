@@ -36,6 +36,7 @@ from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.prometheus_text import PrometheusText
 from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
 log = logging.getLogger("imuscope.uploads")
@@ -111,9 +112,7 @@ class UploadService:
 
     async def close(self) -> None:
         """Stop. An upload that runs is ended, and repeated after the next start."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await end_tasks(self._task)
 
     async def uploads(self) -> list[RecordingUpload]:
         """State of each finished recording, in the order of the library."""

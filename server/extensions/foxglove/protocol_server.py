@@ -32,6 +32,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
+from imuscope.server.tasks import end_tasks
+
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 DATA = struct.Struct("<BIQ")
 BACKLOG = 4096  # messages queued for one viewer: two seconds at 2 kHz
@@ -169,8 +171,7 @@ class FoxgloveServer:
                 async for message in socket:
                     self._on_message(viewer, message)
         finally:
-            sending.cancel()
-            await asyncio.gather(sending, return_exceptions=True)
+            await end_tasks(sending)
             with self._lock:
                 del self._viewers[viewer]
                 self._unsubscribe(viewer, list(viewer.channels))

@@ -14,7 +14,6 @@ restarted after a crash with growing delays.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -24,7 +23,7 @@ from imuscope.server.backoff import Backoff
 from imuscope.server.extensions.foxglove.settings import FoxgloveSettings
 from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
-from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
 from imuscope.server.parts import ServicePart
 from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
@@ -48,25 +47,25 @@ class Foxglove:
     """
 
     def __init__(self, telemetry: Telemetry, port: int, access: Access) -> None:
-        self._bus, self._clients = telemetry.bus, telemetry.clients
+        self._bus = telemetry.bus
         self._wanted_port = port
         self._access = access
         self._secret = new_secret()
-        self._task: asyncio.Task[None] | None = None
-        self._process: ViewerProcess | None = None
-        self._has_ended = asyncio.Event()
+        self.process = KeptProcess(
+            lambda crashed: ViewerProcess(telemetry.clients, MODULE, self._on_report, crashed),
+            self._serve,
+            self._crashed,
+            Backoff(AGAIN_S, LONGEST_S),
+            end=self._ended,
+            steady_s=STEADY_S,
+        )
         self._served: asyncio.Future[int] | None = None
-
-    @property
-    def pid(self) -> int | None:
-        """Process ID; None while it is not running."""
-        return None if self._process is None else self._process.pid
 
     def start(self) -> None:
         """Start in the background, if configured."""
         if self._wanted_port != OFF:
             self._served = asyncio.get_running_loop().create_future()
-            self._task = asyncio.create_task(self._keep_running(), name="foxglove")
+            self.process.start()
 
     async def endpoint(self) -> SecretEndpoint:
         """Loopback address of the worker, and its secret.
@@ -86,34 +85,16 @@ class Foxglove:
 
     async def close(self) -> None:
         """Stop the bridge."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await self.process.close()
         if self._served is not None:
             self._served.cancel()
 
-    async def _keep_running(self) -> None:
-        backoff = Backoff(AGAIN_S, LONGEST_S)
-        loop = asyncio.get_running_loop()
-        while True:
-            began = loop.time()
-            self._has_ended.clear()
-            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed)
-            try:
-                with contextlib.suppress(OSError):
-                    await self._process.start()
-                    self._process.send(
-                        op="serve", port=self._wanted_port, secret=self._secret, rules=self._access.rules()
-                    )
-                    await self._has_ended.wait()
-            finally:
-                process, self._process = self._process, None
-                await process.stop()
-            if self._served is None or self._served.done():
-                self._served = loop.create_future()
-            if loop.time() - began > STEADY_S:
-                backoff.reset()
-            await asyncio.sleep(backoff.next())
+    def _serve(self) -> None:
+        self.process.send(op="serve", port=self._wanted_port, secret=self._secret, rules=self._access.rules())
+
+    def _ended(self) -> None:
+        if self._served is None or self._served.done():
+            self._served = asyncio.get_running_loop().create_future()
 
     def _on_report(self, words: Mapping[str, Any]) -> None:
         if words["op"] == "served" and self._served is not None and not self._served.done():
@@ -124,12 +105,11 @@ class Foxglove:
             hint = f"If port {self._wanted_port} is in use, give another: --foxglove PORT, or 0 for any free one."
             text = f"The Foxglove protocol cannot be served: {words['why']}."
             self._bus.event("", "device", "error", text, data={"hint": hint})
-            self._has_ended.set()
+            self.process.restart()
 
     def _crashed(self, words: str) -> None:
         text = "The Foxglove bridge crashed and is restarted."
         self._bus.event("", "device", "warning", text, data={"said": words[-500:]})
-        self._has_ended.set()
 
 
 def parts(services: Services) -> Iterator[ServicePart]:

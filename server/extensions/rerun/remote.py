@@ -13,14 +13,12 @@ matters more. Both are reported as events, once each.
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 from collections.abc import Mapping
 from typing import Any
 
 from imuscope.server import wire
 from imuscope.server.backoff import Backoff
-from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.rerun.worker"
@@ -31,6 +29,9 @@ STUCK_S = 5.0
 class RemoteRerun:
     """A stream to one viewer on another machine. To be used in the server's event loop.
 
+    Attributes:
+        process: to be started and closed.
+
     Args:
         address: in the form of Rerun: rerun+http://HOST:PORT/proxy.
         again_s: first delay before a retry.
@@ -38,43 +39,16 @@ class RemoteRerun:
     """
 
     def __init__(self, telemetry: Telemetry, address: str, again_s: float = AGAIN_S, stuck_s: float = STUCK_S) -> None:
-        self._bus, self._clients = telemetry.bus, telemetry.clients
-        self._requested = {"device": "", "connect": address, "stuck_s": stuck_s}
+        self._bus = telemetry.bus
         self._address = address
         self._backoff = Backoff(again_s, LONGEST_S)
-        self._has_ended = asyncio.Event()
         self._reached: bool | None = None  # as last reported
-        self._process: ViewerProcess | None = None
-        self._task: asyncio.Task[None] | None = None
-
-    @property
-    def pid(self) -> int | None:
-        """Process ID; None while it is not running."""
-        return None if self._process is None else self._process.pid
-
-    def start(self) -> None:
-        """Start in the background."""
-        self._task = asyncio.create_task(self._keep_running(), name="rerun elsewhere")
-
-    async def stop(self) -> None:
-        """Stop the stream, and wait until its process has ended."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-
-    async def _keep_running(self) -> None:
-        while True:
-            self._has_ended.clear()
-            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed)
-            try:
-                with contextlib.suppress(OSError):
-                    await self._process.start()
-                    self._process.send(op="open", **self._requested)
-                    await self._has_ended.wait()
-            finally:
-                process, self._process = self._process, None
-                await process.stop()
-            await asyncio.sleep(self._backoff.next())
+        self.process = KeptProcess(
+            lambda crashed: ViewerProcess(telemetry.clients, MODULE, self._on_report, crashed),
+            lambda: self.process.send(op="open", device="", connect=address, stuck_s=stuck_s),
+            self._crashed,
+            self._backoff,
+        )
 
     def _on_report(self, words: Mapping[str, Any]) -> None:
         if words["op"] == "reached":
@@ -87,7 +61,6 @@ class RemoteRerun:
     def _crashed(self, words: str) -> None:
         text = f"The stream to the Rerun viewer at {self._address} ended unexpectedly and is restarted."
         self._send(False, "warning", text, said=words[-500:])
-        self._has_ended.set()
 
     def _send(self, reached: bool, level: wire.Level, text: str, **more: Any) -> None:
         if reached is not self._reached:

@@ -34,6 +34,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.assets import NAMES, folder_of, viewer_files
 from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
 from imuscope.server.extensions.rerun.service import Rerun, RerunFeed, RerunViewer, recording_stream
+from imuscope.server.tasks import until_one_ends
 
 router = lazy_router()
 
@@ -166,14 +167,7 @@ async def live(socket: WebSocket, services: TheServices, device: str = "") -> No
                 asyncio.create_task(_send(socket, feed, viewer), name="rerun viewer: send"),
                 asyncio.create_task(_receive(socket, viewer), name="rerun viewer: receive"),
             ]
-            try:
-                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-                for task in done:
-                    task.result()
-            finally:
-                for task in tasks:
-                    task.cancel()
-                await asyncio.gather(*tasks, return_exceptions=True)
+            await until_one_ends(tasks)
     except DomainError as error:
         with contextlib.suppress(RuntimeError):
             await socket.close(TRY_LATER, error.message[:120])

@@ -217,7 +217,7 @@ class Rerun:
     async def start(self) -> None:
         """Start the stream to a remote viewer, if configured."""
         if self._remote is not None:
-            self._remote.start()
+            self._remote.process.start()
 
     @contextlib.asynccontextmanager
     async def open_viewer(self, device: str) -> AsyncIterator[tuple[RerunFeed, RerunViewer]]:
@@ -256,7 +256,7 @@ class Rerun:
         """End all streams."""
         stops = [feed.stop() for feed in self.feeds.values()]
         if self._remote is not None:
-            stops.append(self._remote.stop())
+            stops.append(self._remote.process.close())
         self.feeds.clear()
         await asyncio.gather(*stops)
 

@@ -42,6 +42,7 @@ from imuscope.server.links.message_link import MessageLink, SeenTopic, TopicSour
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl, bad
 from imuscope.server.links.text import progress_line
+from imuscope.server.tasks import end_tasks
 
 if TYPE_CHECKING:
     import zenoh
@@ -250,8 +251,7 @@ class Ros2Link(MessageLink):
 
     async def _release(self) -> None:
         if self._watcher is not None:
-            self._watcher.cancel()
-            await asyncio.gather(self._watcher, return_exceptions=True)
+            await end_tasks(self._watcher)
             self._watcher = None
         session, self._session = self._session, None
         if session is not None:

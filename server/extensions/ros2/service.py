@@ -10,8 +10,6 @@ after a crash with growing delays. An absent router is not an error: Zenoh tries
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -25,7 +23,7 @@ from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import TopicSwitches
-from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
 from imuscope.server.parts import ServicePart
 from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
@@ -66,13 +64,18 @@ class Ros2:
     def __init__(
         self, telemetry: Telemetry, config: Config, properties: Callable[[str, str], SensorProperties]
     ) -> None:
-        self._bus, self._clients = telemetry.bus, telemetry.clients
+        self._bus = telemetry.bus
         self._own = config.of(Ros2Settings)
         self._properties = properties
         self._known: dict[str, SensorProperties] = {}
-        self._task: asyncio.Task[None] | None = None
-        self._process: ViewerProcess | None = None
-        self._has_ended = asyncio.Event()
+        self.process = KeptProcess(
+            lambda crashed: ViewerProcess(telemetry.clients, MODULE, self._on_report, crashed, PER_S, draws=False),
+            self._serve,
+            self._crashed,
+            Backoff(AGAIN_S, LONGEST_S),
+            end=self._ended,
+            steady_s=STEADY_S,
+        )
         self._unsubscribe: list[Callable[[], None]] = []
         self._switches = TopicSwitches(config.data)
         self.state = Ros2State()
@@ -81,16 +84,11 @@ class Ros2:
     def is_enabled(self) -> bool:
         return self._own.ros2
 
-    @property
-    def pid(self) -> int | None:
-        """Process ID; None while it is not running."""
-        return None if self._process is None else self._process.pid
-
     def start(self) -> None:
         """Start in the background, if configured."""
         if self.is_enabled:
             self._unsubscribe = [self._bus.devices.subscribe(self._on_device)]
-            self._task = asyncio.create_task(self._keep_running(), name="ros2")
+            self.process.start()
 
     def switch(self, topic: str, *, enabled: bool) -> None:
         """Publish a topic, or no longer; also after the next start.
@@ -112,39 +110,22 @@ class Ros2:
         self._switches.set(topic, enabled=enabled)
         entry["enabled"] = enabled
         self.state.topics = rows
-        if self._process is not None:
-            self._process.send(op="switch", topic=topic, enabled=enabled)
+        self.process.send(op="switch", topic=topic, enabled=enabled)
 
     async def close(self) -> None:
         """Stop publishing."""
         for unsubscribe in self._unsubscribe:
             unsubscribe()
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        await self.process.close()
 
-    async def _keep_running(self) -> None:
-        backoff = Backoff(AGAIN_S, LONGEST_S)
-        loop = asyncio.get_running_loop()
-        while True:
-            began = loop.time()
-            self._has_ended.clear()
-            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed, PER_S, draws=False)
-            try:
-                with contextlib.suppress(OSError):
-                    await self._process.start()
-                    self._known.clear()
-                    for info in self._bus.devices.latest.values():
-                        self._on_device(info)
-                    self._process.send(op="serve", **self._settings())
-                    await self._has_ended.wait()
-            finally:
-                process, self._process = self._process, None
-                await process.stop()
-                self.state.routers, self.state.topics, self.state.peers = (), (), 0
-            if loop.time() - began > STEADY_S:
-                backoff.reset()
-            await asyncio.sleep(backoff.next())
+    def _serve(self) -> None:
+        self._known.clear()
+        for info in self._bus.devices.latest.values():
+            self._on_device(info)
+        self.process.send(op="serve", **self._settings())
+
+    def _ended(self) -> None:
+        self.state.routers, self.state.topics, self.state.peers = (), (), 0
 
     def _settings(self) -> dict[str, Any]:
         own = self._own
@@ -164,9 +145,9 @@ class Ros2:
     def _on_device(self, info: wire.DeviceInfo) -> None:
         """Send the sensors of a device to the worker, once and when it is identified."""
         properties = self._properties(info.protocol, info.product)
-        if self._process is not None and self._known.get(info.id) != properties:
+        if self.process.pid is not None and self._known.get(info.id) != properties:
             self._known[info.id] = properties
-            self._process.send(op="sensors", device=info.id, noise=asdict(properties))
+            self.process.send(op="sensors", device=info.id, noise=asdict(properties))
 
     def _on_report(self, words: Mapping[str, Any]) -> None:
         if words["op"] == "state":
@@ -176,10 +157,10 @@ class Ros2:
         elif words["op"] == "router":
             self._on_router(str(words["state"]))
         elif words["op"] == "reopen":
-            self._has_ended.set()
+            self.process.restart()
         elif words["op"] == "failed":
             self._problem(str(words["why"]), "Give another address with --ros2-router tcp/HOST:PORT.", "error")
-            self._has_ended.set()
+            self.process.restart()
 
     def _on_router(self, state: str) -> None:
         address = self._own.ros2_router
@@ -205,7 +186,6 @@ class Ros2:
 
     def _crashed(self, words: str) -> None:
         self._event("warning", "The ROS 2 publisher crashed and is restarted.", {"said": words[-500:]})
-        self._has_ended.set()
 
     def _problem(self, text: str, hint: str, level: wire.Level = "warning") -> None:
         self.state.problem, self.state.hint = text, hint

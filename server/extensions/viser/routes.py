@@ -30,6 +30,7 @@ from imuscope.server.extensions.viser.service import Viser
 from imuscope.server.http_server import MAX_FROM_VIEWER
 from imuscope.server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
 from imuscope.server.integrations.viewer_process import PER_S
+from imuscope.server.tasks import end_tasks
 
 router = lazy_router()
 
@@ -120,9 +121,7 @@ async def recorded_scene(socket: WebSocket, recording: str, services: TheService
     except (WebSocketDisconnect, RuntimeError, OSError):
         pass
     finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
         await viser.end(key)
 
 

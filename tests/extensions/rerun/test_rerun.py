@@ -352,7 +352,7 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
         channel = telemetry.bus.advertise(
             wire.ChannelInfo(0, "1", "M", "a", "Acceleration", "vector", "m/s²", "", columns)
         )
-        elsewhere = rerun_remote.RemoteRerun(telemetry, address, again_s=0.1, stuck_s=1.0)
+        elsewhere = rerun_remote.RemoteRerun(telemetry, address, again_s=0.1, stuck_s=1.0).process
         elsewhere.start()
         highest, pids = 0, set[int]()
         try:
@@ -366,7 +366,7 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
                         pids.add(elsewhere.pid)
                         highest = max(highest, resident_mb(elsewhere.pid))
         finally:
-            await elsewhere.stop()
+            await elsewhere.close()
         assert 0 < highest < 400, f"{highest} MB"
         texts = [event.text for event in telemetry.log if address in event.text]
         assert len(texts) == 1
