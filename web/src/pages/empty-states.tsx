@@ -1,7 +1,8 @@
 /** Placeholder for the plots while there is nothing to plot: the cause, the facts, and one main action. */
-import type { ComponentChildren } from "preact";
 import { Slot } from "../extension";
 import { api } from "../ui/http";
+import { Band } from "../ui/band";
+import { Card, Hint } from "../ui/card";
 import { age } from "../ui/format";
 import { Message } from "../ui/message";
 import { shortSource } from "../ui/page-state";
@@ -26,13 +27,12 @@ interface DeviceProps extends Props {
 export function Starting({ app }: Props) {
   const refused = app.refusal.value;
   return (
-    <Card title={refused ? TEXT.accessRefused : TEXT.connectingToImuscope} dot={refused ? "bad" : "off"}>
-      <p>{refused ? <Message text={refused.message} /> : TEXT.connectingToServer}</p>
-      {refused && (
-        <p class="hint">
-          <Message text={refused.hint || TEXT.openPrintedAddress} />
-        </p>
-      )}
+    <Card
+      title={refused ? TEXT.accessRefused : TEXT.connectingToImuscope}
+      dot={refused ? "bad" : "off"}
+      message={refused ? refused.message : TEXT.connectingToServer}
+      hint={refused && (refused.hint || TEXT.openPrintedAddress)}
+    >
       <div class="row">
         <button type="button" class="btn main" onClick={() => location.reload()}>
           {TEXT.reload}
@@ -46,9 +46,12 @@ export function Empty({ app }: Props) {
   const { ports, scanning } = app;
   const simulated = capabilities.value.protocols.find(({ simulator }) => simulator);
   return (
-    <Card title={TEXT.noDeviceYet}>
-      <p>{TEXT.plugInSensor}</p>
-      {ports.value.length > 0 ? (
+    <Card
+      title={TEXT.noDeviceYet}
+      message={TEXT.plugInSensor}
+      hint={ports.value.length > 0 ? undefined : TEXT.noSerialPort}
+    >
+      {ports.value.length > 0 && (
         <ol class="attempts">
           {ports.value.map((port) => (
             <li key={port.device}>
@@ -59,8 +62,6 @@ export function Empty({ app }: Props) {
             </li>
           ))}
         </ol>
-      ) : (
-        <p class="hint">{TEXT.noSerialPort}</p>
       )}
       <div class="row">
         <button type="button" class="btn main" disabled={scanning.value} onClick={() => void scanPorts(app)}>
@@ -81,16 +82,13 @@ export function Empty({ app }: Props) {
 
 export function Connecting({ app, device }: DeviceProps) {
   return (
-    <Card title={TEXT.connectingTo(shortSource(device.source))} dot="off">
-      <p>
-        <Message text={device.message || TEXT.attemptsFollow} />
-      </p>
+    <Card
+      title={TEXT.connectingTo(shortSource(device.source))}
+      dot="off"
+      message={device.message || TEXT.attemptsFollow}
+    >
       <Attempts device={device} />
-      {device.hint !== "" && (
-        <p class="hint">
-          <Message text={device.hint} />
-        </p>
-      )}
+      {device.hint !== "" && <Hint text={device.hint} />}
       <p class="dim">
         <NextTry app={app} device={device} />
       </p>
@@ -101,13 +99,12 @@ export function Connecting({ app, device }: DeviceProps) {
 
 export function Denied({ app, device }: DeviceProps) {
   return (
-    <Card title={TEXT.noPermissionFor(shortSource(device.source))} dot="bad">
-      <p>
-        <Message text={device.message || TEXT.portPermissionDenied} />
-      </p>
-      <p class="hint">
-        <Message text={device.hint || TEXT.grantPortAccess} />
-      </p>
+    <Card
+      title={TEXT.noPermissionFor(shortSource(device.source))}
+      dot="bad"
+      message={device.message || TEXT.portPermissionDenied}
+      hint={device.hint || TEXT.grantPortAccess}
+    >
       <Attempts device={device} />
       <Choices app={app} device={device} />
     </Card>
@@ -120,11 +117,7 @@ export function Unreached({ app, device }: DeviceProps) {
       <p>
         <Message text={device.message} /> <NextTry app={app} device={device} />
       </p>
-      {device.hint !== "" && (
-        <p class="hint">
-          <Message text={device.hint} />
-        </p>
-      )}
+      {device.hint !== "" && <Hint text={device.hint} />}
       <Attempts device={device} />
       <Choices app={app} device={device} />
     </Card>
@@ -133,11 +126,7 @@ export function Unreached({ app, device }: DeviceProps) {
 
 /** Samples come to the server, and are on their way to the page. */
 export function Loading({ device }: { readonly device: DeviceInfo }) {
-  return (
-    <Card title={TEXT.isLoading(fullName(device))} dot="off">
-      <p>{TEXT.samplesOnTheirWay}</p>
-    </Card>
-  );
+  return <Card title={TEXT.isLoading(fullName(device))} dot="off" message={TEXT.samplesOnTheirWay} />;
 }
 
 /** A link named a device that is not connected: another one is shown, and this says so. */
@@ -147,26 +136,23 @@ export function LinkedBand({ app }: Props) {
   if (name === undefined || store.devices.value.length === 0) return null;
   if (deviceInLink(name, store.devices.value) !== undefined) return null;
   return (
-    <div class="band calm" role="status" data-key="linked">
-      <span class="dot warn" />
-      <b>{TEXT.notConnectedHere}</b>
+    <Band tone="calm" dot="warn" title={TEXT.notConnectedHere} data-key="linked">
       <span class="grow">{TEXT.linkNames(name)}</span>
       <button type="button" class="btn small" onClick={() => (linked.value = undefined)}>
         {TEXT.dismiss}
       </button>
-    </div>
+    </Band>
   );
 }
 
 export function Silent({ app, device }: DeviceProps) {
   return (
-    <Card title={TEXT.isSilent(fullName(device))} dot="off">
-      <p>
-        <Message text={device.message || TEXT.linkUpNoSample} />
-      </p>
-      <p class="hint">
-        <Message text={device.hint || TEXT.silentHint} />
-      </p>
+    <Card
+      title={TEXT.isSilent(fullName(device))}
+      dot="off"
+      message={device.message || TEXT.linkUpNoSample}
+      hint={device.hint || TEXT.silentHint}
+    >
       <Attempts device={device} />
       <Choices app={app} device={device} />
     </Card>
@@ -209,26 +195,6 @@ function Attempts({ device }: { readonly device: DeviceInfo }) {
   );
 }
 
-interface CardProps {
-  readonly title: string;
-  readonly dot?: "off" | "bad";
-  readonly children: ComponentChildren;
-}
-
-function Card({ title, dot, children }: CardProps) {
-  return (
-    <div class="veil">
-      <section class="card">
-        <h2>
-          {dot && <span class={`dot ${dot}`} />}
-          {title}
-        </h2>
-        {children}
-      </section>
-    </div>
-  );
-}
-
 function NextTry({ app, device }: DeviceProps) {
   void app.tick.value;
   if (device.next_attempt === null) return null;
@@ -246,18 +212,21 @@ export function HeldBand({ app, device }: DeviceProps) {
   const title = { lost: COMMON.status.lost, ended: TEXT.hasEnded, idle: TEXT.isIdle }[
     state as "lost" | "ended" | "idle"
   ];
+  const words = (
+    <>
+      <Message text={device.message} />
+      {last !== null && TEXT.lastSampleAgo(old.value, old.unit)} <NextTry app={app} device={device} />{" "}
+      <Message text={device.hint} />
+    </>
+  );
   return (
-    <div class={`band ${calm ? "calm" : ""}`} role="status">
-      <span class={`dot ${calm ? "off" : "bad"}`} />
-      <b>
-        {fullName(device)} {title}
-      </b>
-      <span class="mid">
-        <Message text={device.message} />
-        {last !== null && TEXT.lastSampleAgo(old.value, old.unit)} <NextTry app={app} device={device} />{" "}
-        <Message text={device.hint} />
-      </span>
-      <span class="grow" />
+    <Band
+      tone={calm ? "calm" : undefined}
+      role="status"
+      dot={calm ? "off" : "bad"}
+      title={`${fullName(device)} ${title}`}
+      words={words}
+    >
       {!device.resume ? (
         <button type="button" class="btn edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
           {state === "ended" ? TEXT.playAgain : TEXT.tryNow}
@@ -265,7 +234,7 @@ export function HeldBand({ app, device }: DeviceProps) {
       ) : (
         <ResumeButton app={app} device={device} />
       )}
-    </div>
+    </Band>
   );
 }
 
@@ -286,24 +255,17 @@ export function OfflineBand({ app }: Props) {
   const refused = app.refusal.value;
   const since = app.store.silentSince.value;
   const silent = age(since === undefined ? undefined : app.store.serverNow() - since);
+  const words = since === undefined ? TEXT.serverStopped : TEXT.silentFor(silent.value, silent.unit);
   return (
-    <div class="band" role="alert">
-      <span class="dot bad" />
-      <b>{refused ? TEXT.accessRefused : since === undefined ? TEXT.noConnection : TEXT.noDataFromServer}</b>
-      <span class="mid">
-        {refused ? (
-          <Message text={`${refused.message} ${refused.hint}`} />
-        ) : since === undefined ? (
-          TEXT.serverStopped
-        ) : (
-          TEXT.silentFor(silent.value, silent.unit)
-        )}
-      </span>
-      <span class="grow" />
+    <Band
+      dot="bad"
+      title={refused ? TEXT.accessRefused : since === undefined ? TEXT.noConnection : TEXT.noDataFromServer}
+      words={<Message text={refused ? `${refused.message} ${refused.hint}` : words} />}
+    >
       <button type="button" class="btn edge" onClick={() => app.store.retry()}>
         {TEXT.tryNow}
       </button>
-    </div>
+    </Band>
   );
 }
 
@@ -327,18 +289,10 @@ function FailedBand({ app: { problem } }: Props) {
   const shown = problem.value;
   if (!shown) return null;
   return (
-    <div class="band" role="alert">
-      <span class="dot bad" />
-      <b>
-        <Message text={shown.message} />
-      </b>
-      <span class="mid">
-        <Message text={shown.hint} />
-      </span>
-      <span class="grow" />
+    <Band dot="bad" title={<Message text={shown.message} />} words={<Message text={shown.hint} />}>
       <button type="button" class="btn edge" onClick={() => (problem.value = undefined)}>
         {COMMON.close}
       </button>
-    </div>
+    </Band>
   );
 }

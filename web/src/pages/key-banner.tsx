@@ -1,6 +1,7 @@
 /** Bands for refused or unverified data and the remedy, never over the data. */
 import { keyWanted, keyWrong, trustOf } from "../panels/authenticity";
 import { api } from "../ui/http";
+import { Band } from "../ui/band";
 import { Message } from "../ui/message";
 import { type App, askKey, linkOf, run } from "./app-state";
 import { TEXT } from "../texts/live";
@@ -13,15 +14,18 @@ export function RearmBand({ app }: { readonly app: App }) {
   return (
     <>
       {link.rearm.map((sender) => (
-        <div class="band warning" role="status" data-rearm={sender} key={sender}>
-          <span class="dot warn" />
-          <b>{TEXT.sequenceRestarted(sender)}</b>
-          <span class="mid">{TEXT.oldSequenceNumbers(sender)}</span>
-          <span class="grow" />
+        <Band
+          key={sender}
+          tone="warning"
+          dot="warn"
+          title={TEXT.sequenceRestarted(sender)}
+          words={TEXT.oldSequenceNumbers(sender)}
+          data-rearm={sender}
+        >
           <button type="button" class="btn edge" onClick={() => void run(app, api.rearmDevice(link.id, sender))}>
             {TEXT.rearm(sender)}
           </button>
-        </div>
+        </Band>
       ))}
     </>
   );
@@ -35,18 +39,18 @@ export function KeyBand({ app }: { readonly app: App }) {
   const unverified = trustOf(device, health)?.state === "unverified" && device.protocol !== "";
   const refused = keyWanted(health) || keyWrong(health);
   if (!unverified && refused === "") return null;
+  const words = (
+    <>
+      {unverified ? TEXT.unverifiedData : <Message text={`${refused} `} />}
+      {TEXT.enterKeyHere} <code>{TEXT.keyOption}</code>.
+    </>
+  );
+  const title = unverified ? TEXT.shownUnverified : TEXT.keyNeeded;
   return (
-    <div class="band warning" role="status" data-key="wanted">
-      <span class="dot warn" />
-      <b>{unverified ? TEXT.shownUnverified : TEXT.keyNeeded}</b>
-      <span class="mid">
-        {unverified ? TEXT.unverifiedData : <Message text={`${refused} `} />}
-        {TEXT.enterKeyHere} <code>{TEXT.keyOption}</code>.
-      </span>
-      <span class="grow" />
+    <Band tone="warning" dot="warn" title={title} words={words} data-key="wanted">
       <button type="button" class="btn edge" onClick={() => askKey(app, device)}>
         {TEXT.enterKey}
       </button>
-    </div>
+    </Band>
   );
 }

@@ -5,6 +5,8 @@ import type { App } from "../app-state";
 import { ResumeButton } from "../empty-states";
 import type { Model } from "./model";
 import { linkTo, pauseOf, readAll, unfinishedOf } from "./view-state";
+import { Band } from "../../ui/band";
+import { Card } from "../../ui/card";
 import { clock } from "../../ui/format";
 import { request } from "../../ui/http";
 import { Message } from "../../ui/message";
@@ -27,30 +29,23 @@ export function NotRead({ model }: { readonly model: Model }) {
   const last = model.jobs.value?.done[0];
   const users = useOtherPrograms(model);
   const failed = model.lastRead.value === undefined ? undefined : jobOf(model, model.lastRead.value);
+  const use = users.length > 0 ? TEXT.alsoUsedBy(users.join(", ")) : "";
   return (
-    <div class="veil">
-      <div class="card">
-        <h2>
-          <span class="dot off" />
-          {TEXT.notReadYet}
-        </h2>
-        <p>{TEXT.settingsUnknown(device?.name ?? COMMON.theDevice)}</p>
-        {(users.length > 0 || pauseOf(model) !== "") && (
-          <p class="hint">
-            {users.length > 0 && `${TEXT.alsoUsedBy(users.join(", "))} `}
-            {pauseOf(model)}
-          </p>
-        )}
-        {failed && isOver(failed) && failed.state !== "done" && last?.id === failed.id && (
-          <JobLine model={model} id={failed.id} />
-        )}
-        <div class="row">
-          <button type="button" class="btn main" disabled={model.page.viewOnly.value} onClick={() => readAll(model)}>
-            {TEXT.readSettings}
-          </button>
-        </div>
+    <Card
+      title={TEXT.notReadYet}
+      dot="off"
+      message={TEXT.settingsUnknown(device?.name ?? COMMON.theDevice)}
+      hint={`${use} ${pauseOf(model)}`.trim()}
+    >
+      {failed && isOver(failed) && failed.state !== "done" && last?.id === failed.id && (
+        <JobLine model={model} id={failed.id} />
+      )}
+      <div class="row">
+        <button type="button" class="btn main" disabled={model.page.viewOnly.value} onClick={() => readAll(model)}>
+          {TEXT.readSettings}
+        </button>
       </div>
-    </div>
+    </Card>
   );
 }
 
@@ -58,18 +53,11 @@ export function ReadingNote({ model }: { readonly model: Model }) {
   const job = model.jobs.value?.running;
   if (!job) return null;
   return (
-    <div class="veil">
-      <div class="card" role="status">
-        <h2>
-          <span class="dot live" />
-          {job.title}
-        </h2>
-        <p>{job.step || TEXT.readingSettings}</p>
-        <div class="row">
-          <StopJob model={model} job={job} />
-        </div>
+    <Card title={job.title} dot="live" message={job.step || TEXT.readingSettings} role="status">
+      <div class="row">
+        <StopJob model={model} job={job} />
       </div>
-    </div>
+    </Card>
   );
 }
 
@@ -77,45 +65,28 @@ export function ReadingNote({ model }: { readonly model: Model }) {
 export function NoForms({ model }: { readonly model: Model }) {
   const device = model.device.value;
   const problem = model.problem.value;
+  const [title, message] = problem
+    ? [TEXT.noSettingsToShow, problem.message]
+    : device?.protocol
+      ? [TEXT.loadingForms, TEXT.formsLoading]
+      : [TEXT.protocolUnknown, TEXT.waitingForProtocol];
   return (
-    <div class="veil">
-      <div class="card">
-        <h2>
-          <span class={`dot ${problem ? "bad" : "off"}`} />
-          {problem ? TEXT.noSettingsToShow : device?.protocol ? TEXT.loadingForms : TEXT.protocolUnknown}
-        </h2>
-        <p>
-          {problem ? (
-            <Message text={problem.message} />
-          ) : device?.protocol ? (
-            TEXT.formsLoading
-          ) : (
-            TEXT.waitingForProtocol
-          )}
-        </p>
-        {(problem?.hint || device?.message) && (
-          <p class="hint">
-            <Message text={problem?.hint || device?.message || ""} />
-          </p>
-        )}
-        <div class="row">
-          <button type="button" class="btn main" onClick={() => void model.load()}>
-            {TEXT.tryAgain}
-          </button>
-        </div>
+    <Card title={title} dot={problem ? "bad" : "off"} message={message} hint={problem?.hint || device?.message}>
+      <div class="row">
+        <button type="button" class="btn main" onClick={() => void model.load()}>
+          {TEXT.tryAgain}
+        </button>
       </div>
-    </div>
+    </Card>
   );
 }
 
 export function ViewOnlyBand({ model }: { readonly model: Model }) {
   if (!model.page.viewOnly.value) return null;
   return (
-    <div class="band calm" role="status">
-      <span class="dot off" />
-      <b>{TEXT.viewOnly}</b>
+    <Band tone="calm" dot="off" title={TEXT.viewOnly}>
       <span class="grow">{TEXT.viewTokenHint}</span>
-    </div>
+    </Band>
   );
 }
 
@@ -125,27 +96,21 @@ export function LostBand({ app, model }: { readonly app: App; readonly model: Mo
   if (device.status === "idle") {
     if (device.message === "") return null;
     return (
-      <div class="band calm" role="status" data-key="quiet">
-        <span class="dot off" />
-        <b>{COMMON.idle}</b>
+      <Band tone="calm" dot="off" title={COMMON.idle} data-key="quiet">
         <span class="grow">
           <Message text={device.message} /> <Message text={device.hint} />
         </span>
         {device.resume && !model.page.viewOnly.value && <ResumeButton app={app} device={device} />}
-      </div>
+      </Band>
     );
   }
   if (model.jobs.value?.pending_rollback?.state === "unreachable") return null; // the deck says more
+  const isConnecting = device.status === "connecting";
+  const title = { lost: COMMON.lost, denied: COMMON.notPermitted, ended: COMMON.ended, connecting: COMMON.connecting }[
+    device.status
+  ];
   return (
-    <div class={`band ${device.status === "connecting" ? "calm" : ""}`} role="status">
-      <span class={`dot ${device.status === "connecting" ? "off" : "bad"}`} />
-      <b>
-        {
-          { lost: COMMON.lost, denied: COMMON.notPermitted, ended: COMMON.ended, connecting: COMMON.connecting }[
-            device.status
-          ]
-        }
-      </b>
+    <Band tone={isConnecting ? "calm" : undefined} role="status" dot={isConnecting ? "off" : "bad"} title={title}>
       <span class="grow">
         <Message text={device.message} /> <Message text={device.hint} /> {TEXT.lastReadValues}
       </span>
@@ -154,7 +119,7 @@ export function LostBand({ app, model }: { readonly app: App; readonly model: Mo
           {TEXT.restoreCommunication}
         </a>
       )}
-    </div>
+    </Band>
   );
 }
 
@@ -182,21 +147,17 @@ export function SensorBand({ model }: { readonly model: Model }) {
   const aside = model.putAside.value;
   if (aside !== undefined) {
     return (
-      <div class="band calm" role="status" data-key="another-sensor">
-        <span class="dot warn" />
-        <b>{TEXT.anotherSensor}</b>
+      <Band tone="calm" dot="warn" title={TEXT.anotherSensor} data-key="another-sensor">
         <span class="grow">{TEXT.putAside(aside.of, model.fullName, aside.count)}</span>
         <button type="button" class="btn small" onClick={() => (model.putAside.value = undefined)}>
           {TEXT.dismiss}
         </button>
-      </div>
+      </Band>
     );
   }
   if (!device || device.unconfirmed_since === null) return null;
   return (
-    <div class="band calm" role="status" data-key="unconfirmed">
-      <span class="dot warn" />
-      <b>{TEXT.notConfirmed}</b>
+    <Band tone="calm" dot="warn" title={TEXT.notConfirmed} data-key="unconfirmed">
       <span class="grow">{TEXT.mayBeAnother(device.serial_number, clock(device.unconfirmed_since))}</span>
       <button
         type="button"
@@ -206,7 +167,7 @@ export function SensorBand({ model }: { readonly model: Model }) {
       >
         {TEXT.readSettings}
       </button>
-    </div>
+    </Band>
   );
 }
 
@@ -216,9 +177,7 @@ export function ElsewhereBand({ model }: { readonly model: Model }) {
   const forms = model.forms.value;
   if (found.length === 0 || !forms) return null;
   return (
-    <div class="band calm" role="status">
-      <span class="dot warn" />
-      <b>{TEXT.changedElsewhere}</b>
+    <Band tone="calm" dot="warn" title={TEXT.changedElsewhere}>
       <div class="grow">
         <ul>
           {found.map((one) => (
@@ -233,7 +192,7 @@ export function ElsewhereBand({ model }: { readonly model: Model }) {
       <button type="button" class="btn small" onClick={() => (model.elsewhere.value = [])}>
         {TEXT.dismiss}
       </button>
-    </div>
+    </Band>
   );
 }
 
@@ -242,11 +201,9 @@ export function UnfinishedBand({ model }: { readonly model: Model }) {
   const [words] = unfinishedOf(model);
   if (words === undefined) return null;
   return (
-    <div class="band calm" role="status" data-key="unfinished">
-      <span class="dot off" />
-      <b>{TEXT.notFinished}</b>
+    <Band tone="calm" dot="off" title={TEXT.notFinished} data-key="unfinished">
       <span class="grow">{words}</span>
-    </div>
+    </Band>
   );
 }
 
@@ -254,17 +211,13 @@ export function ProblemLine({ model }: { readonly model: Model }) {
   const problem = model.problem.value;
   if (!problem || problem.kind === "view-only") return null;
   return (
-    <div class="band" role="alert">
-      <span class="dot bad" />
-      <b>
-        <Message text={problem.message} />
-      </b>
+    <Band dot="bad" title={<Message text={problem.message} />}>
       <span class="grow">
         <Message text={problem.hint} />
       </span>
       <button type="button" class="btn small" onClick={() => (model.problem.value = undefined)}>
         {TEXT.dismiss}
       </button>
-    </div>
+    </Band>
   );
 }

@@ -18,6 +18,7 @@ import type { RecordingInfo } from "../../recordings/types";
 import { number } from "../../ui/format";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
+import { Hint } from "../../ui/card";
 import { Message } from "../../ui/message";
 import type { App } from "../app-state";
 import { Slot } from "../../extension";
@@ -60,11 +61,7 @@ export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; 
         )}
         {info.deleted === null ? <Actions info={info} app={app} /> : <Deleted info={info} app={app} />}
         <Facts info={info} />
-        {info.remark !== "" && (
-          <p class="hint">
-            <Message text={info.remark} />
-          </p>
-        )}
+        {info.remark !== "" && <Hint text={info.remark} />}
         <Slot name="recordingDetails" with={{ app, info }} />
         {info.deleted === null && <Words library={library} info={info} />}
         <Jobs app={app} recording={info.id} />

@@ -13,6 +13,7 @@ import {
   recordingTitle,
 } from "../../recordings/library-filter";
 import type { RecordingInfo } from "../../recordings/types";
+import { Card } from "../../ui/card";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
@@ -258,12 +259,10 @@ function Gone({ library }: { readonly library: Library }) {
 function List({ app }: { readonly app: App }) {
   const { all, shown, trouble } = libraryOf(app);
   if (trouble.value && all.value === undefined)
-    return <Nothing title={TEXT.theListCouldNotBeLoaded} words={`${trouble.value.message} ${trouble.value.hint}`} />;
+    return <Card title={TEXT.theListCouldNotBeLoaded} message={`${trouble.value.message} ${trouble.value.hint}`} />;
   if (all.value === undefined) return <div class="recording-list" aria-busy="true" />;
-  if (all.value.length === 0) {
-    return <Nothing title={TEXT.noRecordingYet} words={TEXT.noRecordingHint} />;
-  }
-  if (shown.value.length === 0) return <Nothing title={TEXT.noMatches} words={TEXT.noMatchesHint} />;
+  if (all.value.length === 0) return <Card title={TEXT.noRecordingYet} message={TEXT.noRecordingHint} />;
+  if (shown.value.length === 0) return <Card title={TEXT.noMatches} message={TEXT.noMatchesHint} />;
   return (
     <div class="recording-list" tabIndex={0} role="region" aria-label={COMMON.recordings}>
       <table>
@@ -294,19 +293,6 @@ function List({ app }: { readonly app: App }) {
           ))}
         </tbody>
       </table>
-    </div>
-  );
-}
-
-function Nothing({ title, words }: { readonly title: string; readonly words: string }) {
-  return (
-    <div class="veil">
-      <section class="card">
-        <h2>{title}</h2>
-        <p>
-          <Message text={words} />
-        </p>
-      </section>
     </div>
   );
 }

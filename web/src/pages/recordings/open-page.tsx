@@ -8,8 +8,8 @@ import { ReplayController } from "../../recordings/replay-controller";
 import type { VisibleRange } from "../../recordings/visible-range";
 import { isOpening } from "../../recordings/api";
 import type { OpeningState, RecordingDetail } from "../../recordings/types";
+import { Card } from "../../ui/card";
 import type { HttpProblem } from "../../ui/http";
-import { Message } from "../../ui/message";
 import type { App } from "../app-state";
 import { TopBar } from "../top-bar";
 import { href, route } from "../route";
@@ -97,42 +97,28 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
 function Opening({ id, state }: { readonly id: string; readonly state: OpeningState | undefined }) {
   const share = state?.progress ?? 0;
   return (
-    <div class="veil">
-      <section class="card opening">
-        <h2 class="ellipsis">{TEXT.openingId(id)}</h2>
-        <p>{state?.message ?? TEXT.checkingCache}</p>
-        <progress value={share} max={1} aria-label={TEXT.openedShare(Math.round(100 * share))} />
-        <p class="num">
-          {Math.round(100 * share)}
-          <span class="unit">%</span>
-        </p>
-      </section>
-    </div>
+    <Card
+      class="opening"
+      title={<span class="ellipsis">{TEXT.openingId(id)}</span>}
+      message={state?.message ?? TEXT.checkingCache}
+    >
+      <progress value={share} max={1} aria-label={TEXT.openedShare(Math.round(100 * share))} />
+      <p class="num">
+        {Math.round(100 * share)}
+        <span class="unit">%</span>
+      </p>
+    </Card>
   );
 }
 
 function Failed({ problem }: { readonly problem: HttpProblem }) {
   return (
-    <div class="veil">
-      <section class="card">
-        <h2>
-          <span class="dot bad" />
-          {TEXT.cannotBeOpened}
-        </h2>
-        <p>
-          <Message text={problem.message} />
-        </p>
-        {problem.hint !== "" && (
-          <p class="hint">
-            <Message text={problem.hint} />
-          </p>
-        )}
-        <div class="row">
-          <a class="btn main" href={href("recordings")}>
-            {TEXT.toLibrary}
-          </a>
-        </div>
-      </section>
-    </div>
+    <Card title={TEXT.cannotBeOpened} dot="bad" message={problem.message} hint={problem.hint}>
+      <div class="row">
+        <a class="btn main" href={href("recordings")}>
+          {TEXT.toLibrary}
+        </a>
+      </div>
+    </Card>
   );
 }

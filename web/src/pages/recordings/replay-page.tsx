@@ -9,6 +9,7 @@ import { readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, recordingTitle } from "../../recordings/library-filter";
 import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
+import { Band } from "../../ui/band";
 import type { Panel } from "../../ui/dom";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
@@ -193,25 +194,9 @@ function Trouble({ replay }: { readonly replay: ReplayController }) {
           <span class="mid">{TEXT.firstDecode}</span>
         </div>
       )}
-      {problem && (
-        <div class="band" role="alert">
-          <span class="dot bad" />
-          <b>
-            <Message text={problem.message} />
-          </b>
-          <span class="mid">
-            <Message text={problem.hint} />
-          </span>
-        </div>
-      )}
+      {problem && <Band dot="bad" title={<Message text={problem.message} />} words={<Message text={problem.hint} />} />}
       {damaged !== "" && (
-        <div class="band warning" role="status">
-          <span class="dot warn" />
-          <b>{TEXT.damagedFilter}</b>
-          <span class="mid">
-            <Message text={damaged} />
-          </span>
-        </div>
+        <Band tone="warning" dot="warn" title={TEXT.damagedFilter} words={<Message text={damaged} />} />
       )}
     </>
   );

@@ -7,7 +7,7 @@ import { recordingsApi as recordings } from "../../recordings/api";
 import type { RecordedSettings } from "../../recordings/types";
 import { Dialog } from "../../ui/dialog";
 import { Icon } from "../../ui/icons";
-import { Message } from "../../ui/message";
+import { Hint } from "../../ui/card";
 import type { DeviceInfo } from "../../wire/types";
 import { type App, run } from "../app-state";
 import { configureApi } from "../configure/api";
@@ -137,12 +137,7 @@ function Values({ recording, device }: { readonly recording: string; readonly de
       else why.value = `${outcome.problem.message} ${outcome.problem.hint}`;
     });
   }, [recording, device]);
-  if (why.value !== "")
-    return (
-      <p class="hint">
-        <Message text={why.value} />
-      </p>
-    );
+  if (why.value !== "") return <Hint text={why.value} />;
   if (settingsAnswer.value === undefined)
     return (
       <p class="hint" aria-busy="true">

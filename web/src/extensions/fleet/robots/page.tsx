@@ -4,6 +4,8 @@ import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { App } from "../../../pages/app-state";
 import { ProblemBand } from "../../../pages/empty-states";
 import { TopBar } from "../../../pages/top-bar";
+import { Band } from "../../../ui/band";
+import { Card } from "../../../ui/card";
 import { copyText } from "../../../ui/copy";
 import { age } from "../../../ui/format";
 import { Help } from "../../../ui/help";
@@ -71,47 +73,34 @@ function CutBand({ app, fleet }: { readonly app: App; readonly fleet: Fleet }) {
   void app.tick.value;
   const old = age(performance.now() / 1000 - fleet.answered.value.here);
   const problem = fleet.problem.value;
+  const words = `${TEXT.cutHint(old.value, old.unit)} ${problem ? `${problem.message} ${problem.hint}` : ""}`;
   return (
-    <div class="band" role="alert">
-      <span class="dot bad" />
-      <b>{fleet.isRefused ? TEXT.refused : TEXT.cut}</b>
-      <span class="mid">
-        {TEXT.cutHint(old.value, old.unit)} {problem && <Message text={`${problem.message} ${problem.hint}`} />}
-      </span>
-      <span class="grow" />
+    <Band dot="bad" title={fleet.isRefused ? TEXT.refused : TEXT.cut} words={<Message text={words} />}>
       <button type="button" class="btn edge" onClick={() => fleet.retry()}>
         {TEXT.retry}
       </button>
-    </div>
+    </Band>
   );
 }
 
 function Waiting({ fleet }: { readonly fleet: Fleet }) {
   const problem = fleet.problem.value;
   return (
-    <div class="veil" aria-busy={problem === undefined}>
-      <section class="card">
-        <h2>
-          <span class={`dot ${problem ? "bad" : "off"}`} />
-          {problem ? (fleet.isRefused ? TEXT.refused : TEXT.failed) : TEXT.connecting}
-        </h2>
-        {problem && (
-          <>
-            <p>
-              <Message text={problem.message} />
-            </p>
-            <p class="hint">
-              <Message text={problem.hint || TEXT.refusedHint} />
-            </p>
-            <div class="row">
-              <button type="button" class="btn main" onClick={() => fleet.retry()}>
-                {TEXT.retry}
-              </button>
-            </div>
-          </>
-        )}
-      </section>
-    </div>
+    <Card
+      title={problem ? (fleet.isRefused ? TEXT.refused : TEXT.failed) : TEXT.connecting}
+      dot={problem ? "bad" : "off"}
+      message={problem?.message}
+      hint={problem && (problem.hint || TEXT.refusedHint)}
+      aria-busy={problem === undefined}
+    >
+      {problem && (
+        <div class="row">
+          <button type="button" class="btn main" onClick={() => fleet.retry()}>
+            {TEXT.retry}
+          </button>
+        </div>
+      )}
+    </Card>
   );
 }
 
@@ -127,44 +116,33 @@ function NoRobot() {
     said.value = (await copyText(command)) ? COMMON.copied : TEXT.copyFailed;
   };
   return (
-    <div class="veil">
-      <section class="card">
-        <h2>{TEXT.noRobot}</h2>
-        <p>{TEXT.noRobotHint}</p>
-        <p class="hint">
-          <code>{command}</code>
-        </p>
-        <p>{isHere ? TEXT.addressHint : TEXT.accessHint}</p>
-        <div class="row">
-          <button type="button" class="btn main" onClick={() => void copy()}>
-            <Icon name="share" />
-            {TEXT.copyCommand}
-          </button>
-          <span class="mid" role="status">
-            {said.value}
-          </span>
-        </div>
-      </section>
-    </div>
+    <Card title={TEXT.noRobot} message={TEXT.noRobotHint}>
+      <p class="hint">
+        <code>{command}</code>
+      </p>
+      <p>{isHere ? TEXT.addressHint : TEXT.accessHint}</p>
+      <div class="row">
+        <button type="button" class="btn main" onClick={() => void copy()}>
+          <Icon name="share" />
+          {TEXT.copyCommand}
+        </button>
+        <span class="mid" role="status">
+          {said.value}
+        </span>
+      </div>
+    </Card>
   );
 }
 
 function NoMatch({ fleet }: { readonly fleet: Fleet }) {
+  const showAll = (): void => fleet.choose({ query: START.query, shown: START.shown });
   return (
-    <div class="veil">
-      <section class="card">
-        <h2>{TEXT.noMatch}</h2>
-        <p>{TEXT.noMatchHint}</p>
-        <div class="row">
-          <button
-            type="button"
-            class="btn main"
-            onClick={() => fleet.choose({ query: START.query, shown: START.shown })}
-          >
-            {TEXT.showAll}
-          </button>
-        </div>
-      </section>
-    </div>
+    <Card title={TEXT.noMatch} message={TEXT.noMatchHint}>
+      <div class="row">
+        <button type="button" class="btn main" onClick={showAll}>
+          {TEXT.showAll}
+        </button>
+      </div>
+    </Card>
   );
 }

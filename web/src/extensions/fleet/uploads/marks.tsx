@@ -4,7 +4,7 @@ import type { RecordingProps } from "../../../extension";
 import type { App } from "../../../pages/app-state";
 import { dateWords } from "../../../recordings/library-filter";
 import { TEXT as RECORDINGS } from "../../../texts/recordings";
-import { Message } from "../../../ui/message";
+import { Hint } from "../../../ui/card";
 import type { RecordingUpload } from "../../../wire/routes";
 import { uploadsOf } from "./state";
 import { TEXT } from "./texts";
@@ -41,11 +41,7 @@ export function UploadFacts({ app, info }: RecordingProps) {
         {words(upload)}
         {since !== "" && <span class="mid"> · {since}</span>}
       </p>
-      {upload.reason !== "" && (
-        <p class="hint">
-          <Message text={upload.reason} />
-        </p>
-      )}
+      {upload.reason !== "" && <Hint text={upload.reason} />}
     </section>
   );
 }
