@@ -1,13 +1,9 @@
 import { describe, expect, it } from "vitest";
 import type { SampleFrame } from "../wire/codec";
 import type { OrAnd, Extent } from "./minmax-pyramid";
+import { seeded } from "../testing/random-workspace";
+import { sampleFrame } from "../testing/samples";
 import { Budget, Ring, type RingColumn } from "./ring-buffer";
-
-/** A generator of numbers that is the same every time. */
-export function seeded(seed: number): () => number {
-  let state = seed >>> 0;
-  return () => (state = (Math.imul(state, 1_664_525) + 1_013_904_223) >>> 0) / 2 ** 32;
-}
 
 const FLOAT: RingColumn = { dtype: "f8", period: 0, status: false };
 const ANGLE: RingColumn = { dtype: "f8", period: 360, status: false };
@@ -31,6 +27,9 @@ const steady = (from: number, n: number, value: (i: number) => number, dt = 0.01
     arrival: 1000.002 + (from + k) * dt,
     values: [value(from + k)],
   }));
+/** Those samples alone, numbered from `from`. */
+const run = (from: number, n: number, value: (i: number) => number, more: Partial<SampleFrame> = {}): SampleFrame =>
+  frame(steady(from, n, value), from, more);
 const held = (ring: Ring, column = 0): number[] => Array.from({ length: ring.length }, (_, i) => ring.value(column, i));
 const timesOf = (ring: Ring): number[] => Array.from({ length: ring.length }, (_, i) => ring.time(i));
 const breaksAt = (ring: Ring): number[] => ring.breaks.map((row) => row - ring.first);
@@ -104,12 +103,7 @@ describe("history", () => {
     const ring = new Ring([FLOAT]);
     ring.take(frame(rows.slice(20), 20, { history: true }));
     ring.take(frame(rows.slice(0, 20), 0, { history: true }));
-    ring.take(
-      frame(
-        steady(40, 5, (i) => i),
-        40,
-      ),
-    );
+    ring.take(run(40, 5, (i) => i));
     expect(held(ring)).toEqual(Array.from({ length: 45 }, (_, i) => i));
   });
 
@@ -150,24 +144,15 @@ describe("time", () => {
 
   it("falls back to arrival where there is no device clock", () => {
     const ring = new Ring([FLOAT]);
-    ring.take(
-      frame(
-        steady(0, 5, (i) => i).map((row) => ({ ...row, time: NaN })),
-        0,
-      ),
-    );
+    const rows = steady(0, 5, (i) => i).map((row) => ({ ...row, time: NaN }));
+    ring.take(frame(rows, 0));
     expect(ring.clocked).toBe(false);
     expect(ring.time(2)).toBe(ring.arrival(2));
   });
 
   it("finds the last sample not after a moment", () => {
     const ring = new Ring([FLOAT]);
-    ring.take(
-      frame(
-        steady(0, 10, (i) => i),
-        0,
-      ),
-    );
+    ring.take(run(0, 10, (i) => i));
     expect(ring.indexAt(999, "device")).toBe(-1);
     expect(ring.indexAt(ring.time(3), "device")).toBe(3);
     expect(ring.indexAt(ring.time(3) + 0.009, "device")).toBe(3);
@@ -185,19 +170,8 @@ describe("gaps", () => {
 
   it("are where samples were dropped, however close they are", () => {
     const ring = new Ring([FLOAT]);
-    ring.take(
-      frame(
-        steady(0, 30, () => 0),
-        0,
-      ),
-    );
-    ring.take(
-      frame(
-        steady(31, 30, () => 0),
-        31,
-        { dropped: 1 },
-      ),
-    );
+    ring.take(run(0, 30, () => 0));
+    ring.take(run(31, 30, () => 0, { dropped: 1 }));
     expect(breaksAt(ring)).toEqual([30]);
     expect(ring.dropped).toBe(1);
   });
@@ -221,12 +195,7 @@ describe("gaps", () => {
   it("do not occur where the device changed its rate", () => {
     const ring = new Ring([FLOAT]);
     const slow = Array.from({ length: 600 }, (_, k) => ({ time: 2000 + k, arrival: 2000 + k, values: [0] }));
-    ring.take(
-      frame(
-        steady(0, 600, () => 0),
-        0,
-      ),
-    );
+    ring.take(run(0, 600, () => 0));
     for (let k = 0; k < 600; k += 20) ring.take(frame(slow.slice(k, k + 20), 600 + k));
     expect(breaksAt(ring).filter((row) => row > 660)).toEqual([]);
     expect(breaksAt(ring)[0]).toBe(600);
@@ -248,41 +217,20 @@ describe("gaps", () => {
       const ring = new Ring([FLOAT]);
       const turn = steady(0, 200, (i) => i % 100)[100]!.time;
       if (early) ring.cut(turn);
-      ring.take(
-        frame(
-          steady(0, 120, (i) => i % 100),
-          0,
-        ),
-      );
-      ring.take(
-        frame(
-          steady(120, 80, (i) => i % 100),
-          120,
-        ),
-      );
+      ring.take(run(0, 120, (i) => i % 100));
+      ring.take(run(120, 80, (i) => i % 100));
       if (!early) ring.cut(turn);
       ring.cut(turn); // reported again after a reconnect
       expect(breaksAt(ring)).toEqual([100]);
-      const earlier: SampleFrame = {
-        ...frame(
-          steady(-50, 50, () => 0),
-          0,
-        ),
-        history: true,
-      };
-      ring.take(earlier);
+      const earlier = steady(-50, 50, () => 0);
+      ring.take(frame(earlier, 0, { history: true }));
       expect(breaksAt(ring).length).toBe(1);
     }
   });
 
   it("are not made where a heading wraps; the wrap is marked", () => {
     const ring = new Ring([ANGLE]);
-    ring.take(
-      frame(
-        steady(0, 100, (i) => ((i * 7 + 180) % 360) - 180),
-        0,
-      ),
-    );
+    ring.take(run(0, 100, (i) => ((i * 7 + 180) % 360) - 180));
     expect(ring.breaks).toEqual([]);
     const wraps = ring.wraps[0]!.map((row) => row - ring.first);
     expect(wraps.length).toBe(2);
@@ -294,13 +242,7 @@ describe("memory", () => {
   it("grows to its budget and then drops the oldest samples", () => {
     const budget = new Budget(2 ** 30, 1100 * 26);
     const ring = new Ring([FLOAT], budget);
-    for (let k = 0; k < 50; k++)
-      ring.take(
-        frame(
-          steady(k * 100, 100, (i) => i),
-          k * 100,
-        ),
-      );
+    for (let k = 0; k < 50; k++) ring.take(run(k * 100, 100, (i) => i));
     expect(ring.length).toBe(1024);
     expect(ring.value(0, 0)).toBe(5000 - 1024);
     expect(ring.value(0, 1023)).toBe(4999);
@@ -309,37 +251,21 @@ describe("memory", () => {
 
   it("takes a frame longer than itself", () => {
     const ring = new Ring([FLOAT], new Budget(2 ** 30, 300 * 26));
-    ring.take(
-      frame(
-        steady(0, 1000, (i) => i),
-        0,
-      ),
-    );
+    ring.take(run(0, 1000, (i) => i));
     expect([ring.length, ring.value(0, 0)]).toEqual([256, 744]);
   });
 
   it("stops growing when all rings together have reached the budget", () => {
     const budget = new Budget(600 * 26, 2 ** 30);
     const rings = [new Ring([FLOAT], budget), new Ring([FLOAT], budget)];
-    for (const ring of rings)
-      ring.take(
-        frame(
-          steady(0, 1000, (i) => i),
-          0,
-        ),
-      );
+    for (const ring of rings) ring.take(run(0, 1000, (i) => i));
     expect(rings.map(({ length }) => length)).toEqual([256, 256]);
   });
 });
 
 it("computes mean and spread without cancellation", () => {
   const ring = new Ring([FLOAT]);
-  ring.take(
-    frame(
-      steady(0, 100, (i) => 1e9 + (i % 2)),
-      0,
-    ),
-  );
+  ring.take(run(0, 100, (i) => 1e9 + (i % 2)));
   const { n, mean, sigma, min, max } = ring.stats(0, 1000, 1001, "device");
   expect({ n, min, max }).toEqual({ n: 100, min: 1e9, max: 1e9 + 1 });
   expect(mean).toBeCloseTo(1e9 + 0.5, 6);
@@ -349,32 +275,19 @@ it("computes mean and spread without cancellation", () => {
 it("keeps 64-bit integers as numbers", () => {
   const ring = new Ring([{ dtype: "u8", period: 0, status: false }]);
   ring.take({
-    ...frame(
-      steady(0, 1, () => 0),
-      0,
-    ),
+    ...run(0, 1, () => 0),
     columns: [BigUint64Array.of(2n ** 53n)],
   });
   expect(ring.value(0, 0)).toBe(2 ** 53);
 });
 
 it("breaks lines over thousands of lost samples, also if they are reported before the samples arrive", () => {
-  const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
+  const ring = new Ring([FLOAT]);
   const kept = Array.from({ length: 30_000 }, (_, i) => i).filter((i) => i % 10 !== 5); // every tenth is lost
   for (let i = 29_995; i > 0; i -= 10) ring.lose((i - 1) * 0.01 + 1000, (i + 1) * 0.01 + 1000);
   ring.lose(1010, 1010.5); // one that overlaps others
   const times = Float64Array.from(kept, (i) => 1000 + i * 0.01);
-  ring.take({
-    channel: 1,
-    n: kept.length,
-    dropped: 0,
-    sequence: 0,
-    history: false,
-    now: 0,
-    arrival: times,
-    time: times,
-    columns: [times],
-  });
+  ring.take(sampleFrame(times, [times]));
   expect(ring.breaks.length).toBe(3000);
 });
 

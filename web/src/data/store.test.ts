@@ -1,7 +1,8 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, ColumnInfo, DeviceInfo, EventInfo } from "../wire/types";
-import { channelInfo, columnInfo } from "../testing/fixtures";
+import { channelInfo, columnInfo, eventInfo } from "../testing/fixtures";
+import { sampleFrame } from "../testing/samples";
 import { Store } from "./store";
 
 const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnInfo => columnInfo({ name, axis, unit });
@@ -23,34 +24,12 @@ function frame(
   values: readonly number[],
   more: Partial<SampleFrame> = {},
 ): SampleFrame {
-  const at = Float64Array.from({ length: n }, (_, k) => 1000 + (sequence + k) * 0.01);
-  return {
-    channel,
-    sequence,
-    n,
-    dropped: 0,
-    history: false,
-    now: 0,
-    arrival: at,
-    time: at,
-    columns: values.map((v) => new Float32Array(n).fill(v)),
-    ...more,
-  };
+  const times = Array.from({ length: n }, (_, k) => 1000 + (sequence + k) * 0.01);
+  const columns = values.map((v) => new Float32Array(n).fill(v));
+  return sampleFrame(times, columns, { channel, sequence, ...more });
 }
 const send = (store: Store, ...frames: SampleFrame[]): void => store.receive({ kind: "frames", frames, received: NaN });
-const event = (seq: number, more: Partial<EventInfo> = {}): EventInfo => ({
-  seq,
-  time: 0,
-  device: "1",
-  kind: "text",
-  level: "info",
-  text: "",
-  t0: null,
-  t1: null,
-  samples: 0,
-  data: {},
-  ...more,
-});
+const event = (seq: number, more: Partial<EventInfo> = {}): EventInfo => eventInfo({ seq, ...more });
 
 let store: Store;
 beforeEach(() => {

@@ -1,22 +1,11 @@
 import { expect, it } from "vitest";
 import type { EventInfo } from "../wire/types";
+import { eventInfo } from "../testing/fixtures";
 import { eventGroups } from "./event-groups";
 
 let seq = 0;
-const event = (time: number, kind: string, text: string, more: Partial<EventInfo> = {}): EventInfo =>
-  ({
-    seq: seq++,
-    time,
-    device: "1",
-    kind,
-    level: "info",
-    text,
-    t0: null,
-    t1: null,
-    samples: 0,
-    data: {},
-    ...more,
-  }) as EventInfo;
+const event = (time: number, kind: EventInfo["kind"], text: string, more: Partial<EventInfo> = {}): EventInfo =>
+  eventInfo({ seq: seq++, time, kind, text, ...more });
 const gap = (time: number, samples = 1, more: Partial<EventInfo> = {}): EventInfo =>
   event(time, "gap", `${samples} lost (5 ms): in the cable.`, {
     level: "error",

@@ -5,12 +5,12 @@ import { expect, test, vi } from "vitest";
 import { Store } from "../data/store";
 import { createViewState } from "../data/view-state";
 import type { EventInfo } from "../wire/types";
+import { eventInfo } from "../testing/fixtures";
 import "./event-list";
 import type { Deps } from "./panel-context";
 import { panelsAt } from "./registry";
 
-const event = (seq: number, kind: string): EventInfo =>
-  ({ seq, kind, time: seq, device: "1", level: "info", text: kind, t0: null, t1: null, samples: 0, data: {} }) as never;
+const event = (seq: number, kind: EventInfo["kind"]): EventInfo => eventInfo({ seq, kind, time: seq, text: kind });
 
 test("a line stays while it is pressed, so that it is clicked", () => {
   const viewState = createViewState();

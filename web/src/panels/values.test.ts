@@ -1,26 +1,14 @@
 // @vitest-environment happy-dom
 import { expect, it } from "vitest";
-import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
+import { ringOf } from "../testing/samples";
 import { el, LiveText } from "../ui/dom";
 import { showAge, staleness, widen } from "./values";
 
 /** A channel with a sample every `step` seconds up to 100 s. */
 function upTo(step: number): { readonly channel: Channel } {
-  const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
-  const times = Float64Array.from({ length: 20 }, (_, k) => 100 - (19 - k) * step);
-  ring.take({
-    channel: 1,
-    n: 20,
-    dropped: 0,
-    sequence: 0,
-    history: false,
-    now: 0,
-    arrival: times,
-    time: times,
-    columns: [times],
-  });
-  return { channel: { info: {} as Channel["info"], ring } };
+  const times = Array.from({ length: 20 }, (_, k) => 100 - (19 - k) * step);
+  return { channel: { info: {} as Channel["info"], ring: ringOf(times, [times]) } };
 }
 
 it("the value of a stopped stream is not shown as current", () => {

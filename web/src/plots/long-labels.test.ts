@@ -1,10 +1,10 @@
 // @vitest-environment happy-dom
 /** A plot of one quantity with long numbers, of a clock or a latitude. */
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import { createViewState } from "../data/view-state";
 import { channelInfo, columnInfo } from "../testing/fixtures";
+import { ringOf } from "../testing/samples";
 import { giveSizes } from "../testing/live-page";
 import { palette } from "./canvas-style";
 import { Plot } from "./plot";
@@ -32,10 +32,8 @@ afterEach(() => vi.restoreAllMocks());
 /** The plot of a column that rises by one a second from `from`, of which the newest 2 s are drawn. */
 function drawn(name: string, from: number): Plot {
   const info = channelInfo({ id: 1, name, kind: "scalar", columns: [columnInfo({ name, label: name, dtype: "f8" })] });
-  const channel: Channel = { info, ring: new Ring([{ dtype: "f8", period: 0, status: false }]) };
   const time = Float64Array.from({ length: 201 }, (_, k) => 100 + k / 100);
-  const frame = { channel: 1, n: time.length, dropped: 0, sequence: 0, history: false, now: 0, arrival: time, time };
-  channel.ring.take({ ...frame, columns: [time.map((t) => from + t - 100)] });
+  const channel: Channel = { info, ring: ringOf(time, [time.map((t) => from + t - 100)]) };
   const [spec] = usualPlots([channel], undefined);
   const plot = new Plot(spec!, () => undefined, createViewState());
   plot.visible = true;

@@ -1,10 +1,11 @@
 import { expect, it } from "vitest";
 import type { EventInfo } from "../wire/types";
+import { eventInfo } from "../testing/fixtures";
 import { markersIn, placed } from "./markers";
 import { timeWindow } from "./time-window";
 
-const event = (kind: string, time: number, text: string, device = ""): EventInfo =>
-  ({ seq: 0, time, device, kind, level: "info", text, t0: null, t1: null, samples: 0, data: {} }) as EventInfo;
+const event = (kind: EventInfo["kind"], time: number, text: string, device = ""): EventInfo =>
+  eventInfo({ time, device, kind, text });
 
 it("markers and notes of all devices and of this one are on its plots", () => {
   const events = [

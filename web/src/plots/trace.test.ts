@@ -1,5 +1,6 @@
 import { expect, it } from "vitest";
-import { Ring } from "../data/ring-buffer";
+import type { Ring } from "../data/ring-buffer";
+import { ringOf } from "../testing/samples";
 import { PixelColumns } from "./pixel-columns";
 import { isDense, traceSeries } from "./trace";
 import { timeWindow } from "./time-window";
@@ -20,28 +21,16 @@ class Pen {
 }
 
 /** A sawtooth 0 … 99, like a capture played in a loop; 100 samples/s. */
-function saw(ring: Ring, n: number): void {
-  const at = Float64Array.from({ length: n }, (_, i) => 1000 + i * 0.01);
-  const values = Float64Array.from({ length: n }, (_, i) => i % 100);
-  ring.take({
-    channel: 1,
-    sequence: 0,
-    n,
-    dropped: 0,
-    history: false,
-    now: 0,
-    arrival: at,
-    time: at,
-    columns: [values],
-  });
+function saw(n: number): Ring {
+  const at = Array.from({ length: n }, (_, i) => 1000 + i * 0.01);
+  const ring = ringOf(at, [at.map((_, i) => i % 100)]);
   for (let i = 100; i < n; i += 100) ring.cut(at[i]!);
+  return ring;
 }
 
 for (const width of [37, 200, 2000]) {
   it(`draws no stroke where a clock started again, also within a pixel (${width} px)`, () => {
-    const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
-    saw(ring, 1000);
-    const columns = new PixelColumns(ring, [0]);
+    const columns = new PixelColumns(saw(1000), [0]);
     const w = timeWindow({ device: "1", live: false, end: 1010, span: 10, timeBase: "device" }, 1010, 0, width, 1);
     columns.prepare(w.g0, w.g1, w.dt, "device");
     expect(isDense(columns, w)).toBe(width < 1000);

@@ -1,19 +1,11 @@
 import { expect, it } from "vitest";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo } from "../wire/types";
+import { sampleFrame } from "../testing/samples";
 import { motionOf, worstOf } from "./overview-data";
 
-const frame = (time: readonly number[], ...columns: readonly (readonly number[])[]): SampleFrame => ({
-  channel: 1,
-  n: time.length,
-  dropped: 0,
-  sequence: 0,
-  history: true,
-  now: 0,
-  arrival: Float64Array.from(time),
-  time: Float64Array.from(time),
-  columns: columns.map((values) => Float64Array.from(values)),
-});
+const frame = (time: readonly number[], ...columns: readonly (readonly number[])[]): SampleFrame =>
+  sampleFrame(time, columns, { history: true });
 
 it("gives the variation of the most active column in every part", () => {
   const three = frame([0, 1, 5, 6, 9], [0, 1, 0, 4, 7], [0, 0, 0, 2, 7], [0, 99, 0, 0, 0]);

@@ -1,7 +1,8 @@
 import { expect, it } from "vitest";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, EventInfo } from "../wire/types";
-import { channelInfo, columnInfo } from "../testing/fixtures";
+import { channelInfo, columnInfo, eventInfo } from "../testing/fixtures";
+import { sampleFrame } from "../testing/samples";
 import { isBounds, ReplayStore } from "./replay-store";
 
 const info = (id: number): ChannelInfo =>
@@ -9,29 +10,9 @@ const info = (id: number): ChannelInfo =>
     ...{ id, name: `N${id}`, title: "Acceleration", kind: "vector", unit: "m/s²" },
     columns: (["x", "y", "z"] as const).map((name) => columnInfo({ name, dtype: "f8", unit: "m/s²", axis: name })),
   });
-const frame = (channel: number, time: readonly number[], values: readonly number[]): SampleFrame => ({
-  channel,
-  n: time.length,
-  dropped: 0,
-  sequence: 7,
-  history: true,
-  now: 0,
-  arrival: Float64Array.from(time),
-  time: Float64Array.from(time),
-  columns: [1, 2, 3].map(() => Float64Array.from(values)),
-});
-const step = {
-  seq: 1,
-  time: 5,
-  device: "1",
-  kind: "clock",
-  level: "info",
-  text: "",
-  t0: null,
-  t1: null,
-  samples: 0,
-  data: {},
-} as EventInfo;
+const frame = (channel: number, time: readonly number[], values: readonly number[]): SampleFrame =>
+  sampleFrame(time, [values, values, values], { channel, sequence: 7, history: true });
+const step = eventInfo({ time: 5, kind: "clock" });
 const store = (events: readonly EventInfo[] = []): ReplayStore =>
   new ReplayStore({ devices: [], channels: [info(1), info(2)], events, longest_s: { 1: 0.1, 2: 0.1 } }, () => 42);
 
@@ -62,7 +43,7 @@ it("takes bounds from samples, and joins adjacent bounds only", () => {
 });
 
 it("draws no line over one lost sample, nor a break where a slow channel lost none", () => {
-  const gap = { ...step, kind: "gap", t0: 1.0, t1: 1.2, samples: 1 } as EventInfo;
+  const gap = eventInfo({ kind: "gap", t0: 1.0, t1: 1.2, samples: 1 });
   const replay = store([gap]);
   const times = [0.8, 0.9, 1.0, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8];
   replay.show(

@@ -1,6 +1,6 @@
-/** For tests: a field, a setting, a command, a channel and its columns with everything at its plainest. */
+/** For tests: a field, a setting, a command, a channel and its columns, an event with everything at its plainest. */
 import type { CommandForm, FieldForm, Forms, RateRow, RateTable, SettingForm } from "../forms/types";
-import type { ChannelInfo, ColumnInfo } from "../wire/types";
+import type { ChannelInfo, ColumnInfo, EventInfo } from "../wire/types";
 
 export function columnInfo(part: Partial<ColumnInfo> = {}): ColumnInfo {
   return {
@@ -34,6 +34,24 @@ export function channelInfo(part: Partial<ChannelInfo> = {}): ChannelInfo {
     source: "",
     group: "",
     verified: true,
+    ...part,
+  };
+}
+
+export function eventInfo(part: Partial<EventInfo> = {}): EventInfo {
+  return {
+    ...{
+      seq: 1,
+      time: 0,
+      device: "1",
+      kind: "text",
+      level: "info",
+      text: "",
+      t0: null,
+      t1: null,
+      samples: 0,
+      data: {},
+    },
     ...part,
   };
 }

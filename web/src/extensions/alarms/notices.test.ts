@@ -2,6 +2,7 @@
 /** Browser notifications of alarms: only when asked for, allowed, and the page is not in front. */
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { EventInfo } from "../../wire/types";
+import { eventInfo } from "../../testing/fixtures";
 import { noticeState, notifyRaised, switchNotices } from "./notices";
 
 const shown: [string, NotificationOptions][] = [];
@@ -18,15 +19,10 @@ class FakeNotification {
   }
 }
 
-const event = (seq: number, change: string): EventInfo =>
-  ({
-    seq,
-    kind: "alarm",
-    device: "1",
-    time: 900 + 30 * seq,
-    text: `text ${seq}`,
-    data: { alarm: "a", name: "Hot", change },
-  }) as unknown as EventInfo;
+const event = (seq: number, change: string): EventInfo => {
+  const data = { alarm: "a", name: "Hot", change };
+  return eventInfo({ seq, kind: "alarm", time: 900 + 30 * seq, text: `text ${seq}`, data });
+};
 const NOW = 1000;
 const EVENTS = [event(1, "raised"), event(2, "cleared"), event(3, "raised")];
 

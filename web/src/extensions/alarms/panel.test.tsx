@@ -7,6 +7,7 @@ import { newApp } from "../../testing/live-page";
 import { answering } from "../../testing/recorded";
 import type { AlarmInfo, AlarmState } from "../../wire/routes";
 import type { EventInfo } from "../../wire/types";
+import { eventInfo } from "../../testing/fixtures";
 import { alarmCounts, alarmMark, alarmsOf, idleAlarms, raisedSpans, valueText } from "./states";
 import { alarmList } from "./list";
 import { AlarmTags } from "./tags";
@@ -132,19 +133,8 @@ test("values have four digits and their unit", () => {
   expect(valueText(null, "N")).toBe("");
 });
 
-let seq = 0;
-const event = (change: string, time: number, data: Record<string, unknown> = {}, device = "1"): EventInfo => ({
-  seq: seq++,
-  time,
-  device,
-  kind: "alarm",
-  level: "warning",
-  text: "",
-  t0: null,
-  t1: null,
-  samples: 0,
-  data: { alarm: "a", name: "A", change, ...data },
-});
+const event = (change: string, time: number, data: Record<string, unknown> = {}, device = "1"): EventInfo =>
+  eventInfo({ time, device, kind: "alarm", data: { alarm: "a", name: "A", change, ...data } });
 
 test("intervals come from events: ended ones, the present one, and what was summed up", () => {
   const spans = raisedSpans(

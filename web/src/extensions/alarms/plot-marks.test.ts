@@ -3,6 +3,7 @@ import { expect, test } from "vitest";
 import type { RaisedSpan } from "./states";
 import type { AlarmInfo } from "../../wire/routes";
 import type { EventInfo } from "../../wire/types";
+import { eventInfo } from "../../testing/fixtures";
 import { alarmMarks, drawAlarms, spansByPlot, subjectsOf } from "./plot-marks";
 import type { Palette } from "../../plots/canvas-style";
 import type { PlotSpec } from "../../plots/plot-selection";
@@ -53,18 +54,10 @@ test("an interval is on the plots of its signals, one of a link on the first", (
   ]);
 });
 
-const event = (limit: number): EventInfo => ({
-  seq: 1,
-  time: 10,
-  device: "1",
-  kind: "alarm",
-  level: "warning",
-  text: "",
-  t0: null,
-  t1: null,
-  samples: 0,
-  data: { alarm: "a", name: "A", change: "raised", subject: "Acceleration.x", signals: ["Acceleration.x"], limit },
-});
+const event = (limit: number): EventInfo => {
+  const what = { alarm: "a", name: "A", change: "raised", subject: "Acceleration.x", signals: ["Acceleration.x"] };
+  return eventInfo({ time: 10, kind: "alarm", data: { ...what, limit } });
+};
 
 test("a recording has the limit of its events, a live page the present one", () => {
   expect(alarmMarks([event(3)], [], "1").limits.map(({ limit }) => limit)).toEqual([3]);

@@ -1,24 +1,10 @@
 import { describe, expect, it } from "vitest";
 import { rangeFigures, NO_FIGURES } from "./range-figures";
-import { Ring } from "../../data/ring-buffer";
+import type { Ring } from "../../data/ring-buffer";
+import { ringOf as columnsOf } from "../../testing/samples";
 
-/** A ring with one column. */
-function ringOf(times: readonly number[], values: readonly number[], period = 0): Ring {
-  const ring = new Ring([{ dtype: "f8", period, status: false }]);
-  const time = Float64Array.from(times);
-  ring.take({
-    channel: 1,
-    sequence: 0,
-    history: false,
-    dropped: 0,
-    n: times.length,
-    now: 0,
-    arrival: time,
-    time,
-    columns: [Float64Array.from(values)],
-  });
-  return ring;
-}
+const ringOf = (times: readonly number[], values: readonly number[], period = 0): Ring =>
+  columnsOf(times, [values], period);
 
 const START = 1.7e9;
 const even = (n: number, step = 0.25): number[] => Array.from({ length: n }, (_, k) => START + k * step);

@@ -1,6 +1,7 @@
 /** Pairs of two signals: as read from rings, across gaps and angles, and thinned without losing an extreme. */
 import { describe, expect, it } from "vitest";
 import { seeded } from "../../testing/random-workspace";
+import { sampleFrame } from "../../testing/samples";
 import { extent, indexAt, type PairedColumn, PairSeries, type Pairs } from "./pairs";
 import { Ring } from "../../data/ring-buffer";
 
@@ -13,19 +14,13 @@ function ringOf(times: readonly number[], columns: readonly (readonly number[])[
 }
 
 function add(ring: Ring, times: readonly number[], columns: readonly (readonly number[])[], sequence = 0): void {
-  const time = Float64Array.from(times, (t) => START + t);
-  const values = columns.map((one) => Float64Array.from(one));
-  ring.take({
-    channel: 1,
-    sequence,
-    n: times.length,
-    dropped: 0,
-    now: START,
-    history: false,
-    time,
-    arrival: time,
-    columns: values,
-  });
+  ring.take(
+    sampleFrame(
+      Float64Array.from(times, (t) => START + t),
+      columns,
+      { sequence },
+    ),
+  );
 }
 
 const even = (n: number, step: number): number[] => Array.from({ length: n }, (_, k) => k * step);
