@@ -13,11 +13,13 @@ Arguments = ParamSpec("Arguments")
 class CallbackList(Generic[Arguments]):
     """Callbacks for one kind of event, called in the order in which they were added.
 
-    A callback that raises is logged and removed, so that the caller never fails because of a callback.
+    A callback that raises is logged and called again the next time: one odd message must not end a recording or an
+    alarm for good. One that goes on failing is logged at the 1st, 2nd, 4th, 8th … failure.
     """
 
     def __init__(self) -> None:
         self._callbacks: list[Callable[Arguments, None]] = []
+        self._failures: dict[Callable[Arguments, None], int] = {}
 
     def add(self, callback: Callable[Arguments, None]) -> Callable[[], None]:
         """Add a callback; returns a function that removes it, which may be called more than once."""
@@ -33,9 +35,11 @@ class CallbackList(Generic[Arguments]):
             try:
                 callback(*args, **kwargs)
             except Exception:
-                log.exception("a callback failed and was removed")
-                self._remove(callback)
+                count = self._failures[callback] = self._failures.get(callback, 0) + 1
+                if count & (count - 1) == 0:
+                    log.exception("a callback failed (%d so far)", count, extra={"failures": count})
 
     def _remove(self, callback: Callable[Arguments, None]) -> None:
         if callback in self._callbacks:
             self._callbacks.remove(callback)
+        self._failures.pop(callback, None)
