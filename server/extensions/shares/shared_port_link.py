@@ -41,7 +41,8 @@ from imuscope.server.links.tcp import TcpLink
 from imuscope.server.listeners import CallbackList
 
 ROOT = Path(__file__).absolute().parents[4]  # holds imuscope/
-START_S = 5.0  # until a holder that was started answers
+GREETING_S = 5.0  # until a holder that runs says who it is
+START_S = 30.0  # until one that was started does, from a slow card beside other work
 SILENT_S = 8.0  # more than it is busy with opening a port, for which it waits at most 5 s
 ATTEMPTS, ATTEMPT_S = 10, 0.05
 ANSWER_S = 12.0  # until a request is carried out or refused; a client that has the voice delays it by 10 s
@@ -198,7 +199,7 @@ class SharedPortLink(ThreadedLink):
     def _read_greeting(self, connection: socket.socket) -> Mapping[str, Any]:
         """The first state of the holder; in a thread."""
         self._messages = MessageReader()
-        connection.settimeout(START_S)
+        connection.settimeout(GREETING_S)
         while data := connection.recv(READ_BYTES):
             for kind, body in self._messages.feed(data):
                 if kind == MessageKind.HELLO:
@@ -436,7 +437,7 @@ def holder_settings(
 
 def _connect(path: Path) -> socket.socket | None:
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    connection.settimeout(START_S)
+    connection.settimeout(GREETING_S)
     try:
         connection.connect(str(path))
     except OSError:
