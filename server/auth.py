@@ -341,13 +341,14 @@ class Guard:
         query = parse_qs(scope["query_string"].decode("latin-1"))
         del query["token"]
         rest = "?" + urlencode(query, doseq=True) if query else ""
-        # "//elsewhere" is another host, for browsers "/\\elsewhere" too; a line break would end the response header.
-        path = "/" + quote(scope["path"].lstrip("/\\"))
+        # Relative, as a proxy may have put the server below a path; a line break would end the response header.
+        path = "./" + quote(scope["path"].rpartition("/")[2])
         over_tls = scope.get("scheme") == "https" or (b"x-forwarded-proto", b"https") in scope["headers"]
         secure = "; Secure" if over_tls else ""
-        cookie = (
-            f"{self._access.cookie_name}={token}; Path=/; HttpOnly; SameSite=Strict; Max-Age={COOKIE_AGE_S}{secure}"
-        )
+        kept = f"HttpOnly; SameSite=Strict; Max-Age={COOKIE_AGE_S}{secure}"
+        if scope["path"] != "/":
+            kept = f"Path=/; {kept}"  # else the path of a proxy is the default
+        cookie = f"{self._access.cookie_name}={token}; {kept}"
         headers = [
             (b"location", (path + rest).encode("ascii")),
             (b"set-cookie", cookie.encode("latin-1")),

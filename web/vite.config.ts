@@ -5,7 +5,7 @@ import { defineConfig } from "vitest/config";
 const SERVER = "http://127.0.0.1:8080";
 
 export default defineConfig({
-  base: "/",
+  base: "./", // a proxy may have put the page below a path of its own
   build: {
     outDir: "../server/page",
     emptyOutDir: true,

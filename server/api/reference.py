@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 
 from fastapi import Request
 from fastapi.responses import Response
@@ -17,6 +18,7 @@ router = lazy_router(include_in_schema=False)
 
 TEMPLATE = "docs.html"  # part of the built page: its styles, and a placeholder for the content
 PLACE = "<!-- content -->"
+_ON_SERVER = re.compile(r'\b(href|src)="\.?/')  # relative to this page, as a proxy may have put it below a path
 PLAIN = f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>Reference · imuscope</title>
 <main>{PLACE}</main></html>"""
 
@@ -32,11 +34,9 @@ def get_page(request: Request, services: TheServices, name: str = "") -> Respons
     template = services.page_files.get(TEMPLATE)
     around = template.data.decode() if template else PLAIN
     title = PAGES[name].title if name else "Reference"
-    body = (
-        around.replace("<title>Reference", f"<title>{title}")
-        .replace(PLACE, services.reference.html(name, request.app.openapi))
-        .encode()
-    )
+    text = around.replace("<title>Reference", f"<title>{title}")
+    text = text.replace(PLACE, services.reference.html(name, request.app.openapi))
+    body = _ON_SERVER.sub(r'\1="../' if name else r'\1="./', text).encode()
     headers = {**HEADERS, "cache-control": "no-cache", "etag": f'"{hashlib.sha256(body).hexdigest()[:24]}"'}
     if headers["etag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)

@@ -95,11 +95,14 @@ def serve(request: Request, files: Files, name: str) -> Response | None:
 @router.get("/{name:path}")
 @router.head("/{name:path}")
 async def page(request: Request, name: str, services: TheServices) -> Response:
-    """A file of the page. Addresses of its views (no dot in the last part, HTML accepted) return index.html."""
+    """A file of the page. One word that is no file is taken for a view of the page, which is a hash: index.html.
+
+    The page names its files relative to its own address, as a proxy may have put it below a path.
+    """
     files = services.page_files
-    is_view = "." not in name.rpartition("/")[2] and "text/html" in request.headers.get("accept", "")
+    is_view = not {".", "/"} & {*name} and "text/html" in request.headers.get("accept", "")
     answer = serve(request, files, SAME.get(name, name)) if name else None
-    if answer is None and (not name or (is_view and not name.startswith("api/"))):
+    if answer is None and (not name or is_view):
         answer = serve(request, files, "index.html") or HTMLResponse(
             MISSING, 503, {**HEADERS, "cache-control": "no-store"}
         )

@@ -13,9 +13,9 @@ import { watchRecorder } from "./pages/record-button";
 import { route, startRoute } from "./pages/route";
 import { showLive } from "./pages/test-hook";
 import { Shell } from "./pages/shell";
-import { socketUrl } from "./pages/empty-states";
 import { RecentHealth } from "./panels/health-history";
-import { api, isRefusal } from "./ui/http";
+import { api, isRefusal, NO_SOCKET } from "./ui/http";
+import { socketUrl } from "./ui/server-place";
 import { startTheme } from "./ui/theme";
 import { startLastState } from "./workspace/last-state";
 import "./ui/tokens.css";
@@ -40,20 +40,24 @@ startLastState(app, isLinked);
 watchRecorder(app);
 startKeyboard(app);
 
-// a refused WebSocket gives no reason; a plain request to the same server does
+// A refused WebSocket gives no reason; a plain request to the same server does. Where that is answered twice, the WebSocket alone fails.
+let answered = 0;
 effect(() => {
-  if (store.connection.value !== "closed") {
+  if (store.connection.value === "open") {
     app.refusal.value = undefined;
-    return;
+    answered = 0;
   }
+  if (store.connection.value !== "closed") return;
   void api.probe().then((outcome) => {
-    if (outcome.ok) return;
-    const refused = isRefusal(outcome.problem) || outcome.problem.kind === "too-many-tokens";
-    if (refused && store.connection.peek() !== "open") app.refusal.value = outcome.problem;
+    if (store.connection.peek() === "open") return;
+    answered = outcome.ok ? answered + 1 : 0;
+    const problem = outcome.ok ? undefined : outcome.problem;
+    const refused = problem && (isRefusal(problem) || problem.kind === "too-many-tokens");
+    app.refusal.value = refused ? problem : answered > 1 ? NO_SOCKET : undefined;
   });
 });
 
-store.start(socketUrl());
+store.start(socketUrl("/ws"));
 watchSampleInterval(framesDrawn, (seconds) => store.requestInterval(seconds));
 void loadPorts(app);
 startExtensions(app);

@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import html
 import re
 from collections.abc import AsyncIterator
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl, quote, urlencode
 
 import msgspec
 from fastapi import Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
+from starlette.exceptions import HTTPException
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.lazy_routes import lazy_router
+from imuscope.server.api.static_files import HEADERS as PAGE_HEADERS
+from imuscope.server.api.static_files import serve
 from imuscope.server.errors import DomainError, status_of
 from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     MAX_BODY,
@@ -73,8 +77,8 @@ def _request(connection: Request | WebSocket, path: str) -> OpenStream:
 
 @router.get("/robots/{robot}")
 async def page_of_robot(robot: str, server: TheFleetServer, request: Request) -> Response:
-    """The address of a robot's page ends with a slash."""
-    return RedirectResponse(request.url.path + "/", headers={"cache-control": "no-store"})
+    """The address of a robot's page ends with a slash. Relative: a proxy may have put the fleet server below a path."""
+    return RedirectResponse(f"{quote(robot)}/", headers={"cache-control": "no-store"})
 
 
 @router.api_route("/robots/{robot}/api/{path:path}", methods=METHODS)
@@ -159,6 +163,18 @@ def _headers(head: ResponseHead) -> dict[str, str]:
         headers.setdefault("content-disposition", "attachment")
     headers.setdefault("cache-control", "no-store")
     return {**headers, "content-security-policy": SANDBOX, "x-content-type-options": "nosniff"}
+
+
+@router.api_route("/robots/{robot}/{name:path}", methods=["GET", "HEAD"])
+async def page_file(robot: str, name: str, server: TheFleetServer, services: TheServices, request: Request) -> Response:
+    """A file of our own page. The page itself says which robot it shows."""
+    if name and (answer := serve(request, services.page_files, name)) is not None:
+        return answer
+    page = services.page_files.get("index.html")
+    if name or page is None:
+        raise HTTPException(404)
+    shown = page.data.replace(b"<html", f'<html data-robot="{html.escape(robot)}"'.encode(), 1)
+    return Response(shown, media_type="text/html", headers={**PAGE_HEADERS, "cache-control": "no-store"})
 
 
 @router.websocket("/robots/{robot}/ws")

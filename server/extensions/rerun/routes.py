@@ -82,7 +82,7 @@ class ViewerQuery(BaseModel):
 @router.get("/rerun", include_in_schema=False)
 async def with_slash(request: Request) -> RedirectResponse:
     """Redirect to the address with a slash, to which the page's relative addresses refer."""
-    return RedirectResponse(f"/rerun/?{request.url.query}" if request.url.query else "/rerun/", 308)
+    return RedirectResponse(f"rerun/?{request.url.query}" if request.url.query else "rerun/", 308)
 
 
 @router.get("/rerun/{name}", include_in_schema=False)

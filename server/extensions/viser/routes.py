@@ -60,7 +60,7 @@ async def begin_scene(
 async def with_slash(request: Request, key: str = "") -> RedirectResponse:
     """Redirect to the page's address with a slash; the WebSocket's address has none."""
     query = f"?{request.url.query}" if request.url.query else ""
-    return RedirectResponse(f"/viser/{key}/{query}" if key else f"/viser/{query}", 308)
+    return RedirectResponse(f"{key or 'viser'}/{query}", 308)
 
 
 @router.get("/viser/", include_in_schema=False)

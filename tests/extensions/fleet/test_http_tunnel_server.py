@@ -205,8 +205,9 @@ def test_what_a_robot_answers_is_no_page_of_the_fleet_server(tmp_path: Path) -> 
         assert "sandbox" in answer.headers["content-security-policy"]
         assert answer.headers["x-content-type-options"] == "nosniff"
         moved = get(f"{base(server)}", follow_redirects=False)
-        assert (moved.status_code, moved.headers["location"]) == (307, "/robots/otter%207/")
+        assert (moved.status_code, moved.headers["location"]) == (307, "otter%207/")
         page = get(f"{base(server)}/", headers={"accept": "text/html"})
-        assert page.text == get(f"{server.url}/", headers={"accept": "text/html"}).text
+        own = get(f"{server.url}/", headers={"accept": "text/html"}).text
+        assert page.text == own.replace("<html", '<html data-robot="otter 7"', 1)
         for path in ("viser/", "rerun/", "foxglove", "metrics", "openapi.json"):
             assert get(f"{base(server)}/{path}").status_code == 404, path

@@ -1,6 +1,6 @@
 /** Placeholder for the plots while there is nothing to plot: the cause, the facts, and one main action. */
 import { Slot } from "../extension";
-import { api } from "../ui/http";
+import { api, type HttpProblem } from "../ui/http";
 import { Band } from "../ui/band";
 import { Card, Hint } from "../ui/card";
 import { age } from "../ui/format";
@@ -12,7 +12,6 @@ import type { DeviceInfo } from "../wire/types";
 import { type App, connect, linkOf, run, scanPorts } from "./app-state";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
-import { serverRoot } from "../ui/server-place";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -24,11 +23,13 @@ interface DeviceProps extends Props {
   readonly device: DeviceInfo;
 }
 
+const titleOf = (refusal: HttpProblem): string => (refusal.status > 0 ? TEXT.accessRefused : TEXT.noConnection);
+
 export function Starting({ app }: Props) {
   const refused = app.refusal.value;
   return (
     <Card
-      title={refused ? TEXT.accessRefused : TEXT.connectingToImuscope}
+      title={refused ? titleOf(refused) : TEXT.connectingToImuscope}
       dot={refused ? "bad" : "off"}
       message={refused ? refused.message : TEXT.connectingToServer}
       hint={refused && (refused.hint || TEXT.openPrintedAddress)}
@@ -259,7 +260,7 @@ export function OfflineBand({ app }: Props) {
   return (
     <Band
       dot="bad"
-      title={refused ? TEXT.accessRefused : since === undefined ? TEXT.noConnection : TEXT.noDataFromServer}
+      title={refused ? titleOf(refused) : since === undefined ? TEXT.noConnection : TEXT.noDataFromServer}
       words={<Message text={refused ? `${refused.message} ${refused.hint}` : words} />}
     >
       <button type="button" class="btn edge" onClick={() => app.store.retry()}>
@@ -267,11 +268,6 @@ export function OfflineBand({ app }: Props) {
       </button>
     </Band>
   );
-}
-
-/** Address of the WebSocket: the page's own host and root, with the page's own kind of security. */
-export function socketUrl(): string {
-  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${serverRoot()}/ws`;
 }
 
 /** Bands of every page: those of extensions, a failed request, until it is read, and a recording that has ended. */

@@ -63,6 +63,9 @@ export const COMMON = {
   apiReference: "API reference",
   licences: "Licences",
   serverSilentHint: "Check that it is running and that this machine can reach it.",
+  noSocket: "The server answers, but live data cannot be received: its WebSocket cannot be opened.",
+  noSocketHint:
+    "A proxy in between must pass WebSockets on, with the Host header of this page; else name this address in allowed_origins.",
   serverAnswered: (status: Value) => `The server returned ${status}.`,
   keysOfTime: "Time",
   keysOfMeasuring: "Measuring",

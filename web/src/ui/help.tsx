@@ -3,6 +3,7 @@ import { capabilities } from "../wire/capabilities";
 import { Fragment } from "preact";
 import { Dialog } from "./dialog";
 import { keyGroups, type KeyGroup } from "./keys";
+import { serverRoot } from "./server-place";
 import { COMMON } from "../texts/common";
 
 interface Props {
@@ -42,11 +43,11 @@ export function Help({ onClose, groups }: Props) {
         </p>
       )}
       <p class="hint">
-        <a href="/docs" target="_blank" rel="noopener">
+        <a href={`${serverRoot()}/docs`} target="_blank" rel="noopener">
           {COMMON.apiReference}
         </a>
         {" · "}
-        <a href="/licenses.txt" target="_blank" rel="noopener">
+        <a href={`${serverRoot()}/licenses.txt`} target="_blank" rel="noopener">
           {COMMON.licences}
         </a>
       </p>

@@ -77,6 +77,14 @@ export const UNREACHED: HttpProblem = {
   status: 0,
 };
 
+/** Of a server that answers requests, while its WebSocket cannot be opened. */
+export const NO_SOCKET: HttpProblem = {
+  kind: "no-websocket",
+  message: COMMON.noSocket,
+  hint: COMMON.noSocketHint,
+  status: 0,
+};
+
 /** The same, for any other kind of answer: its response, once it is known not to be a problem. */
 export async function respond<R extends Route>(
   route: R,

@@ -1,20 +1,22 @@
-import { describe, expect, it } from "vitest";
-import { robotHref, serverRoot, shownRobot } from "./server-place";
+// @vitest-environment happy-dom
+import { afterEach, beforeEach, describe, expect, it } from "vitest";
+import { fleetRoot, robotHref, serverRoot, shownRobot } from "./server-place";
+
+const page = document.documentElement.dataset;
+
+beforeEach(() => void delete page["robot"]);
+afterEach(() => void delete page["robot"]);
 
 describe("the place of the server", () => {
-  it("is this host, unless the page is that of a robot", () => {
-    for (const path of ["/", "/robots", "/robots/", "/robots/a", "/docs/robots/a/"]) {
-      expect(serverRoot(path)).toBe("");
-      expect(shownRobot(path)).toBeUndefined();
-    }
+  it("is the folder of the page, also below a path of a proxy", () => {
+    const roots = { "/": "", "/live": "", "/imu/": "/imu", "/a/robots/b/": "/a/robots/b", blank: "" };
+    for (const [path, root] of Object.entries(roots)) expect(serverRoot(path)).toBe(root);
+    expect(shownRobot()).toBeUndefined();
   });
 
-  it("is found again in the address of a robot, whatever its name", () => {
-    for (const name of ["otter-7", "Otter 7", "ö.1", "a%"]) {
-      const path = robotHref(name, "configure").replace(/#.*/, "");
-      expect(serverRoot(path)).toBe(`/robots/${encodeURIComponent(name)}`);
-      expect(shownRobot(path)).toBe(name);
-    }
-    expect(shownRobot("/robots/%/")).toBe("%");
+  it("is that of a robot where the fleet server says so", () => {
+    expect(robotHref("Otter 7", "configure")).toBe(`${fleetRoot()}/robots/Otter%207/#/configure`);
+    page["robot"] = "Otter 7";
+    expect(shownRobot()).toBe("Otter 7");
   });
 });

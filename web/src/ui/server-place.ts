@@ -1,24 +1,30 @@
-/** Where the server of this page is: at this host, or a robot behind its fleet server, below /robots/NAME/. */
-const ON_ROBOT = /^\/robots\/([^/]+)\//;
-
+/**
+ * Where the server of this page is: in the folder of the page's own address. A proxy may have put it below a path, "/imu/"; a fleet server has
+ * the pages of its robots below /robots/NAME/, and says so in the document.
+ */
 const here = (): string => (typeof location === "undefined" ? "/" : location.pathname);
 
-/** What precedes the path of every request: empty, or "/robots/otter-7". */
+/** What precedes the path of every request: empty at the root of a host, else "/imu" or "/robots/otter-7". */
 export function serverRoot(pathname: string = here()): string {
-  return ON_ROBOT.exec(pathname)?.[0].slice(0, -1) ?? "";
+  return pathname.slice(0, Math.max(0, pathname.lastIndexOf("/")));
 }
 
 /** Name of the robot whose page the fleet server shows; undefined at the robot's own address. */
-export function shownRobot(pathname: string = here()): string | undefined {
-  const name = ON_ROBOT.exec(pathname)?.[1];
-  try {
-    return name === undefined ? undefined : decodeURIComponent(name);
-  } catch {
-    return name; // a stray "%" in a typed address
-  }
+export function shownRobot(): string | undefined {
+  return typeof document === "undefined" ? undefined : document.documentElement.dataset["robot"];
+}
+
+/** The same as `serverRoot` of this page, and of the fleet server where the page is that of one of its robots. */
+export function fleetRoot(): string {
+  return shownRobot() === undefined ? serverRoot() : serverRoot().split("/").slice(0, -2).join("/");
 }
 
 /** Address of a page of a robot at its fleet server. */
 export function robotHref(name: string, page = ""): string {
-  return `/robots/${encodeURIComponent(name)}/#/${page}`;
+  return `${fleetRoot()}/robots/${encodeURIComponent(name)}/#/${page}`;
+}
+
+/** Address of a WebSocket of the server, with the page's own kind of security. */
+export function socketUrl(path: string): string {
+  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${serverRoot()}${path}`;
 }

@@ -1,7 +1,7 @@
 /** The band of a robot's page at its fleet server: which robot, how far away, and the way back. */
 import type { App } from "../../pages/app-state";
 import { number } from "../../ui/format";
-import { shownRobot } from "../../ui/server-place";
+import { fleetRoot, shownRobot } from "../../ui/server-place";
 import { TEXT } from "./texts";
 import "./through-fleet.css";
 
@@ -20,7 +20,7 @@ export function ThroughFleetBand({ app }: { readonly app: App }) {
         {TEXT.roundTrip} {seconds === undefined ? "—" : number(seconds * 1000, 0)}
         <span class="unit">ms</span>
       </span>
-      <a class="btn edge" href={`/#/fleet?${new URLSearchParams({ robot: name })}`}>
+      <a class="btn edge" href={`${fleetRoot()}/#/fleet?${new URLSearchParams({ robot: name })}`}>
         {TEXT.fleet}
       </a>
     </div>

@@ -1,4 +1,5 @@
-/** Addresses of recordings and devices in Rerun's viewer. Pure. */
+/** Addresses of recordings and devices in Rerun's viewer. */
+import { serverRoot } from "../../ui/server-place";
 
 /** The address of a recording, or of a range of it (unix s), in the viewer. */
 export function viewerHref(
@@ -12,10 +13,10 @@ export function viewerHref(
     query.set("t1", String(range[1]));
   }
   query.set("theme", theme);
-  return `/rerun/?${query}`;
+  return `${serverRoot()}/rerun/?${query}`;
 }
 
 /** The address of live data in the viewer: of one device, or of all. */
 export function liveHref(device: string | undefined, theme: "dark" | "light"): string {
-  return `/rerun/?${new URLSearchParams({ live: device ?? "", theme })}`;
+  return `${serverRoot()}/rerun/?${new URLSearchParams({ live: device ?? "", theme })}`;
 }

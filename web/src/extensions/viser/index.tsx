@@ -3,7 +3,7 @@ import { registerExtension } from "../../extension";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { mountScene } from "./panel";
 import { Begun, Following } from "./scene-frame";
-import { shownRobot } from "../../ui/server-place";
+import { serverRoot, shownRobot } from "../../ui/server-place";
 import { TEXT } from "./texts";
 import "./viser.css";
 
@@ -32,7 +32,7 @@ registerExtension({
       close: TEXT.closeScene,
       allHint: TEXT.allDevicesSideBySide,
       recordingTitle: TEXT.sceneOfRecording,
-      address: (device) => (device === undefined ? "/viser/" : `/viser/${device}/`),
+      address: (device) => `${serverRoot()}/viser/${device === undefined ? "" : `${device}/`}`,
       Live,
       Recording,
     },

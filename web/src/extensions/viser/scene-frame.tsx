@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { onFrame } from "../../data/render-loop";
 import { type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
+import { serverRoot, socketUrl } from "../../ui/server-place";
 import { theme } from "../../ui/theme";
 import { Frame } from "../../views/frame";
 import { headNews, type SentHead } from "./viewer-sync";
@@ -10,7 +11,7 @@ import { TEXT } from "./texts";
 
 function Scene({ address }: { readonly address: string }) {
   const dark = theme.value === "dark" ? "?darkMode" : "";
-  return <Frame address={address + dark} title={TEXT.sceneByViser} />;
+  return <Frame address={serverRoot() + address + dark} title={TEXT.sceneByViser} />;
 }
 
 function Waiting({ problem }: { readonly problem: HttpProblem | undefined }) {
@@ -69,8 +70,7 @@ export function Following({ player }: { readonly player: Player }) {
   const [problem, setProblem] = useState<HttpProblem>();
   // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
   useEffect(() => {
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/ws/scene/${encodeURIComponent(player.recording)}`);
+    const socket = new WebSocket(socketUrl(`/ws/scene/${encodeURIComponent(player.recording)}`));
     let sent: SentHead | undefined;
     let again: ReturnType<typeof setTimeout> | undefined;
     socket.onmessage = ({ data }) => setAddress((JSON.parse(String(data)) as { readonly address: string }).address);
