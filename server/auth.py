@@ -345,10 +345,10 @@ class Guard:
         path = "./" + quote(scope["path"].rpartition("/")[2])
         over_tls = scope.get("scheme") == "https" or (b"x-forwarded-proto", b"https") in scope["headers"]
         secure = "; Secure" if over_tls else ""
-        kept = f"HttpOnly; SameSite=Strict; Max-Age={COOKIE_AGE_S}{secure}"
+        attributes = f"HttpOnly; SameSite=Strict; Max-Age={COOKIE_AGE_S}{secure}"
         if scope["path"] != "/":
-            kept = f"Path=/; {kept}"  # else the path of a proxy is the default
-        cookie = f"{self._access.cookie_name}={token}; {kept}"
+            attributes = f"Path=/; {attributes}"  # else the path of a proxy is the default
+        cookie = f"{self._access.cookie_name}={token}; {attributes}"
         headers = [
             (b"location", (path + rest).encode("ascii")),
             (b"set-cookie", cookie.encode("latin-1")),

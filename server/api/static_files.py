@@ -95,7 +95,7 @@ def serve(request: Request, files: Files, name: str) -> Response | None:
 @router.get("/{name:path}")
 @router.head("/{name:path}")
 async def page(request: Request, name: str, services: TheServices) -> Response:
-    """A file of the page. One word that is no file is taken for a view of the page, which is a hash: index.html.
+    """A file of the page. Any other single word without a dot returns index.html where HTML is accepted.
 
     The page names its files relative to its own address, as a proxy may have put it below a path.
     """
