@@ -6,7 +6,6 @@ import { registerExtension } from "./extension";
 import { openPage } from "./testing/live-page";
 import { recorded } from "./testing/recorded";
 
-/** tests/web/test_extensions.py runs this in copies without extensions. */
 test("the page opens without an error", async () => {
   const errors = [vi.spyOn(console, "error"), vi.spyOn(console, "warn")];
   await openPage(recorded("xbus"));

@@ -17,11 +17,12 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis import alignment
 from imuscope.server.extensions.analysis.alignment import align
 from imuscope.server.extensions.analysis.signals import Signal
+from tests.deep_run import IS_DEEP
 from tests.each_row import each_row
 
 Floats = NDArray[np.float64]
 START = 1_760_000_000.0
-RUNS = 20
+RUNS = 20 if IS_DEEP else 15
 
 
 def signal(time: Floats, values: Floats, period: float = 0.0) -> Signal:
