@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -11,6 +13,7 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
+from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.errors import DomainError, status_of
 
 log = logging.getLogger("imuscope.api")
@@ -27,6 +30,17 @@ class ProblemBody(BaseModel):
 def unknown_recording(recording: str) -> DomainError:
     hint = "It may have been deleted; choose one of the list."
     return DomainError("not-found", f"Recording {recording:.80} not found.", hint)
+
+
+@contextmanager
+def recording_errors(recording: str, kind: str = "cannot-open") -> Iterator[None]:
+    """Raise what reading or changing a recording raises as DomainError: "not-found", or this kind."""
+    try:
+        yield
+    except (KeyError, FileNotFoundError):
+        raise unknown_recording(recording) from None
+    except RecordingError as error:
+        raise DomainError(kind, error.message, error.hint) from None
 
 
 def unknown_device(device: str) -> DomainError:

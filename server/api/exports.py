@@ -7,10 +7,9 @@ import math
 from fastapi import Response
 from fastapi.responses import FileResponse
 
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.api.errors import bytes_of, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
@@ -24,22 +23,16 @@ MAX_CHANNELS = 10_000
 async def add_export(recording: str, body: ExportJobRequest, services: TheServices) -> wire.ExportJob:
     """Begin an export; its progress is sent with the op `exports`."""
     _check(body)
-    try:
+    with recording_errors(recording):
         return services.exports.add(recording, body)
-    except KeyError:
-        raise unknown_recording(recording) from None
 
 
 @router.post("/{recording}/export-sizes", responses=responses(404, 422))
 async def measure_exports(recording: str, body: ExportSelection, services: TheServices) -> ExportSizes:
     """Estimated sizes of exports, from writing a sample of each."""
     _check(body)
-    try:
+    with recording_errors(recording):
         return await services.exports.sizes(recording, body)
-    except (KeyError, FileNotFoundError):
-        raise unknown_recording(recording) from None
-    except RecordingError as error:
-        raise DomainError("cannot-open", error.message, error.hint) from None
 
 
 def _check(body: ExportSelection) -> None:

@@ -10,10 +10,9 @@ from fastapi import Query
 from imuscope.protocols.family import ProtocolInfo
 from imuscope.recordings.column_store import Base
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import OneSession
-from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.errors import recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recording_data import columns_of
 from imuscope.server.devices.decode_options import DecodeOptions, recorded
@@ -119,12 +118,8 @@ def _recorded(
     kind: Literal["", "frame", "reject", "foreign", "sent"],
     beside: int,
 ) -> PacketView:
-    try:
+    with recording_errors(recording):
         source = open_file(services.catalogue.library.known_path(recording))
-    except (KeyError, FileNotFoundError):
-        raise unknown_recording(recording) from None
-    except RecordingError as error:
-        raise DomainError("cannot-open", error.message, error.hint) from None
     if not source.timed:
         words = "The bytes of this file have no arrival times, so a sample does not lead to its frame."
         raise DomainError("not-found", words, "imuscope inspect FILE lists its frames.")

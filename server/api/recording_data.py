@@ -17,10 +17,9 @@ from pydantic import BaseModel, Field
 
 from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.recordings.health_history import HealthHistory, health_history
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.api.errors import bytes_of, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import OpeningState, RecordedSettings, RecordingDetail
@@ -76,24 +75,16 @@ Partial = Annotated[bool, Query(description="while it is decoded for the first t
 
 async def columns_of(recording: str, services: TheServices) -> ColumnStore:
     """The columns of a recording; waits until it is decoded."""
-    try:
+    with recording_errors(recording):
         return await services.columns.opened(recording)
-    except (KeyError, FileNotFoundError):
-        raise unknown_recording(recording) from None
-    except RecordingError as error:
-        raise DomainError("cannot-open", error.message, error.hint) from None
 
 
 async def decoded_columns(recording: str, services: TheServices, partial: Partial = False) -> ColumnStore:
     """The columns of a recording; with `partial`, the part decoded so far."""
     if not partial:
         return await columns_of(recording, services)
-    try:
+    with recording_errors(recording):
         return await services.columns.partial_or_wait(recording)
-    except (KeyError, FileNotFoundError):
-        raise unknown_recording(recording) from None
-    except RecordingError as error:
-        raise DomainError("cannot-open", error.message, error.hint) from None
 
 
 OneStore = Annotated[ColumnStore, Depends(columns_of)]
@@ -108,10 +99,8 @@ async def get_recording(recording: str, request: Request, services: TheServices,
     """Details of a recording without its samples (RecordingDetail). 202 with an OpeningState while it is decoded for
     the first time; with `partial`, the RecordingDetail of the part decoded so far, with `progress` below 1.
     """
-    try:
+    with recording_errors(recording):
         columns = services.columns.open(recording)
-    except (KeyError, FileNotFoundError):
-        raise unknown_recording(recording) from None
     if isinstance(columns, DecodeJob):
         if columns.error is not None:
             raise DomainError("cannot-open", columns.error.message, columns.error.hint)

@@ -19,7 +19,7 @@ from imuscope.recordings.library import LibraryEntry, NamingError
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import bytes_of, responses, unknown_recording
+from imuscope.server.api.errors import bytes_of, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import EditRequest, MarkerRequest, RecordingInfo
@@ -40,10 +40,8 @@ def still_recording(recording: str) -> DomainError:
 
 def entry_of(recording: str, services: TheServices) -> LibraryEntry:
     """A recording of the library. Not async, so in a thread: it reads the folder."""
-    try:
+    with recording_errors(recording):
         return services.catalogue.library.get(recording)
-    except KeyError:
-        raise unknown_recording(recording) from None
 
 
 OneEntry = Annotated[LibraryEntry, Depends(entry_of)]
@@ -238,13 +236,10 @@ def _bounded(text: str | None, most: int, what: str) -> None:
 
 async def _in_thread(recording: str, work: Callable[[], Changed]) -> Changed:
     """Run work on the folder in a thread; raises its errors as DomainError."""
-    try:
-        return await asyncio.to_thread(work)
-    except KeyError:
-        raise unknown_recording(recording) from None
-    except sidecar.ChangedError as error:
-        raise DomainError("changed", error.message, error.hint) from None
-    except NamingError as error:
-        raise DomainError("name", error.message, error.hint) from None
-    except RecordingError as error:
-        raise DomainError("disk", error.message, error.hint) from None
+    with recording_errors(recording, "disk"):
+        try:
+            return await asyncio.to_thread(work)
+        except sidecar.ChangedError as error:
+            raise DomainError("changed", error.message, error.hint) from None
+        except NamingError as error:
+            raise DomainError("name", error.message, error.hint) from None

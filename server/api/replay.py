@@ -13,7 +13,7 @@ from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.replay import extent
 from imuscope.server.api.answers import DeviceAnswer
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.errors import recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import PlayRequest
@@ -26,10 +26,8 @@ HINT_SPEED = f"Use {SPEEDS[0]:g} to {SPEEDS[1]:g} times the original speed."
 
 def file_of(recording: str, services: TheServices) -> Path:
     """Path of a recording; DomainError if it is unknown."""
-    try:
+    with recording_errors(recording):
         return services.catalogue.library.path(recording)
-    except KeyError:
-        raise unknown_recording(recording) from None
 
 
 def source_of(path: Path, play: PlayRequest) -> str:

@@ -23,7 +23,7 @@ from imuscope.recordings.table_clock import AmbiguousTableError
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.table_preview import TABLES, TablePreview, may_be_table, preview_of, question_of
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.errors import recording_errors, responses, unknown_recording
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recordings import OneEntry, still_recording
 from imuscope.server.errors import DomainError
@@ -137,12 +137,8 @@ async def forget_reading(services: TheServices, entry: OneEntry) -> ReadingState
 
 
 async def _choose(services: TheServices, entry: LibraryEntry, reading: FileReading, heading: list[str]) -> ReadingState:
-    try:
+    with recording_errors(entry.id, "disk"):
         changed = await asyncio.to_thread(services.catalogue.library.choose, entry.id, reading, heading)
-    except KeyError:
-        raise unknown_recording(entry.id) from None
-    except RecordingError as error:
-        raise DomainError("disk", error.message, error.hint) from None
     services.catalogue.changed()
     return await _state(services, changed)
 

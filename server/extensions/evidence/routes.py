@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import responses, unknown_recording
+from imuscope.server.api.errors import recording_errors, responses
 from imuscope.server.api.exports import check_range, check_time
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.extensions.evidence.job import evidence_work
@@ -19,8 +19,6 @@ async def add_evidence(recording: str, body: EvidenceRequest, services: TheServi
     check_range(body.t0, body.t1)
     for name, cursor in (("cursor_a", body.cursor_a), ("cursor_b", body.cursor_b)):
         check_time(name, cursor)
-    try:
+    with recording_errors(recording):
         info, markers = services.catalogue.info(recording), services.catalogue.markers(recording)
         return services.exports.add_work(recording, evidence_work(info, markers, body))
-    except KeyError:
-        raise unknown_recording(recording) from None
