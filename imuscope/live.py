@@ -131,7 +131,6 @@ class Server:
         self._connection.send(json.dumps(message))
 
     def _receive(self, timeout_s: float | None) -> None:
-        """Take one message of the server."""
         from websockets.exceptions import ConnectionClosed
 
         try:

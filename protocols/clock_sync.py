@@ -336,7 +336,6 @@ class ClockSync:
         return new
 
     def _switch(self, new: ClockModel) -> None:
-        """Replace the mapping."""
         self.restarts += 1
         self.discontinuities.append(new.first_host() / 1e9)
         if self._now is not None:

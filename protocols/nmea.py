@@ -241,7 +241,6 @@ def _number_of(row: Field, word: str) -> float | int | None:
 
 
 def _whole(word: str) -> int | None:
-    """The whole number of a word; None if it is not one."""
     return int(word) if _WHOLE.fullmatch(word.strip()) else None
 
 

@@ -73,7 +73,6 @@ def _join(at: str, name: str | int) -> str:
 
 
 def _of(field: Field, value: Any, path: str) -> Iterator[ValueProblem]:
-    """Problems of one field."""
     if field.dtype == "ascii" and len(field.shape) == 2:
         for place, one in enumerate(value if isinstance(value, (list, tuple)) else [value]):
             yield from _of_text(replace(field, shape=field.shape[1:]), one, _join(path, place))

@@ -119,7 +119,6 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
 
 
 def _reason(values: Floats, chosen: UnitReading, readings: Sequence[UnitReading]) -> str:
-    """Why a unit was taken."""
     if len(readings) > 1 and chosen.dated:
         return "as that the times are dates"
     step = usual_step(values) if len(values) > 1 else 0.0

@@ -27,7 +27,6 @@ def are_hexadecimal(cells: Sequence[str]) -> bool:
 
 
 def number_of(text: str) -> float | None:
-    """The number of a cell; None if it is none."""
     return float(int(text, 16)) if _DIGITS.match(text) else None
 
 

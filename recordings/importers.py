@@ -405,7 +405,6 @@ def _folder(path: Path, table: TableOptions) -> Source:
 
 
 def _read(reader: FileReader, request: OpenRequest) -> Source:
-    """A file of another program."""
     name = request.path.name
     if reader.is_container and request.is_packed:
         raise RecordingError(f"{name} is an archive in an archive.", "Unpack it, and give a file of it.")
@@ -427,7 +426,6 @@ def _mcap(path: Path) -> Source:
 
 
 def _log(path: Path, family: ProtocolInfo, log: LogFormat, protocol: str) -> CaptureSource:
-    """A file of a vendor's own format."""
     files = vendor_logs.parts_of(path)
     name = vendor_logs.log_name(path)
     about = {"serial_number": name.serial_number} if name is not None else {}

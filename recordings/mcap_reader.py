@@ -189,7 +189,6 @@ class McapReader:
         return [(name, values) for (name, _), values in self._metadata.items()]
 
     def topic(self, name: str) -> McapChannel | None:
-        """The channel of that name."""
         return next((topic for topic in self.topics.values() if topic.name == name), None)
 
     # -- records -------------------------------------------------------------------------------------------------------

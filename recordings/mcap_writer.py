@@ -229,7 +229,6 @@ class McapWriter:
         self._json(EVENTS, "imuscope.Event", _EVENT_SCHEMA, event, time_ns)
 
     def write_note(self, kind: Literal["marker", "note"], text: str, time_ns: int, device: str = "") -> None:
-        """Write a marker or a note."""
         self._json(NOTES, "imuscope.Note", _NOTE_SCHEMA, {"kind": kind, "text": text, "device": device}, time_ns)
 
     def snapshot(self, device: str, body: Mapping[str, Any], time_ns: int) -> None:

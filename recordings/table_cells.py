@@ -33,7 +33,6 @@ class Cells:
 
 
 def numbers(column: pa.Array, decimal: str = ".") -> Cells:
-    """Cells as numbers."""
     import pyarrow as pa
     import pyarrow.compute as pc
 

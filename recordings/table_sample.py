@@ -39,7 +39,6 @@ class TableSample:
         return any(map(names.INERTIAL.search, (self.file, *(one.name for one in self.headings))))
 
     def numbers(self, column: int) -> Floats:
-        """Numbers of a column in the sample."""
         cells = cells_of(self.form.sample, column)
         if are_hexadecimal(cells):
             return np.array([number_of(cell) for cell in cells], np.float64)
@@ -48,7 +47,6 @@ class TableSample:
         return matches[np.isfinite(matches)]
 
     def cells(self, column: int) -> list[str]:
-        """Cells of a column in the sample."""
         return cells_of(self.form.sample, column)
 
     def is_hexadecimal(self, column: int) -> bool:

@@ -207,11 +207,9 @@ class CsvSource(TableSource):
         return texts[column] if texts.count(texts[column]) == 1 and texts[column] else str(column + 1)
 
     def _form_of_file(self) -> TableFormat:
-        """Form and first rows of the table."""
         return format_of(self.path, may_be_narrow=self._options.rate > 0)
 
     def _sample_times(self, clock: TableClock) -> Floats:
-        """Times of the first rows."""
         if clock.kind == "rows":
             return np.arange(len(self.form.sample), dtype=np.float64) * clock.factors[0]
         import pyarrow as pa

@@ -315,7 +315,6 @@ def _as_tuples(value: Any) -> Any:
 
 
 def _type_text(kind: Any) -> str:
-    """A type, in an error."""
     if not is_dataclass(kind):
         return _TYPES[kind]
     names = [one.name for one in fields(kind)]

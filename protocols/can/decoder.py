@@ -66,7 +66,6 @@ def no_texts(data: bytes, *, final: bool = False) -> tuple[list[ParsedMessage], 
 
 
 def line_parser() -> StreamParser:
-    """A parser of lines."""
     return StreamParser(scan, no_texts, _NOTHING)
 
 
@@ -81,7 +80,6 @@ class Frames:
 
     @classmethod
     def none(cls) -> Frames:
-        """No frames."""
         empty = np.empty(0, np.int64)
         return cls(empty, empty, empty, np.empty((0, FRAME_BYTES), np.uint8))
 

@@ -168,7 +168,6 @@ def _runs(did: int, values: Values, version: str) -> list[bytes]:
 
 
 def _packed(field: Field, value: Any) -> bytes:
-    """One field's bytes."""
     if field.dtype == "bytes" and isinstance(value, str):
         value = bytes.fromhex(value)
     return pack((field,), {field.name: value})

@@ -61,7 +61,6 @@ def columns_of(title: str, schema: bytes) -> dict[str, OwnColumn]:
 
 
 def own_quantity(title: str, columns: dict[str, OwnColumn]) -> MessageQuantity:
-    """The quantity of a message with these columns."""
     paths, fields = tuple(columns), list(columns.values())
     frame = fields[0].frame if len({one.frame for one in fields}) == 1 else ""
     if len(fields) == 1:

@@ -130,7 +130,6 @@ def identifier_words(identifier: int) -> str:
 
 
 def _words(field: Field, value: Any) -> str:
-    """One value as text."""
     if isinstance(value, bytes):
         return f"{len(value)} byte" + "s" * (len(value) != 1)
     if isinstance(value, str):

@@ -374,8 +374,6 @@ def _sample(event: Event) -> bool | None:
 
 
 def _read(one: StoredSetting) -> Transaction[Values]:
-    """The values of one setting."""
-
     def accept(reply: Reply) -> bool:
         if one.fixed:
             return bool(reply.values.get("parameter") == one.fixed["parameter"])

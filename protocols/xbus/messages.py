@@ -558,7 +558,6 @@ _FORM_600 = BY_NAME["Configuration"][1]
 
 
 def form_of(mid: int, payload: bytes) -> tuple[Message, int]:
-    """`form` for this payload."""
     if mid == _CONFIGURATION_ID and len(payload) == 118 and payload[:8] == payload[98:106]:
         return _FORM_600, 118
     return form(mid, len(payload))

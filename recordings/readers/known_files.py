@@ -150,7 +150,6 @@ def seeming(data: bytes) -> str:
 
 
 def known_file(head: bytes, suffix: str = "") -> KnownFile | None:
-    """The known format of a file; None if there is none."""
     return next(
         (
             one

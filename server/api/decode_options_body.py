@@ -46,7 +46,6 @@ class _ProtocolBody(BaseModel):
 
     @property
     def option_names(self) -> set[str]:
-        """Names of the options in the body."""
         return {name.removeprefix(PREFIX) for name in self.model_fields_set} & {"protocol", *declared_options()}
 
 

@@ -356,7 +356,6 @@ def _add_format(command: argparse.ArgumentParser, known: tuple[str, str], words:
 
 
 def _add_decode_options(command: argparse.ArgumentParser, name: str) -> None:
-    """Add the decode options that the command uses."""
     if name not in (*DECODE_SCOPES, "simulate", "replay"):
         return
     group = command.add_argument_group("decode options")

@@ -87,7 +87,6 @@ def _request(server: str, token: str, path: str, body: Any = None) -> Any:
 
 
 def _server_message(error: urllib.error.HTTPError) -> str:
-    """The error text of the server."""
     try:
         problem = json.load(error)
         return f"{problem['message']} {problem['hint']}".rstrip()

@@ -24,7 +24,6 @@ def source_help() -> str:
 
 
 def _of_any() -> list[str]:
-    """Options of any source."""
     names = ", ".join(f"{name}=" for name in url_options())
     wrapped = textwrap.wrap(f"{names}: like the options above", 120 - _COLUMN)
     return [f"{'  any of them' if line == wrapped[0] else '':<{_COLUMN}}{line}" for line in wrapped]

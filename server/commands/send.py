@@ -237,7 +237,6 @@ def _has_message(composer: ProtocolComposer, message: str) -> bool:
 
 
 def _find_composer(all_composers: dict[str, ProtocolComposer], message: str, protocol: str) -> ProtocolComposer:
-    """Composer of the protocol that has the message or setting."""
     candidates = [all_composers[protocol]] if protocol in all_composers else list(all_composers.values())
     for composer in candidates:
         if _setting(composer.driver, message, DeviceContext()) is not None:
@@ -267,7 +266,6 @@ class _SendContext:
 
 
 async def _transact(context: _SendContext, channel: LinkChannel, out: TextIO, notes: TextIO) -> None:
-    """Run the transactions of one request."""
     driver, request = context.composer.driver, context.request
     runner = Runner(channel, NullTrafficListener())
 

@@ -314,7 +314,6 @@ class DeviceController:
         await asyncio.wait((queue_task,))
 
     async def _run_queue(self) -> None:
-        """Run the jobs in the queue, then return."""
         while self._queue:
             async with self.session.listeners.turn:
                 if self._queue:  # the job may have been removed while waiting

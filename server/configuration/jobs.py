@@ -255,7 +255,6 @@ class Jobs:
         change: Change,
         cuts: Sequence[BaudChange],
     ) -> RollbackRecord:
-        """The rollback record of a change."""
         rows, snapshot, todo = controller.rows, change.snapshot, change.todo
         lacking = [rows[name].title or name for name in todo if name not in snapshot.values]
         if lacking:
@@ -295,7 +294,6 @@ class Jobs:
     def _report(
         self, controller: DeviceController, task: QueuedJob, rows: Mapping[str, Setting], written: Sequence[WriteResult]
     ) -> None:
-        """Report the outcome of a write."""
         actual = {one.setting: one.actual for one in written if one.actual is not None}
         controller.values = {  # another object, because holders of the earlier values compare
             **controller.values,

@@ -146,7 +146,6 @@ class RollbackStore:
         return records
 
     def record_of(self, protocol: str, serial_number: str) -> RollbackRecord | None:
-        """Rollback record of a device, or None."""
         return next((one for one in self.all() if (one.protocol, one.serial_number) == (protocol, serial_number)), None)
 
     def _path(self, record: RollbackRecord) -> Path:

@@ -117,7 +117,6 @@ class EventReporter:
         suppressed.span(min(arrivals) / 1e9, max(arrivals) / 1e9)
 
     def step(self, step: ClockStep, time: float) -> None:
-        """Report a step of the device clock."""
         words = {
             "reset": "The device's clock started again from zero.",
             "jump": f"The device's clock jumped by {_signed(step.by_ns / 1e9)}.",

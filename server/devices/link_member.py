@@ -92,7 +92,6 @@ def name_of(device: AnyDevice) -> str:
 
 
 def link_of(device: AnyDevice) -> Session:
-    """The session of its link."""
     return device.session if isinstance(device, LinkMember) else device
 
 

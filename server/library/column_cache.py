@@ -112,7 +112,6 @@ class ColumnCache:
         return self._cache / hashlib.sha256(repr(key).encode()).hexdigest()[:24]
 
     def cached(self, recording: str) -> ColumnStore | None:
-        """The columns; None if they are not stored."""
         return self._columns(self.store_of(recording))
 
     def open(self, recording: str) -> ColumnStore | DecodeJob:

@@ -287,7 +287,6 @@ def file_stem(title: str, t0: float | None, t1: float | None) -> str:
 
 
 def _words(request: ExportJobRequest) -> str:
-    """Description of an export."""
     parts = [FORMATS[request.format].title]
     if request.t0 is not None and request.t1 is not None:
         parts.append(f"{request.t1 - request.t0:.3f} s")

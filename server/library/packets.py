@@ -111,13 +111,10 @@ def _nearest(arrival: Any, sampled: Any, time: float, base: Base) -> SampleArriv
 
 
 def live_bytes(link: LinkMemory, preamble: bytes) -> Read:
-    """Bytes of a live link."""
     return lambda since_ns, until_ns: (preamble, link.runs(since_ns, until_ns))
 
 
 def recorded_bytes(source: Source, device: str) -> Read:
-    """Bytes of a device of a recording."""
-
     def read(since_ns: int, until_ns: int) -> tuple[bytes, list[ByteRun]]:
         runs = []
         for part in source.parts(since_ns, until_ns):

@@ -18,7 +18,6 @@ from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, 
 
 
 def channel_info(manifest: Mapping[str, Any]) -> ChannelInfo:
-    """The ChannelInfo of a channel in a manifest."""
     columns = [
         ColumnInfo(**{**column, "bits": [BitsInfo(**bit) for bit in column["bits"]]}) for column in manifest["columns"]
     ]

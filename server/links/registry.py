@@ -64,7 +64,6 @@ def link_kinds() -> list[LinkDefinition]:
 
 
 def link_kind(name: str) -> LinkDefinition | None:
-    """The kind of that name; None if unknown."""
     return LINKS.all().get(name)
 
 

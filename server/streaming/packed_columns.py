@@ -31,7 +31,6 @@ def packed(column: NDArray[Any]) -> bytes:
 
 
 def packed_bytes(data: bytes) -> bytes:
-    """Bytes, packed."""
     with _lock:
         frame = _compressor.compress(data)
     return bytes(memoryview(frame))  # the original lies in a larger piece of memory, cut short, which would be lost

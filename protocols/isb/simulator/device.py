@@ -333,7 +333,6 @@ class IsbSimulator:
         self.memory.saved_sentences = dict(self.memory.sentences)
 
     def _text(self, line: str, now: int) -> bytes:
-        """Handle a text request."""
         words = line.strip()[1:-3].split(",")
         match words:
             case ["STPB"] | ["STPC"]:

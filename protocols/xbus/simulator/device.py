@@ -248,7 +248,6 @@ class XbusSimulator:
         self._block, self._waiting = 0, []
 
     def _due(self, now: int, out: list[bytes]) -> None:
-        """Send messages that are due."""
         run = self._measurement
         assert run is not None
         while True:

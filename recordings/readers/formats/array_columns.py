@@ -99,7 +99,6 @@ def _matrix(array: Array, rows: int) -> Array | None:
 
 
 def _named(name: str, matrix: Array) -> dict[str, Array]:
-    """The columns of an array."""
     if matrix.dtype.names:
         prefix = f"{name}." if name else ""
         inner = [(f"{prefix}{field}", matrix[field]) for field in matrix.dtype.names]

@@ -80,7 +80,6 @@ def _flat(batches: Iterator[pa.RecordBatch], places: Sequence[_Place]) -> Iterat
 
 
 def _table(request: OpenRequest, kind: str, schema: pa.Schema, batches: Callable[[list[str]], Any]) -> ArrowSource:
-    """The columns of a file that are read."""
     headings: dict[str, str] = {}
     places: list[_Place] = []
     left_out: list[str] = []

@@ -49,7 +49,6 @@ OFFICE = {
 
 
 def _open_one(request: OpenRequest, codec: str) -> Source:
-    """The file in a compressed file."""
     path = request.path
     name = clean_name(path.stem) if path.suffix.lower() in (".gz", ".zst", ".zstd") else clean_name(path.name)
     unpacked = UnpackedFolder(path)

@@ -71,8 +71,6 @@ class _Format:
 
 
 class DataFlash(FlightLog):
-    """A DataFlash log."""
-
     clock_name = "TimeUS"
 
     def __init__(self, path: Path) -> None:

@@ -65,8 +65,6 @@ class _MessageHeader:
 
 
 class Ros1Bag(BagSource):
-    """A bag of ROS 1."""
-
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._alike: _MessageHeader | None = None

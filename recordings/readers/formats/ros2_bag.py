@@ -234,7 +234,6 @@ def _present(folder: Path, name: str) -> Path | None:
 
 
 def _opened_file(path: Path) -> MessageFile:
-    """One file of a bag."""
     with open_regular(path) as file:
         head = file.read(len(SQLITE))
     if head.startswith(ZSTD):

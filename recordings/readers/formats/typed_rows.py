@@ -262,7 +262,6 @@ def _written_by_column(path: Path, unpacked: UnpackedFolder, form: TableFormat, 
 
 
 def csv_line(cells: Sequence[str], separator: str = ",") -> str:
-    """Cells as a line."""
     out = StringIO()
     csv.writer(out, delimiter=separator, lineterminator="").writerow(cells)
     return out.getvalue()

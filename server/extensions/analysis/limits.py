@@ -30,7 +30,6 @@ class AnalysisLimits:
         return str(self.memory_mb), f"{self.time_s:g}"
 
     def too_much_memory(self) -> DomainError:
-        """The error of an analysis that exceeds the memory."""
         return DomainError("too-many", f"The analysis takes more memory than {self.memory_mb} MB.", LESS)
 
     def too_long(self) -> DomainError:

@@ -111,7 +111,6 @@ class SignalColumn:
         return [self, *(SignalColumn(info, at) for info, at in others)]
 
     def signals(self, read: ReadSamples) -> list[Signal]:
-        """Its samples."""
         column = self.info.columns[self.at]
         signal = finite_signal(self.name, column.unit, column.period, *read(self))
         warmth, others = self.temperature, self.companions

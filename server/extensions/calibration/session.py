@@ -196,7 +196,6 @@ class CalibrationSessions:
         return session
 
     def get(self, device: str) -> CalibrationSession | None:
-        """The calibration of a device; None if there is none."""
         return self._sessions.get(device)
 
     def of(self, device: str) -> CalibrationSession:

@@ -396,7 +396,6 @@ class CorrectionForwarder:
         self._message, self._hint = f"Forwarding from {self._public_source}.", ""
 
     def _input(self) -> CorrectionInput | None:
-        """Correction input of the device; None if it has none."""
         from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
         family = PROTOCOLS.get(self._session.info.protocol)

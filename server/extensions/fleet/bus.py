@@ -62,7 +62,6 @@ def is_loopback_address(address: str) -> bool:
 
 
 def client_settings(router: str, credentials: BusCredentials) -> dict[str, Any]:
-    """Settings of a client of a router."""
     settings = {
         **SETTINGS,
         "mode": "client",

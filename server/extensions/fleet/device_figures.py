@@ -108,7 +108,6 @@ def _arrival(channel: StoredChannel) -> float:
 
 
 def _newest(channel: StoredChannel, column: int) -> float | None:
-    """Newest value of a column; None if there is none."""
     total = channel.ring.total
     rows = channel.ring.read(total - 1) if total else []
     return _finite(rows[2 + column][-1]) if rows and len(rows[0]) else None

@@ -245,12 +245,10 @@ class FleetServer:
             collector.show_again(lambda robot: robot.name in changed)
 
     def group_of(self, robot: str) -> str | None:
-        """The group of a robot; None if there is no such robot."""
         entry = self.robots.get(robot)
         return None if entry is None else entry.group
 
     def group_of_rollout(self, number: str) -> str | None:
-        """The group of a rollout; None if there is no such rollout."""
         try:
             return self.rollouts.get(int(number)).group
         except DomainError:

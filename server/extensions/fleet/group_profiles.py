@@ -143,7 +143,6 @@ class GroupProfiles:
         return SettingsCheck("drifted" if difference.rows else "as-profile", "", profile, difference)
 
     def applies(self, robot: RobotSummary) -> bool:
-        """Whether the group of a robot has a profile for one of its devices."""
         return any((robot.group, one.protocol, one.product) in self._profiles for one in robot.devices)
 
     def profile_of(self, group: str, device: RobotDevice) -> tuple[GroupProfile, DeviceDriver]:

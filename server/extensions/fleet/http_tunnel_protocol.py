@@ -165,7 +165,6 @@ _answers: msgspec.msgpack.Decoder[Answer] = msgspec.msgpack.Decoder(Answer)
 
 
 def encode(message: TunnelRequest | Answer) -> bytes:
-    """A message as bytes."""
     return _encoder.encode(message)
 
 

@@ -49,7 +49,6 @@ def token_key(robot: str, boot: str) -> str:
 
 
 def report_key(robot: str) -> str:
-    """Key of the reports of a robot."""
     return f"{ROBOTS}/{robot}/report"
 
 

@@ -162,7 +162,6 @@ _journals = msgspec.msgpack.Decoder(JournalAnswer)
 
 
 def encode(message: RobotReport | JournalAnswer) -> bytes:
-    """A report, or the answer of a journal, as bytes."""
     return _encoder.encode(message)
 
 

@@ -56,7 +56,6 @@ class Robots:
         return MappingProxyType({name: entry.summary for name, entry in self._entries.items()})
 
     def get(self, name: str) -> RobotSummary | None:
-        """A robot by name; None if it is unknown."""
         entry = self._entries.get(name)
         return None if entry is None else entry.summary
 

@@ -84,7 +84,6 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
 
 
 def _topics(request: ExportRequest, device: Mapping[str, Any]) -> list[tuple[str, MessageBuilder]]:
-    """The topics of a device, with their builders."""
     name = node_names(request.columns.manifest["devices"])[device["id"]]
     frames = FrameNames(name)
     builders = builders_of(

@@ -232,7 +232,6 @@ class Scene:
         self._server.scene.add_label(name, words, position=at, anchor="center-center", font_screen_scale=0.75)
 
     def _style(self, path: str) -> None:
-        """Give a body its shape."""
         scene, mesh, name = self._server.scene, self._mesh, f"{path}/body/mesh"
         if mesh is None or self._shape.value == BOX:
             scene.add_box(name, BODY, (0.56, 0.38, 0.14))
