@@ -219,6 +219,7 @@ def _replay(options: argparse.Namespace) -> None:
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
     warn_if_interpreted(size_of(Path(options.file)))
+    from imuscope.recordings.importers import open_file
     from imuscope.server import logging_setup
     from imuscope.server.commands import replay
 
@@ -230,8 +231,10 @@ def _replay(options: argparse.Namespace) -> None:
             return replay.TcpSink(*replay.address(options.tcp))
         return replay.UdpSink(*replay.address(options.udp)) if options.udp is not None else replay.PtySink()
 
-    how = (options.protocol, options.speed, options.loop, options.begin, options.end, options.device)
-    asyncio.run(replay.replay(replay.ReplayRequest(Path(options.file), sink, *how), sys.stdout))
+    file = open_file(Path(options.file), options.protocol)
+    part = (options.device, options.begin, options.end)
+    clock = replay.replay_clock(file, *part, speed=options.speed, loop=options.loop)
+    asyncio.run(replay.replay(clock, sink, sys.stdout))
 
 
 def _completion(options: argparse.Namespace) -> None:

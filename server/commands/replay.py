@@ -24,11 +24,8 @@ import struct
 import termios
 import tty
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol, TextIO
 
-from imuscope.recordings.importers import open_file
 from imuscope.recordings.replay import ReplayClock, ReplayedChunk, extent
 from imuscope.recordings.sources import Source
 from imuscope.server.end_signals import end_signals
@@ -62,42 +59,24 @@ class Sink(Protocol):
         """Close after the receiver has taken all bytes."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReplayRequest:
-    """Request for `imuscope replay`: source and destination.
+async def replay(clock: ReplayClock, to: Callable[[], Sink], out: TextIO) -> int:
+    """Play to the end, or until a signal that ends the program. Returns the number of bytes sent.
 
     Args:
         to: creates the sink.
-        begin_s, end_s: seconds from the beginning of the file.
-        device: device in the file; "" for the only one.
-    """
-
-    path: Path
-    to: Callable[[], Sink]
-    protocol: str = ""
-    speed: float = 1.0
-    loop: bool = False
-    begin_s: float = 0.0
-    end_s: float | None = None
-    device: str = ""
-
-
-async def replay(request: ReplayRequest, out: TextIO) -> int:
-    """Play to the end, or until a signal that ends the program. Returns the number of bytes sent.
 
     Raises:
         UsageError, RecordingError: the file cannot be played, or the destination cannot be used.
     """
-    replay_clock = _replay_clock(request)
     try:
-        sink = request.to()
+        sink = to()
     except OSError as error:
         raise UsageError(f"The destination cannot be used: {error.strerror or error}.") from None
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in end_signals():
         loop.add_signal_handler(number, stop.set)
-    playing = loop.create_task(_play(replay_clock, sink, out))
+    playing = loop.create_task(_play(clock, sink, out))
     stopping = loop.create_task(stop.wait())
     await asyncio.wait((playing, stopping), return_when=asyncio.FIRST_COMPLETED)
     stopping.cancel()
@@ -111,23 +90,28 @@ async def replay(request: ReplayRequest, out: TextIO) -> int:
         await sink.close()
 
 
-def _replay_clock(request: ReplayRequest) -> ReplayClock:
-    file = open_file(request.path, request.protocol)
+def replay_clock(
+    file: Source, device: str, begin_s: float, end_s: float | None, *, speed: float, loop: bool
+) -> ReplayClock:
+    """Plays one device of a file.
+
+    Args:
+        device: device in the file; "" for the only one.
+        begin_s, end_s: seconds from the beginning of the file.
+
+    Raises:
+        UsageError: it cannot be played.
+    """
     span = extent(file)
     if span is None:
-        raise UsageError(f"{request.path.name} has no device bytes.")
-    stop_ns = span[1] + 1 if request.end_s is None else span[0] + round(request.end_s * 1e9)
-    start_ns = span[0] + round(request.begin_s * 1e9)
+        raise UsageError(f"{file.path.name} has no device bytes.")
+    stop_ns = span[1] + 1 if end_s is None else span[0] + round(end_s * 1e9)
+    start_ns = span[0] + round(begin_s * 1e9)
     if not start_ns < stop_ns or start_ns > span[1]:
-        raise UsageError(f"{request.path.name} lasts {(span[1] - span[0]) / 1e9:.3f} s; that range is empty.")
+        raise UsageError(f"{file.path.name} lasts {(span[1] - span[0]) / 1e9:.3f} s; that range is empty.")
+    devices = [choose_device(file, device)]
     return ReplayClock(
-        file,
-        steady_clock(),
-        speed=request.speed,
-        loop=request.loop,
-        start_ns=start_ns,
-        stop_ns=stop_ns,
-        devices=[choose_device(file, request.device)],
+        file, steady_clock(), speed=speed, loop=loop, start_ns=start_ns, stop_ns=stop_ns, devices=devices
     )
 
 

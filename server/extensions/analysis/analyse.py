@@ -6,13 +6,11 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from pathlib import Path
 from typing import Any, TextIO
 
 from imuscope.protocols.plural import counted
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.commands.decoded import decoded, time_range_of
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.commands.decoded import time_range_of
 from imuscope.server.errors import UsageError
 from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analysis_named
 from imuscope.server.extensions.analysis.report import Figures, figures_of, in_parallel
@@ -49,20 +47,6 @@ class SignalReport:
     unit: str
     figures: Figures
     units: Mapping[str, str]
-
-
-def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, notes: TextIO) -> list[SignalReport]:
-    """Analyse signals of a file.
-
-    Args:
-        reading: decode options; without a protocol it is detected.
-        notes: stream for the progress bar.
-
-    Raises:
-        UsageError, RecordingError, DomainError: the file cannot be decoded, or the request cannot be fulfilled.
-    """
-    with decoded(path, reading, notes) as store:
-        return reports_of(store, path.name, request)
 
 
 def reports_of(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:

@@ -80,12 +80,13 @@ def analysis_list() -> str:
 
 def run(options: argparse.Namespace) -> None:
     file, decode_options = file_to_decode(options)
+    from imuscope.server.commands.decoded import decoded
     from imuscope.server.extensions.analysis.analyse import (
         AnalyseRequest,
-        analyse_file,
         print_json,
         print_table,
         print_text,
+        reports_of,
     )
 
     if options.analysis == "comparison":
@@ -94,8 +95,8 @@ def run(options: argparse.Namespace) -> None:
     if options.other is not None:
         raise UsageError("--with belongs to the comparison of two files: imuscope analyse A comparison --with B")
     request = AnalyseRequest(options.analysis, options.signal, options.begin, options.end, options.option or ())
-    with seekable(file) as path:
-        reports = analyse_file(path, decode_options, request, sys.stderr)
+    with seekable(file) as path, decoded(path, decode_options, sys.stderr) as store:
+        reports = reports_of(store, path.name, request)
     if options.format not in ("table", "json"):
         print_text(request.analysis, options.format, reports, sys.stdout)
         return
@@ -103,7 +104,9 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOptions) -> None:
-    from imuscope.server.extensions.analysis.compare import FileComparison, compare_files, print_comparison, print_json
+    from imuscope.server.commands.decoded import decoded
+    from imuscope.server.extensions.analysis.compare import print_comparison, print_json, side_of
+    from imuscope.server.extensions.analysis.two_sides import ComparisonOptions, compared
 
     if options.other is None:
         raise UsageError("a comparison needs two files; give the other one with --with B")
@@ -111,13 +114,20 @@ def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOpti
         raise UsageError("a comparison has no --option, and --format is table or json")
     if options.search is not None and not options.search > 0:
         raise UsageError(f"--search {options.search:g} is not a valid time, in seconds; it must be more than 0")
-    range_a = (options.begin, options.end)
-    range_b = (
-        options.begin if options.from_b is None else options.from_b,
-        options.end if options.to_b is None else options.to_b,
-    )
-    sides = (options.signal, options.signal_b or (), range_a, range_b)
-    request = FileComparison(*sides, options.align, options.offset, options.search)
-    with seekable(file) as a, seekable(readable(str(options.other))) as b:
-        answer = compare_files(a, b, decode_options, request, sys.stderr)
+    signals_b = options.signal_b or options.signal
+    if len(options.signal) != len(signals_b):
+        raise UsageError("--signal and --signal-b differ in number; name one signal of B for each of A")
+    begin_b = options.begin if options.from_b is None else options.from_b
+    end_b = options.end if options.to_b is None else options.to_b
+    with (
+        seekable(file) as a,
+        seekable(readable(str(options.other))) as b,
+        decoded(a, decode_options, sys.stderr) as store_a,
+        decoded(b, decode_options, sys.stderr) as store_b,
+    ):
+        sides = [
+            side_of(store_a, a.name, options.signal, options.begin, options.end),
+            side_of(store_b, b.name, signals_b, begin_b, end_b),
+        ]
+        answer = compared(sides, sides, ComparisonOptions(options.align, options.offset, options.search))
     (print_json if options.format == "json" else print_comparison)(answer, sys.stdout)

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TextIO
 
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.commands.decoded import decoded, time_range_of
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.errors import UsageError
+from imuscope.server.commands.decoded import time_range_of
 from imuscope.server.extensions.analysis.signal_request import requested_signals
 from imuscope.server.extensions.analysis.signals import recorded_samples
 from imuscope.server.extensions.analysis.two_sides import (
-    Alignment,
     ComparedSignal,
     ComparisonAnswer,
-    ComparisonOptions,
     ComparisonSide,
-    compared,
 )
 from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 
@@ -28,47 +21,18 @@ NAME = "comparison"
 FIGURES = ("n", "mean", "sigma", "rms", "min", "max", "low", "high", "mounting", "remaining")
 
 
-FileRange = tuple[float, float | None]
-
-
-@dataclass(frozen=True, slots=True)
-class FileComparison:
-    """Request for a comparison of two files.
+def side_of(store: ColumnStore, name: str, words: Sequence[str], begin_s: float, end_s: float | None) -> ComparisonSide:
+    """Signals of a file in a part of it.
 
     Args:
-        signals, signals_b: names in A and B, in the same order; without names of B those of A.
-        range_a, range_b: begin and end of the compared parts, s from the beginning of the file; end None: its end.
-        align, offset, search: as of ComparisonOptions.
-    """
-
-    signals: Sequence[str]
-    signals_b: Sequence[str] = ()
-    range_a: FileRange = (0.0, None)
-    range_b: FileRange = (0.0, None)
-    align: Alignment = "offset"
-    offset: float = 0.0
-    search: float | None = None
-
-
-def compare_files(a: Path, b: Path, reading: DecodeOptions, request: FileComparison, notes: TextIO) -> ComparisonAnswer:
-    """Compare B with A.
+        name: of the file, for messages.
+        words: names of the signals (server/extensions/analysis/signals.py).
+        begin_s, end_s: seconds from the beginning of the file.
 
     Raises:
-        UsageError, RecordingError, DomainError: a file cannot be decoded, or the request cannot be fulfilled.
+        UsageError, DomainError: the part is empty, or has no such signal.
     """
-    names = (request.signals, request.signals_b or request.signals)
-    if len(names[0]) != len(names[1]):
-        raise UsageError("--signal and --signal-b differ in number; name one signal of B for each of A")
-    with decoded(a, reading, notes) as first, decoded(b, reading, notes) as second:
-        sides = [
-            _side(first, a.name, names[0], request.range_a),
-            _side(second, b.name, names[1], request.range_b),
-        ]
-        return compared(sides, sides, ComparisonOptions(request.align, request.offset, request.search))
-
-
-def _side(store: ColumnStore, name: str, words: Sequence[str], part: FileRange) -> ComparisonSide:
-    t0, t1 = time_range_of(store, name, *part)
+    t0, t1 = time_range_of(store, name, begin_s, end_s)
     signals = requested_signals(
         channels_of(store).values(), words, zero_phase=True, product=products_of(store), segments=segments_of(store)
     )

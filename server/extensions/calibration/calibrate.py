@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.commands.decoded import decoded, time_range_of
-from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.errors import DomainError, UsageError
 from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
 from imuscope.server.extensions.analysis.triads import Samples, finite
@@ -23,30 +21,11 @@ from imuscope.server.extensions.calibration.kinds import (
     is_table,
     method_for,
 )
-from imuscope.server.extensions.calibration.mounting import VerticalAxis
 from imuscope.server.extensions.calibration.report import CalibrationReport, SensorCorrection
 from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.wire import ChannelInfo
 
 SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".h": "c"}
-
-
-@dataclass(frozen=True, slots=True)
-class CalibrateRequest:
-    """Request for a calibration with a file.
-
-    Args:
-        kind: of the calibration.
-        facts: those of CalibrationOptions, in their order.
-        device: "" for the only one.
-        begin_s, end_s: seconds from the beginning of the file.
-    """
-
-    kind: str
-    facts: tuple[float, float, bool, VerticalAxis] = (0.0, 0.0, False, "up")
-    device: str = ""
-    begin_s: float = 0.0
-    end_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,27 +51,34 @@ def format_of(name: str, output: Path | None) -> str:
     return by_suffix
 
 
-def calibrate_file(path: Path, reading: DecodeOptions, request: CalibrateRequest, notes: TextIO) -> Calibration:
+def calibrated(
+    store: ColumnStore,
+    name: str,
+    kind: str,
+    device: str,
+    span: tuple[float, float],
+    options: CalibrationOptions,
+) -> Calibration:
     """Calibrate with the samples of a file.
 
+    Args:
+        name: of the file, for messages.
+        kind: of the calibration.
+        device: "" for the only one.
+        span: first and last time, unix s.
+
     Raises:
-        UsageError, RecordingError, DomainError: the file cannot be decoded, or its samples do not determine the answer.
+        DomainError: the samples do not determine the answer.
     """
-    with decoded(path, reading, notes) as store:
-        return _calibrated(store, path.name, request)
-
-
-def _calibrated(store: ColumnStore, name: str, request: CalibrateRequest) -> Calibration:
-    infos = _of_one_device(store, name, request.device)
+    infos = _of_one_device(store, name, device)
     inputs = CalibrationInputs.of(infos)
-    method = method_for(request.kind, inputs, name, is_table=is_table(store.manifest, infos[0].device))
+    method = method_for(kind, inputs, name, is_table=is_table(store.manifest, infos[0].device))
     triads = method.triads(inputs)
-    t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
     samples: dict[str, Samples] = {}
     for key, triad in triads.items():
-        columns = [recorded_samples(store, SignalColumn(triad.info, at), t0, t1) for at in triad.at]
+        columns = [recorded_samples(store, SignalColumn(triad.info, at), *span) for at in triad.at]
         samples[key] = finite(columns[0][0], np.stack([values for _, values in columns], axis=1) * triad.factor)
-    report = evaluated(method, triads, samples, CalibrationOptions(*request.facts))
+    report = evaluated(method, triads, samples, options)
     if report.correction is None:
         if report.refusal is None:
             raise DomainError("no-result", f"{name} is too short for this calibration.", "Give a longer recording.")

@@ -44,15 +44,17 @@ def run(options: argparse.Namespace) -> None:
     for name, most in (("field", 1e6), ("gravity", 20.0)):
         if not 0 <= getattr(options, name) <= most:
             raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
-    from imuscope.server.extensions.calibration.calibrate import CalibrateRequest, calibrate_file, format_of, text_of
+    from imuscope.server.commands.decoded import decoded, time_range_of
+    from imuscope.server.extensions.calibration.calibrate import calibrated, format_of, text_of
+    from imuscope.server.extensions.calibration.kinds import CalibrationOptions
 
-    facts = (options.field, options.gravity, options.square, options.vertical)
-    request = CalibrateRequest(options.kind, facts, options.device, options.begin, options.end)
+    facts = CalibrationOptions(options.field, options.gravity, options.square, options.vertical)
     if options.output is not None and options.output.exists() and options.output.samefile(file):
         raise UsageError("OUT is the input file; give another name")
     form = format_of(options.format or "", options.output)
-    with seekable(file) as path:
-        text = text_of(calibrate_file(path, decode_options, request, sys.stderr), form)
+    with seekable(file) as path, decoded(path, decode_options, sys.stderr) as store:
+        span = time_range_of(store, path.name, options.begin, options.end)
+        text = text_of(calibrated(store, path.name, options.kind, options.device, span, facts), form)
     if options.output is None:
         sys.stdout.write(text)
         return

@@ -10,7 +10,7 @@ import contextlib
 import sqlite3
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 
 FILE = "fleet.sqlite"
@@ -24,7 +24,7 @@ class FleetDatabaseError(Exception):
 
 @dataclass(slots=True)
 class StoredRobot:
-    """The last state of a robot.
+    """The last state of a robot: a row of its table.
 
     Args:
         boot, number: run of its server, and its last report.
@@ -46,7 +46,9 @@ class StoredRobot:
 
 @dataclass(frozen=True, slots=True)
 class StoredEvent:
-    """An event of a robot; `number` is that of the report that contained it, 0 for one of the fleet server."""
+    """An event of a robot: a row of its table, without the id. `number` is that of the report that contained it; 0 for
+    one of the fleet server.
+    """
 
     robot: str
     boot: str
@@ -103,13 +105,9 @@ class FleetDatabase:
 
     def robots(self) -> list[StoredRobot]:
         with self._lock:
-            rows = self._file.execute(
-                "SELECT name, boot, number, is_live, since, status, received, missed FROM robots ORDER BY name"
-            ).fetchall()
-        return [
-            StoredRobot(name, boot, number, bool(is_live), since, status, received, missed)
-            for name, boot, number, is_live, since, status, received, missed in rows
-        ]
+            rows = self._file.execute("SELECT * FROM robots ORDER BY name").fetchall()
+        robots = [StoredRobot(*row) for row in rows]
+        return [replace(one, is_live=bool(one.is_live)) for one in robots]  # SQLite has no booleans
 
     def write(self, batch: FleetBatch) -> None:
         """Write all changes, or none.
@@ -123,18 +121,10 @@ class FleetDatabase:
                 self._file.executemany("DELETE FROM robots WHERE name = ?", [(name,) for name in batch.removed])
                 self._file.executemany(
                     "INSERT OR REPLACE INTO robots VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                    [
-                        (one.name, one.boot, one.number, one.is_live, one.since, one.status, one.received, one.missed)
-                        for one in batch.robots.values()
-                    ],
+                    map(astuple, batch.robots.values()),
                 )
                 self._file.executemany(
-                    "INSERT INTO events (robot, boot, number, time, kind, level, text, device) "
-                    "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                    [
-                        (one.robot, one.boot, one.number, one.time, one.kind, one.level, one.text, one.device)
-                        for one in batch.events
-                    ],
+                    "INSERT INTO events VALUES (NULL, ?, ?, ?, ?, ?, ?, ?, ?)", map(astuple, batch.events)
                 )
                 self._prune(len(batch.events))
                 self._file.execute("COMMIT")
@@ -166,8 +156,7 @@ class FleetDatabase:
         where = " AND ".join(conditions)
         with self._lock:
             rows: Iterable[tuple[int, str, str, int, float, str, str, str, str]] = self._file.execute(
-                f"SELECT id, robot, boot, number, time, kind, level, text, device FROM events WHERE {where} "
-                "ORDER BY id DESC LIMIT ?",
+                f"SELECT * FROM events WHERE {where} ORDER BY id DESC LIMIT ?",
                 (*values, limit),
             ).fetchall()
         return [(row[0], StoredEvent(*row[1:])) for row in rows]
