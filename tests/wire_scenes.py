@@ -28,6 +28,7 @@ from imuscope.recordings.compaction import compact
 from imuscope.recordings.mcap_writer import McapWriter
 from tests import known_attitude
 from tests.bench.serial_device import frame
+from tests.faulty_line import FaultyLine
 from tests.server_process import ServerProcess
 
 TITLE, RATE, SECONDS, START = "Yard loop", 400, 8, 1_760_000_000_000_000_000
@@ -76,7 +77,9 @@ def yard_loop(
     frames, and a marker.
     """
     devices = {
-        "1": XbusSimulator(start_ns=0, rate=rate, drop=0.003, seed=seed, measuring=True, baud=921_600),
+        "1": FaultyLine(
+            "xbus", XbusSimulator(start_ns=0, rate=rate, seed=seed, measuring=True, baud=921_600), drop=0.003, seed=seed
+        ),
         "2": IsbSimulator(start_ns=0),
     }
     writer = McapWriter(path, {"title": title})

@@ -27,7 +27,6 @@ from imuscope.protocols.idtp.frames import MODES, SAFETY, SECURE, build
 from imuscope.protocols.idtp.messages import ACCELERATION, BY_NAME, FIELD, PRESSURE, QUATERNION, RATE
 from imuscope.protocols.schema import Message
 from imuscope.protocols.simulator import trajectory
-from imuscope.protocols.simulator.faults import through_faults
 
 Array = NDArray[Any]
 Output = tuple[str, int]
@@ -44,14 +43,12 @@ class IdtpSimulator:
 
     Args:
         device_id: 0 to 65535.
-        seed: repeats noise and faults exactly.
+        seed: repeats noise exactly.
         start_ns: power-on time, on the clock of `advance`.
         rate: samples/s of each of the default outputs, Imu10 and ImuQuat.
         outputs: other ones.
         mode: LITE, SAFETY or SECURE.
         key: for Secure mode.
-        sequence: of the first frame.
-        drop, corrupt: share of frames that are lost, or sent with one bit flipped.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): the timestamp jumps once.
         tick_ns: unit of its timestamp.
@@ -70,9 +67,6 @@ class IdtpSimulator:
         outputs: Sequence[Output] | None = None,
         mode: int = SAFETY,
         key: bytes | None = None,
-        sequence: int = 0,
-        drop: float = 0.0,
-        corrupt: float = 0.0,
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
         tick_ns: int = 1_000,
@@ -89,10 +83,9 @@ class IdtpSimulator:
         self._start_ns = start_ns
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._mode, self._key = mode, key
-        self._seed, self._drop, self._corrupt = seed, drop, corrupt
         self._jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
         self._tick_ns = tick_ns
-        self._sequence = sequence
+        self._sequence = 0
         self._block = 0
         self._waiting: list[tuple[int, int, bytes]] = []  # (time, type, payload) of this block not sent yet, last first
 
@@ -134,10 +127,7 @@ class IdtpSimulator:
             mode=self._mode,
             key=self._key,
         )
-        sent = through_faults(frame, number, self._seed, self._drop, self._corrupt)
-        if sent is None:
-            return
-        out.append(sent)
+        out.append(frame)
 
 
 class _SimulatedStream:

@@ -15,6 +15,7 @@ from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from tests.faulty_line import FaultyLine
 from tests.fuzz.mutations import Pieces
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
@@ -166,7 +167,7 @@ class Xbus(FuzzTarget):
 
     def simulator(self, seed: int) -> bytes:
         product = ("MTi-630", "MTi-680G", "MTi-G-710")[seed % 3]
-        device = XbusSimulator(product, seed=seed, drop=0.05, corrupt=0.05)
+        device = FaultyLine("xbus", XbusSimulator(product, seed=seed), drop=0.05, corrupt=0.05, seed=seed)
         return device.advance(10**9) + device.receive(b"\xfa\xff\x30\x00\xd1\xfa\xff\x00\x00\x01", 1_010_000_000)
 
 
@@ -258,7 +259,7 @@ class Isb(FuzzTarget):
         return ((one.offset, one.size) for one in isb_oracle.scan(data, final=True).packets)
 
     def simulator(self, seed: int) -> bytes:
-        device = IsbSimulator(seed=seed, drop=0.05, corrupt=0.05)
+        device = FaultyLine("isb", IsbSimulator(seed=seed), drop=0.05, corrupt=0.05, seed=seed)
         return device.advance(1_500_000_000) + device.receive(
             isb_vectors.packet(isb_vectors.COMMANDS[0]), 1_510_000_000
         )
@@ -338,7 +339,8 @@ class Idtp(FuzzTarget):
         return ((one.offset, one.size) for one in idtp_oracle.scan(data, final=True, key=KEY).frames)
 
     def simulator(self, seed: int) -> bytes:
-        return IdtpSimulator(7, seed=seed, mode=seed % 3, key=KEY, drop=0.05, corrupt=0.05).advance(250_000_000)
+        device = IdtpSimulator(7, seed=seed, mode=seed % 3, key=KEY)
+        return FaultyLine("idtp", device, drop=0.05, corrupt=0.05, seed=seed).advance(250_000_000)
 
     def settings(self, random: Random) -> dict[str, Any]:
         choices: tuple[dict[str, Any], ...] = (

@@ -13,6 +13,7 @@ from imuscope.protocols.idtp.messages import MESSAGES
 from imuscope.protocols.idtp.simulator import EARTH_UT, IdtpSimulator
 from imuscope.protocols.simulator import trajectory
 from tests.each_row import each_row
+from tests.faulty_line import FaultyLine
 from tests.protocols.decoding import column, decode_chunks
 from tests.protocols.idtp_vectors import KEY
 
@@ -62,10 +63,10 @@ def test_results_do_not_depend_on_time_steps() -> None:
 
 
 def test_faults() -> None:
-    dropped = events_of(IdtpSimulator(drop=0.1, seed=1).advance(5 * S))
+    dropped = events_of(FaultyLine("idtp", IdtpSimulator(), drop=0.1).advance(5 * S))
     lost = sum(event.missing for event in dropped if isinstance(event, SampleGap))
     assert 60 < lost < 140
-    spoiled = events_of(IdtpSimulator(corrupt=0.1, seed=1).advance(5 * S))
+    spoiled = events_of(FaultyLine("idtp", IdtpSimulator(), corrupt=0.1).advance(5 * S))
     reasons = {event.reason for event in spoiled if isinstance(event, RejectedFrame)}
     assert {"bad_crc8", "bad_crc32"} <= reasons
     jumped = events_of(IdtpSimulator(clock_jump=(2.0, 10.0)).advance(5 * S))

@@ -21,6 +21,7 @@ from imuscope.protocols.isb.simulator.device import BOOT_NS, IsbSimulator
 from imuscope.protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
 from imuscope.protocols.simulator import trajectory
 from tests.each_row import each_row
+from tests.faulty_line import FaultyLine
 from tests.protocols.decoding import column, decode_chunks, run
 
 S = 10**9
@@ -137,7 +138,7 @@ def test_noise_does_not_depend_on_time_steps() -> None:
 
 def test_faults() -> None:
     clean = IsbSimulator(seed=1)
-    events = decode(run(IsbSimulator(seed=1, drop=0.1, corrupt=0.1), 10))
+    events = decode(run(FaultyLine("isb", IsbSimulator(seed=1), drop=0.1, corrupt=0.1), 10))
     assert [event for event in events if isinstance(event, RejectedFrame)]
     count = sum(len(batch) for batch in batches(events))
     assert 0.7 < count / sum(len(batch) for batch in batches(decode(run(clean, 10)))) < 0.9

@@ -24,6 +24,7 @@ from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.links.base import LinkError
 from tests.decode_options import decode_options
 from tests.each_row import each_row
+from tests.faulty_line import FaultyLine
 from tests.server.fakes import FakeLink
 from tests.server.family_harness import FamilyHarness, FamilyWire, family
 
@@ -169,7 +170,7 @@ async def test_the_wrong_key_and_a_weak_mode_are_reported(reading: DecodeOptions
 
 async def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
     async with playing(decode_options("idtp", key=KEY)) as stage:
-        await stage.run(IdtpSimulator(mode=2, key=KEY, corrupt=0.1, seed=4), 3)
+        await stage.run(FaultyLine("idtp", IdtpSimulator(mode=2, key=KEY), corrupt=0.1), 3)
         assert stage.info.status == "live"
         assert stage.health.rejects_by["bad_hmac"] > 0
         assert stage.info.notices == []
@@ -180,12 +181,14 @@ class Several:
 
     next_ns = 0
 
-    def __init__(self, *devices: IdtpSimulator, stop_s: Mapping[int, float] = MappingProxyType({})) -> None:
+    def __init__(
+        self, *devices: IdtpSimulator | FaultyLine, stop_s: Mapping[int, float] = MappingProxyType({})
+    ) -> None:
         self.devices = devices
         self.stop_s = stop_s
 
     def advance(self, now_ns: int) -> bytes:
-        said = [(one.device_id, one.advance(now_ns)) for one in self.devices]
+        said = [(getattr(one, "device_id", 0), one.advance(now_ns)) for one in self.devices]
         return b"".join(data for number, data in said if now_ns < self.stop_s.get(number, 1e9) * 1e9)
 
 
@@ -214,7 +217,8 @@ async def test_every_sender_is_a_device_of_its_own() -> None:
 
 async def test_losses_of_one_of_several_devices_are_its_own() -> None:
     async with playing() as stage:
-        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, drop=0.1, seed=3)), 3)
+        lossy = FaultyLine("idtp", IdtpSimulator(device_id=9), drop=0.1)
+        await stage.run(Several(IdtpSimulator(device_id=7), lossy), 3)
         first, second = stage.session.health_of_all(stage.clock())
         assert (first.gaps, first.lost) == (0, 0)
         assert second.lost > 20
@@ -223,7 +227,8 @@ async def test_losses_of_one_of_several_devices_are_its_own() -> None:
 
 async def test_refusals_on_a_shared_link_are_shown_with_each_device() -> None:
     async with playing() as stage:
-        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, corrupt=0.2, seed=3)), 3)
+        corrupted = FaultyLine("idtp", IdtpSimulator(device_id=9), corrupt=0.2)
+        await stage.run(Several(IdtpSimulator(device_id=7), corrupted), 3)
         first, second = stage.session.health_of_all(stage.clock())
         assert first.rejects > 50
         assert (first.rejects, first.rejects_by) == (second.rejects, second.rejects_by)

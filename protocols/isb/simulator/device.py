@@ -53,7 +53,6 @@ from imuscope.protocols.isb.simulator.signals import (
     rows_of,
 )
 from imuscope.protocols.isb.streams import BY_BIT, dids_of
-from imuscope.protocols.simulator.faults import through_faults
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 from imuscope.protocols.stream_parser import StreamParser
 
@@ -80,11 +79,10 @@ class IsbSimulator:
     Args:
         product: of PRODUCTS.
         serial: None: derived from the seed.
-        seed: repeats noise and faults exactly.
+        seed: repeats noise exactly.
         start_ns: power-on time, on the clock of `advance`; its 0 is the start of 2026 in UTC, so that the date
             continues when a device is switched off and on.
         rate: samples/s of inertial data and navigation; above 1000 the device is faster than any real one.
-        drop, corrupt: share of streamed packets that are lost, or sent with one bit flipped.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): the device's clock jumps once.
         imu_source: period that DID_IMU follows: "nav", that of navigation (the header of the SDK), or "imu", that of
@@ -105,8 +103,6 @@ class IsbSimulator:
         start_ns: int = 0,
         *,
         rate: float = 100,
-        drop: float = 0.0,
-        corrupt: float = 0.0,
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
         imu_source: str = "nav",
@@ -121,7 +117,6 @@ class IsbSimulator:
         self.baud = baud or BAUD
         self._seed, self._start_ns = seed, start_ns
         self._speed = 1 + clock_drift_ppm * 1e-6
-        self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
         self.run = SignalSource(seed, vibration, jump, UTC_2026_S * S + start_ns, setup)
         self._period_ns = max(round(S / rate), 1)
@@ -140,7 +135,6 @@ class IsbSimulator:
         self._waiting: list[tuple[int, bytes]] = []  # packets of this block not sent yet, last first
         self._parser = StreamParser(frames.scan, find, STARTS)
         self._received_ns = 0
-        self._count = 0
 
     # -- the two directions of the link
 
@@ -248,21 +242,13 @@ class IsbSimulator:
     def _due(self, now: int, out: list[bytes]) -> None:
         while True:
             while self._waiting and self._waiting[-1][0] <= now:
-                self._send(self._waiting.pop()[1], out)
+                out.append(self._waiting.pop()[1])
             end = (self._block + 1) * BLOCK_NS
             self._sent_ns = max(self._sent_ns, min(now, end - 1))
             if self._waiting or now < end:
                 return
             self._block += 1
             self._make()
-
-    def _send(self, packet: bytes, out: list[bytes]) -> None:
-        number = self._count
-        self._count += 1
-        sent = through_faults(packet, number, self._seed, self._drop, self._corrupt)
-        if sent is None:
-            return
-        out.append(sent)
 
     def _choose(self, streams: dict[int, int]) -> None:
         if streams != self.streams:

@@ -30,7 +30,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Literal
 
-from imuscope.protocols.simulator.faults import through_faults
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.config_effects import BAUD_RATES
@@ -77,10 +76,9 @@ class XbusSimulator:
     Args:
         product: "MTi-630", "MTi-680G", "MTi-3", "MTi-30", "MTi-G-710"…: a key of `settings.PRODUCTS`.
         serial: device identifier; None for one of the product's own range, derived from the seed.
-        seed: repeats noise and faults exactly.
+        seed: repeats noise and faults of its answers exactly.
         start_ns: power-on time, on the clock of `advance`.
         rate: samples/s of the default output configuration; above 400 the device is faster than any real one.
-        drop, corrupt: share of MTData2 frames that are lost, or sent with one bit flipped.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): SampleTimeFine jumps once.
         vibration: share of the vehicle's shaking that reaches the sensor: 0 none, 1 a rigid mount.
@@ -104,8 +102,6 @@ class XbusSimulator:
         start_ns: int = 0,
         *,
         rate: float = 100,
-        drop: float = 0.0,
-        corrupt: float = 0.0,
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
         vibration: float = 0.0,
@@ -121,12 +117,10 @@ class XbusSimulator:
         self.product: SimulatedProduct = PRODUCTS[product]
         self.serial = self.product.first_serial + seed % 0xFFFF + 1 if serial is None else serial
         self.phase: Phase = "boot"
-        self._seed = seed
         self._start_ns = start_ns
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._fastest = 400 if rate <= 400 else 2000
         self._rate = max(int(rate), 1)
-        self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
         abilities = self.product.capabilities
         self.run = XbusSignalSource(abilities, seed, self.product.wrap, jump, vibration, self.serial, setup)
@@ -141,8 +135,6 @@ class XbusSimulator:
             self.serial,
             seed,
             rate=rate,
-            drop=drop,
-            corrupt=corrupt,
             clock_drift_ppm=clock_drift_ppm,
             clock_jump=clock_jump,
             vibration=vibration,
@@ -166,7 +158,6 @@ class XbusSimulator:
         self._block = 0
         self._waiting: list[tuple[int, bytes]] = []  # messages of this block not sent yet, last first
         self._counter = self._block_counter = 0  # of MTData2 messages that were sent; no others are counted (5.3.6)
-        self._made = 0  # messages of any kind, for faults
         if measuring:
             self.measure(0)
 
@@ -260,18 +251,13 @@ class XbusSimulator:
             self._block += 1
 
     def _send(self, frame: bytes, out: list[bytes]) -> None:
-        number = self._made
-        self._made += 1
-        is_sample = not isinstance(self._measurement, Sentences)
-        if is_sample and not self.send_latest:
-            self._counter += 1
-        sent = through_faults(frame, number, self._seed, self._drop, self._corrupt)
-        if sent is None:
-            return
-        if is_sample and self.send_latest:
-            self._newest = sent
+        if isinstance(self._measurement, Sentences):
+            out.append(frame)
+        elif self.send_latest:
+            self._newest = frame
         else:
-            out.append(sent)
+            self._counter += 1
+            out.append(frame)
 
     @property
     def send_latest(self) -> frozenset[int]:
@@ -308,7 +294,6 @@ class XbusSimulator:
             utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False, **self._consequences()
         )
         self._start_ns += round(off / self._speed)
-        self._made = 0
         self.phase, self._counter, self.baud, self._ignores_input = "boot", 0, BOOT_BAUD, False
         self._parser = self._new_parser()
 
