@@ -12,8 +12,15 @@ export interface Polled<T> {
   readonly send: (change: Promise<Outcome<T>>) => Promise<boolean>;
 }
 
-/** @param of what it is of: asked for anew when that is another one */
-export function usePolled<T>(of: string, everyMs: number, ask: () => Promise<Outcome<T>>): Polled<T> {
+/**
+ * @param of what it is of: asked for anew when that is another one
+ * @param everyMs pause between two questions, given the newest state; undefined: that one stays
+ */
+export function usePolled<T>(
+  of: string,
+  everyMs: number | ((newest: T | undefined) => number | undefined),
+  ask: () => Promise<Outcome<T>>,
+): Polled<T> {
   const state = useSignal<T | undefined>(undefined);
   const refused = useSignal<HttpProblem | undefined>(undefined);
   const away = useSignal<HttpProblem | undefined>(undefined);
@@ -26,7 +33,9 @@ export function usePolled<T>(of: string, everyMs: number, ask: () => Promise<Out
       const before = changes.current;
       const outcome = await ask();
       if (isOver) return;
-      timer = setTimeout(() => void look(), everyMs);
+      const newest = outcome.ok ? outcome.value : state.peek();
+      const pause = typeof everyMs === "number" ? everyMs : everyMs(newest);
+      if (pause !== undefined) timer = setTimeout(() => void look(), pause);
       if (before !== changes.current) return; // asked before the change was made: it would be shown undone
       away.value = outcome.ok ? undefined : outcome.problem;
       if (outcome.ok) state.value = outcome.value;

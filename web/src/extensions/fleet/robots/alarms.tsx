@@ -1,9 +1,8 @@
 /** Raised alarms of a robot: its own, and those of the fleet server, which are acknowledged here. */
 import { useSignal } from "@preact/signals";
-import type { HttpProblem } from "../../../ui/http";
+import { type HttpProblem, request } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { RobotAlarm, RobotSummary } from "../../../wire/routes";
-import { acknowledge } from "./api";
 import type { Fleet } from "./fleet-state";
 import { PersonForm } from "./person-form";
 import { TEXT } from "./texts";
@@ -12,7 +11,10 @@ export function Alarms({ robot, fleet }: { readonly robot: RobotSummary; readonl
   const asking = useSignal("");
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const send = async (by: string): Promise<void> => {
-    const outcome = await acknowledge(robot.name, asking.peek(), by);
+    const outcome = await request("POST /api/fleet/robots/{robot}/acknowledge", {
+      path: { robot: robot.name },
+      body: { condition: asking.peek(), by },
+    });
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (!outcome.ok) return;
     asking.value = "";

@@ -2,18 +2,20 @@
 import { useSignal } from "@preact/signals";
 import { dayWords } from "../../../recordings/library-filter";
 import { clock } from "../../../ui/format";
-import type { HttpProblem } from "../../../ui/http";
+import { type HttpProblem, request } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { FleetEvent } from "../../../wire/routes";
-import { askEvents, removeRobot } from "./api";
 import type { Fleet } from "./fleet-state";
 import { TEXT } from "./texts";
+
+/** How many events of a robot are shown. */
+const NEWEST = 30;
 
 export function RobotEvents({ name }: { readonly name: string }) {
   const events = useSignal<readonly FleetEvent[] | undefined>(undefined);
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const load = async (): Promise<void> => {
-    const outcome = await askEvents(name);
+    const outcome = await request("GET /api/fleet/events", { query: { robot: name, limit: NEWEST } });
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) events.value = outcome.value;
   };
@@ -40,7 +42,7 @@ export function RobotEvents({ name }: { readonly name: string }) {
 export function RemoveRobot({ name, fleet }: { readonly name: string; readonly fleet: Fleet }) {
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const remove = async (): Promise<void> => {
-    const outcome = await removeRobot(name);
+    const outcome = await request("DELETE /api/fleet/robots/{robot}", { path: { robot: name } });
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (!outcome.ok) return;
     fleet.open("");

@@ -2,9 +2,8 @@
 import { batch, computed, signal } from "@preact/signals";
 import { type App, perApp } from "../../../pages/app-state";
 import { route } from "../../../pages/route";
-import { isRefusal, type HttpProblem } from "../../../ui/http";
+import { isRefusal, type HttpProblem, request } from "../../../ui/http";
 import { type FleetPlace, fleetHref, readRobotPlace, START } from "./address";
-import { askRobots } from "./api";
 import { columnNamed, type RobotColumn } from "./columns";
 import { arrange, countAll, type RobotGroup, isSameOrder, robotLines } from "./order";
 import { Robots } from "./robots";
@@ -97,16 +96,16 @@ export class Fleet {
     this.#retry?.();
   }
 
-  async #ask(cancel: AbortSignal): Promise<void> {
+  async #ask(signal: AbortSignal): Promise<void> {
     // after a failure the server may be another one: then everything is asked for
     const after = this.problem.peek() === undefined ? this.robots.revision : undefined;
-    let outcome = await askRobots(after, cancel);
+    let outcome = await request("GET /api/fleet/robots", { query: { after }, signal });
     let isApplied = outcome.ok && this.#accept(outcome.value, after);
     if (outcome.ok && !isApplied) {
-      outcome = await askRobots(undefined, cancel);
+      outcome = await request("GET /api/fleet/robots", { query: {}, signal });
       isApplied = outcome.ok && this.#accept(outcome.value, undefined);
     }
-    if (cancel.aborted) return;
+    if (signal.aborted) return;
     this.#failed = outcome.ok ? 0 : this.#failed + 1;
     batch(() => {
       this.problem.value = outcome.ok ? undefined : outcome.problem;

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { RobotSummary, RolloutHead } from "../../../wire/routes";
-import { askRollouts } from "./rollout-api";
+import { request } from "../../../ui/http";
 import { TEXT } from "./rollout-texts";
 
 /** Pause between two requests while a rollout is under way, ms. */
@@ -25,7 +25,7 @@ export function GroupRollout({ robot, device, open, isShown }: Props) {
     let timer: ReturnType<typeof setTimeout> | undefined;
     let isOver = isShown;
     const ask = async (): Promise<void> => {
-      const outcome = await askRollouts();
+      const outcome = await request("GET /api/fleet/rollouts");
       if (isOver) return;
       if (outcome.ok)
         last.value = outcome.value.find(

@@ -3,7 +3,7 @@ import { number } from "../../../ui/format";
 import { Icon } from "../../../ui/icons";
 import type { Fleet } from "./fleet-state";
 import { inShown, type Line, type RobotFilter } from "./order";
-import { ROLES, rowProperties } from "./roles";
+import { rowProperties } from "./roles";
 import { TEXT } from "./texts";
 
 interface Props {
@@ -35,7 +35,7 @@ export function GroupRow({ id, index, line, fleet, isActive, isFolded, top, onFo
       {...rowProperties({ id, index, top }, { "aria-expanded": !isFolded }, () => onFold(title))}
       class={`fleet-row fleet-group ${isActive ? "active" : ""}`}
     >
-      <span {...ROLES.cell} class="group-cell">
+      <span role="gridcell" class="group-cell">
         <Icon name={isFolded ? "forward" : "down"} />
         <b class="ellipsis">{title || TEXT.ungrouped[fleet.place.value.grouping]}</b>
         <span class="dim">{TEXT.robotCount(names.length)}</span>

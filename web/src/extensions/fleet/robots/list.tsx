@@ -13,7 +13,6 @@ import type { Fleet } from "./fleet-state";
 import { GroupRow } from "./group-row";
 import type { Line } from "./order";
 import { ageText, RobotRow } from "./row";
-import { columnProperties, gridProperties, ROLES } from "./roles";
 import { usePhone } from "../../../ui/use-phone";
 import { TEXT } from "./texts";
 
@@ -116,12 +115,18 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
       ref={box}
       class="fleet-list"
       data-by={grouping}
-      {...gridProperties(lines.length, isInView ? `fleet-row-${activeIndex}` : undefined, { onScroll, onKeyDown })}
+      role="grid"
+      tabIndex={0}
+      aria-label={TEXT.robots}
+      aria-rowcount={lines.length + 1}
+      aria-activedescendant={isInView ? `fleet-row-${activeIndex}` : undefined}
+      onScroll={onScroll}
+      onKeyDown={onKeyDown}
     >
       <Head fleet={fleet} />
       <div
         class="fleet-rows"
-        {...ROLES.rows}
+        role="rowgroup"
         style={{ height: `${lines.length * height}px` }}
         onPointerEnter={(event) => event.pointerType === "mouse" && fleet.pointer(true)}
         onPointerLeave={() => fleet.pointer(false)}
@@ -189,11 +194,12 @@ function act(key: string, line: Line, fleet: Fleet): boolean {
 function Head({ fleet }: { readonly fleet: Fleet }) {
   const { sort, descending } = fleet.place.value;
   return (
-    <div {...ROLES.head} class="fleet-head">
+    <div role="row" aria-rowindex={1} class="fleet-head">
       {COLUMNS.map(({ name, title, figures }) => (
         <span
           key={name}
-          {...columnProperties(sort === name ? (descending ? "descending" : "ascending") : "none")}
+          role="columnheader"
+          aria-sort={sort === name ? (descending ? "descending" : "ascending") : "none"}
           data-column={name}
           class={figures ? "num" : ""}
         >

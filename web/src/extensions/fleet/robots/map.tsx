@@ -12,7 +12,6 @@ import type { Tone } from "./conditions";
 import type { Fleet } from "./fleet-state";
 import { inShown, mapGroups, robotMatches, queryWords } from "./order";
 import type { Robot } from "./robots";
-import { cellProperties, groupProperties, mapProperties } from "./roles";
 import { ageText } from "./row";
 import { TEXT } from "./texts";
 
@@ -37,7 +36,7 @@ class MapCell extends Component<CellProps> {
   override render({ id, name, tone, label, isFaint, isActive, isOpen }: CellProps): JSX.Element {
     const classes = ["map-cell", tone ?? "", isFaint ? "faint" : "", isActive ? "active" : "", isOpen ? "on" : ""];
     return (
-      <span {...cellProperties(id, label, isOpen)} data-robot={name} class={classes.join(" ")}>
+      <span role="option" id={id} aria-label={label} aria-selected={isOpen} data-robot={name} class={classes.join(" ")}>
         <span class={`dot ${tone ?? ""}`} />
       </span>
     );
@@ -93,15 +92,23 @@ export function FleetMap({ fleet }: { readonly fleet: Fleet }) {
       <div
         ref={box}
         class="fleet-map"
-        {...mapProperties(activeIndex < 0 ? undefined : idOf(activeIndex), {
-          onKeyDown,
-          onClick,
-          onPointerOver: (event) => void (over.value = nameAt(event)),
-          onPointerLeave: () => void (over.value = undefined),
-        })}
+        role="listbox"
+        tabIndex={0}
+        aria-label={TEXT.robots}
+        aria-activedescendant={activeIndex < 0 ? undefined : idOf(activeIndex)}
+        onKeyDown={onKeyDown}
+        onClick={onClick}
+        onPointerOver={(event) => void (over.value = nameAt(event))}
+        onPointerLeave={() => void (over.value = undefined)}
       >
         {groups.map(({ title, names: members }) => (
-          <div key={title} {...groupProperties(title || TEXT.ungrouped[grouping])} class="map-group">
+          <div
+            key={title}
+            {...(grouping === "none"
+              ? { role: "presentation" }
+              : { role: "group", "aria-label": title || TEXT.ungrouped[grouping] })}
+            class="map-group"
+          >
             {grouping !== "none" && (
               <p aria-hidden="true">
                 <b>{title || TEXT.ungrouped[grouping]}</b> <span class="dim">{TEXT.robotCount(members.length)}</span>

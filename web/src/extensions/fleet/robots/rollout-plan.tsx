@@ -2,12 +2,11 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
-import type { HttpProblem } from "../../../ui/http";
+import { type HttpProblem, request } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { storedName, storeName } from "../../../ui/person-name";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { DeviceLeftOut, PlannedDevice, RolloutChanges, RolloutPlan } from "../../../wire/routes";
-import { askPlan, startRollout } from "./rollout-api";
 import { TEXT as FLEET } from "./texts";
 import { TEXT } from "./rollout-texts";
 
@@ -31,7 +30,8 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
   const waves = useSignal(WAVES);
   const isBusy = useSignal(false);
   const ask = async (): Promise<boolean> => {
-    const outcome = await askPlan(robot, device, waves.peek());
+    const query = { device, waves: waves.peek() };
+    const outcome = await request("GET /api/fleet/robots/{robot}/rollout", { path: { robot }, query });
     if (!outcome.ok) problem.value = outcome.problem;
     else if (outcome.value.running !== null) follow(outcome.value.running);
     else plan.value = outcome.value;
@@ -52,13 +52,9 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
     if (by === "" || plan.value === undefined || isBusy.value) return;
     storeName(by);
     isBusy.value = true;
-    const outcome = await startRollout(robot, {
-      device,
-      plan: plan.value.id,
-      by,
-      waves: String(given.get("waves") ?? WAVES),
-      watch_s: Number(given.get("watch_s") ?? WATCH_S),
-    });
+    const how = { waves: String(given.get("waves") ?? WAVES), watch_s: Number(given.get("watch_s") ?? WATCH_S) };
+    const body = { device, plan: plan.value.id, by, ...how };
+    const outcome = await request("POST /api/fleet/robots/{robot}/rollout", { path: { robot }, body });
     isBusy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) follow(outcome.value.id);

@@ -1,13 +1,12 @@
 /** A rollout: how far it is, what became of each device, and a button that stops it. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
-import type { HttpProblem } from "../../../ui/http";
+import { request } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { storedName } from "../../../ui/person-name";
 import { ProblemNote } from "../../../ui/problem-note";
+import { usePolled } from "../../../ui/use-polled";
 import type { Rollout, RolloutDevice } from "../../../wire/routes";
 import { PersonForm } from "./person-form";
-import { askRollout, stopRollout } from "./rollout-api";
 import { TEXT } from "./rollout-texts";
 
 /** Pause between two requests, ms: of a rollout, and for each of its devices. */
@@ -21,40 +20,23 @@ const ORDER: readonly RolloutDevice["state"][] = [
 const BUSY: ReadonlySet<RolloutDevice["state"]> = new Set(["applying", "watching", "confirming"]);
 
 export function RolloutProgress({ id }: { readonly id: number }) {
-  const rollout = useSignal<Rollout | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
   const isNaming = useSignal(false);
-  useEffect(() => {
-    let timer: ReturnType<typeof setTimeout> | undefined;
-    let isOver = false;
-    const ask = async (): Promise<void> => {
-      const outcome = await askRollout(id);
-      if (isOver) return;
-      if (outcome.ok) rollout.value = outcome.value;
-      problem.value = outcome.ok ? undefined : outcome.problem;
-      const devices = rollout.peek()?.devices.length ?? 0;
-      if (!outcome.ok || outcome.value.state === "running") {
-        timer = setTimeout(() => void ask(), ASK_MS + ASK_DEVICE_MS * devices);
-      }
-    };
-    void ask();
-    return () => {
-      isOver = true;
-      clearTimeout(timer);
-    };
-  }, [id, rollout, problem]);
+  const pauseMs = (newest: Rollout | undefined): number | undefined =>
+    newest && newest.state !== "running" ? undefined : ASK_MS + ASK_DEVICE_MS * (newest?.devices.length ?? 0);
+  const path = { rollout: id };
+  const { state, problem, send } = usePolled(`${id}`, pauseMs, () =>
+    request("GET /api/fleet/rollouts/{rollout}", { path }),
+  );
   const stop = async (by: string): Promise<void> => {
     isNaming.value = false;
-    const outcome = await stopRollout(id, by);
-    if (outcome.ok) rollout.value = outcome.value;
-    else problem.value = outcome.problem;
+    await send(request("POST /api/fleet/rollouts/{rollout}/stop", { path, body: { by } }));
   };
   const askToStop = (): void => {
     const by = storedName();
     if (by === "") isNaming.value = true;
     else void stop(by);
   };
-  const found = rollout.value;
+  const found = state.value;
   if (found === undefined) return problem.value ? <ProblemNote problem={problem.value} /> : null;
   const done = found.devices.filter(({ state }) => state === "done").length;
   const isRunning = found.state === "running";

@@ -7,7 +7,7 @@ import { fleetHref, type FleetPlace } from "./address";
 import type { RobotDevice } from "../../../wire/routes";
 import type { Robot } from "./robots";
 import { robotHref } from "../../../ui/server-place";
-import { ROLES, rowProperties } from "./roles";
+import { rowProperties } from "./roles";
 import { TEXT } from "./texts";
 
 export interface RowProps {
@@ -68,7 +68,7 @@ export class RobotRow extends Component<RowProps> {
       if (name === "device") return this.#device();
       if (name === "recording") {
         return (
-          <span key={name} {...ROLES.cell} data-column="recording">
+          <span key={name} role="gridcell" data-column="recording">
             {robot.summary.recording && (
               <>
                 <i class="record-dot" />
@@ -87,14 +87,14 @@ export class RobotRow extends Component<RowProps> {
     return COLUMNS.map(({ name }) => {
       if (device && name === "device") {
         return (
-          <span key={name} {...ROLES.cell} data-column="device">
+          <span key={name} role="gridcell" data-column="device">
             <DeviceName device={device} />
           </span>
         );
       }
       if (device && name === "state") {
         return (
-          <span key={name} {...ROLES.cell} data-column="state" class="dim">
+          <span key={name} role="gridcell" data-column="state" class="dim">
             {device.status}
           </span>
         );
@@ -107,7 +107,7 @@ export class RobotRow extends Component<RowProps> {
     const { robot, place } = this.props;
     const { name, group, pages, state } = robot.summary;
     return (
-      <span key="name" {...ROLES.cell} data-column="name">
+      <span key="name" role="gridcell" data-column="name">
         <a class="ellipsis" tabIndex={-1} href={fleetHref({ ...place, robot: name })}>
           {name}
         </a>
@@ -132,7 +132,7 @@ export class RobotRow extends Component<RowProps> {
     const { robot, lostFor, hasLeft } = this.props;
     const { tone, conditions } = robot.health;
     return (
-      <span key="state" {...ROLES.cell} data-column="state">
+      <span key="state" role="gridcell" data-column="state">
         <span class={`dot ${hasLeft ? "off" : (tone ?? "live")}`} />
         <span class="ellipsis">{hasLeft ? TEXT.left : stateWord(robot)}</span>
         {lostFor !== "" && <small>{lostFor}</small>}
@@ -146,7 +146,7 @@ export class RobotRow extends Component<RowProps> {
     const { name, devices } = robot.summary;
     const more = devices.length - 1;
     return (
-      <span key="device" {...ROLES.cell} data-column="device">
+      <span key="device" role="gridcell" data-column="device">
         <DeviceName device={robot.device} />
         {more > 0 && (
           <button
@@ -192,7 +192,7 @@ function figure(name: RobotColumn, { text, unit, more, tone, isQuiet }: RobotCel
   return (
     <span
       key={name}
-      {...ROLES.cell}
+      role="gridcell"
       data-column={name}
       class={`ellipsis ${FIGURES.has(name) ? "num" : ""} ${isQuiet ? "dim" : ""}`}
     >

@@ -2,10 +2,9 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
-import type { Outcome, HttpProblem } from "../../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { DeviceSettingsCheck, RobotSummary } from "../../../wire/routes";
-import { askSettings, removeProfile, useProfile } from "./api";
 import type { Fleet } from "./fleet-state";
 import { GroupRollout } from "./group-rollout";
 import { PersonForm } from "./person-form";
@@ -29,7 +28,8 @@ export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; 
   const shown = [robot.settings, robot.drifted, ...robot.devices.map((one) => one.settings)].join(" ");
   // biome-ignore lint/correctness/useExhaustiveDependencies: asked again when the robot has changed, not with each drawing
   useEffect(() => {
-    if (isOpen.value) void askSettings(robot.name).then(take);
+    if (!isOpen.value) return;
+    void request("GET /api/fleet/robots/{robot}/settings", { path: { robot: robot.name } }).then(take);
   }, [isOpen.value, robot.name, shown]);
   const settings = (
     <details
@@ -55,8 +55,8 @@ export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; 
           )}
           <Profile
             check={check}
-            send={async (request) => {
-              if (!take(await request)) return false;
+            send={async (change) => {
+              if (!take(await change)) return false;
               fleet.retry();
               return true;
             }}
@@ -125,14 +125,18 @@ function Check({ check }: { readonly check: DeviceSettingsCheck }) {
 interface ProfileProps {
   readonly check: DeviceSettingsCheck;
   readonly robot: string;
-  readonly send: (request: Promise<Answer>) => Promise<boolean>;
+  readonly send: (change: Promise<Answer>) => Promise<boolean>;
 }
 
 function Profile({ check: { device, profile, read }, robot, send }: ProfileProps) {
   const asking = useSignal<"use" | "remove" | undefined>(undefined);
   const submit = async (by: string): Promise<void> => {
-    const change = asking.peek() === "use" ? useProfile : removeProfile;
-    if (await send(change(robot, device, by))) asking.value = undefined;
+    const path = { robot };
+    const change =
+      asking.peek() === "use"
+        ? request("POST /api/fleet/robots/{robot}/profile", { path, body: { device, by } })
+        : request("DELETE /api/fleet/robots/{robot}/profile", { path, query: { device, by } });
+    if (await send(change)) asking.value = undefined;
   };
   if (asking.value === undefined) {
     return (
