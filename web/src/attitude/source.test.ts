@@ -4,7 +4,6 @@ import type { Channel } from "../data/channels";
 import type { ChannelInfo } from "../wire/types";
 import { attitudeSource } from "./source";
 
-/** A channel with one sample. */
 function channel(id: number, kind: ChannelInfo["kind"], frame: string, sample: readonly number[], group = ""): Channel {
   const ring = { length: 1, value: (column: number) => sample[column] ?? Number.NaN, time: () => 0, indexAt: () => 0 };
   const columns = [{ unit: kind === "vector" ? "m" : "" }];

@@ -29,7 +29,6 @@ export function share(axis: Axis, value: number): number {
   return value > 0 ? Math.log(value / axis.low) / Math.log(axis.high / axis.low) : NaN;
 }
 
-/** The value at a share of an axis. */
 export function valueAtShare(axis: Axis, at: number): number {
   if (axis.kind === "linear") return axis.low + at * (axis.high - axis.low);
   return axis.low * (axis.high / axis.low) ** at;

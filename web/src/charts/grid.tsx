@@ -43,7 +43,6 @@ export function Grid({ x, y, width, height, room = ROOM }: GridProps) {
   );
 }
 
-/** A line at `x` px. */
 export function Crosshair({ x, height }: { readonly x: number; readonly height: number }) {
   return <line class="crosshair" x1={x} x2={x} y2={height} />;
 }

@@ -17,7 +17,6 @@ interface PairProps {
   readonly onChange: (second: boolean) => void;
 }
 
-/** One of two. */
 export function Pair({ label, names, second, onChange }: PairProps) {
   return (
     <div class="segmented small" role="group" aria-label={label} title={label}>

@@ -181,7 +181,6 @@ export class Store {
     return this.#latencies.slice(0, n);
   }
 
-  /** Process one message of the worker. */
   receive(message: FromWorker): void {
     switch (message.kind) {
       case "frames":

@@ -42,7 +42,6 @@ const NOTHING: Horizon = {
 
 const spanOf = (seconds: number): number => Math.min(LONGEST, Math.max(SHORTEST, seconds));
 
-/** The actions of one view. */
 export class ViewActions {
   readonly #state: ViewSignals;
   #horizon = NOTHING;

@@ -103,7 +103,6 @@ export interface AnalysisChoice {
   readonly temperature?: "include";
 }
 
-/** Panels that show one analysis each. */
 export type AnalysisPanel = "psd" | "spectrogram" | "allan";
 
 export interface ViewSignals {
@@ -113,7 +112,6 @@ export interface ViewSignals {
   readonly measure: Signal<number | undefined>;
   /** Whether cursors are put on samples. */
   readonly snap: Signal<boolean>;
-  /** Chosen y axes, by plot key. */
   readonly yAxes: Signal<ReadonlyMap<string, YAxis>>;
   /** The plot whose y axis is being chosen, and the range that it has. */
   readonly yAxisForm: Signal<{ readonly key: string; readonly range: readonly [number, number] } | undefined>;

@@ -75,7 +75,6 @@ class Entry {
     return this.#options.value[input.name] ?? (this.begin?.options[input.name] || input.default);
   }
 
-  /** Value of an option. */
   valueOf(input: DecodeOptionInput): string {
     return isSecret(input) || input.kind === "text" ? this.textOf(input).trim() : this.textOf(input);
   }

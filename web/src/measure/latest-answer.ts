@@ -11,7 +11,6 @@ const PATIENCE_MS = 3000;
 
 export class LatestAnswer<A> {
   problem: HttpProblem | undefined;
-  /** The newest answer, and the question that it is for. */
   held: { readonly question: string; readonly answer: A } | undefined;
   readonly #stop = new AbortController();
   #isBusy = false;

@@ -23,7 +23,6 @@ export interface PageEntry {
   readonly icon: IconName;
 }
 
-/** The pages in order, with their names and icons. */
 const PAGES: readonly PageEntry[] = [
   { name: "live", title: TEXT.live, icon: "wave" },
   { name: "configure", title: TEXT.configure, icon: "sliders" },

@@ -21,7 +21,6 @@ import { distinctName } from "../wire/device-name";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-/** Names of each page's folded panels. */
 const PANELS: Readonly<Record<PageName, { readonly rail: string; readonly side: string }>> = {
   live: { rail: COMMON.devices, side: TEXT.valuesAndHealth },
   configure: { rail: COMMON.settings, side: COMMON.trafficLog },

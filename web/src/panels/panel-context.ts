@@ -90,7 +90,6 @@ export function reading(deps: Deps): CursorReading {
   return readingAt(view.value, cursor.value, deps.store.edgeOf(device.value));
 }
 
-/** Channels of the selected device. */
 export function channelsOf(deps: Deps): readonly Channel[] {
   const device = deps.viewState.device.value;
   return deps.store.channels.value.filter((channel) => channel.info.device === device);

@@ -77,7 +77,6 @@ function rowsOf(channel: ChannelInfo, plain: boolean): readonly ValueRow[] {
   });
 }
 
-/** The groups of the values table for the channels of one device. */
 export function valueGroups(channels: readonly ChannelInfo[]): readonly ValueGroup[] {
   const groups: ValueGroup[] = [];
   const slow: ValueRow[] = [];

@@ -145,7 +145,6 @@ class LanesPanel {
   }
 }
 
-/** Mounts into `host`. */
 export function mountLanes(host: HTMLElement, deps: Deps): Panel {
   const panel = new LanesPanel(host, deps);
   return { update: (now) => panel.update(now), dispose: () => panel.dispose() };

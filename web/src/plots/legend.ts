@@ -87,7 +87,6 @@ interface Row {
 /** Hides or shows the series of that key; `alone`: shows it alone in its plot. */
 export type Toggle = (key: string, alone: boolean) => void;
 
-/** What the menu of a series opens. */
 export interface SeriesMenu {
   /** The title of the series, with a word of that. */
   readonly title: (title: string) => string;

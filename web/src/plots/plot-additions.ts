@@ -29,7 +29,6 @@ export interface MarkLayer {
   ) => void;
 }
 
-/** The marks over the samples of a store, in a view. */
 export type PlotMarks = (store: Store, viewState: ViewState) => MarkLayer;
 
 export interface SeriesActionContext {

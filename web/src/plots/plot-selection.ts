@@ -13,7 +13,6 @@ import { TEXT } from "../texts/plots";
 
 export interface Series {
   readonly channel: Channel;
-  /** Column of the channel. */
   readonly column: number;
   /** As `hidden` in view-state.ts: channel and column name. */
   readonly key: string;
@@ -154,7 +153,6 @@ function spec(
   };
 }
 
-/** All columns of a channel in one plot. */
 function whole(channel: Channel, weight: number, primary: boolean): PlotSpec {
   const columns = channel.info.columns.map((_, c) => c);
   return spec(channel, "", title(channel), columns, weight, primary);
@@ -297,7 +295,6 @@ export function labelOf({ heading, label }: Series): string {
   return [heading ?? "", label].filter((word) => word !== "").join(" ");
 }
 
-/** Keys of a plot's series without its norm. */
 export function plain({ series }: PlotSpec): readonly string[] {
   return series.filter(({ norm }) => !norm).map(({ key }) => key);
 }

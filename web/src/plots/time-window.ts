@@ -42,7 +42,6 @@ export function xOf(w: TimeWindow, t: number): number {
   return w.left + ((t - w.t0) / w.span) * w.width;
 }
 
-/** The time at x. */
 export function timeAt(w: TimeWindow, x: number): number {
   return w.t0 + ((x - w.left) / w.width) * w.span;
 }

@@ -33,7 +33,6 @@ export const recordingsApi = {
   recorder: () => request("GET /api/recorder"),
   /** Bytes of live links that are in memory. */
   memory: () => request("GET /api/recorder/memory"),
-  /** Saves them as a recording. */
   saveMemory: (body: SaveMemoryRequest) => request("POST /api/recordings/save-memory", { body }),
   stop: () => request("POST /api/recordings/stop"),
   mark: (body: MarkerRequest) => request("POST /api/recordings/mark", { body }),

@@ -81,7 +81,6 @@ function safely(read: () => readonly string[]): readonly string[] {
   }
 }
 
-/** The query part of a link to a place. */
 export function placeQuery(place: LinkedPlace): string {
   const given = new URLSearchParams();
   const time = (name: string, value: number | undefined): void => {

@@ -8,7 +8,6 @@ import type { TimeBase } from "../data/view-state";
 import type { ColumnStatistics } from "../wire/routes";
 import { fetchStatistics } from "./api";
 
-/** Channels and range of a request. */
 export interface StatisticsRequest {
   readonly channels: readonly number[];
   readonly from: number;

@@ -16,7 +16,6 @@ export function isOfQuaternion({ info }: Channel, channels: readonly Channel[]):
   );
 }
 
-/** Whether a channel is computed by an expression. */
 export function isComputed({ message }: Pick<ChannelInfo, "message">): boolean {
   return message === "expression";
 }

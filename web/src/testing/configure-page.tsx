@@ -33,7 +33,6 @@ interface Options {
   readonly slow?: string;
 }
 
-/** Opens the page. */
 export async function openConfigure(
   family: Family,
   { place = "", unread = false, answers = {}, slow = "" }: Options = {},

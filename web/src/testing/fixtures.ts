@@ -206,7 +206,6 @@ export const OUTPUT_SETTING = setting({
   ],
 });
 
-/** Its value. */
 export const outputsOf = (...pairs: [number, number][]) => ({
   outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })),
 });

@@ -75,7 +75,6 @@ export function startOver(place: string): void {
   route.value = parse(place) ?? route.value;
 }
 
-/** Opens the page. */
 export async function openPage(
   known: Pick<Recorded, "texts" | "samples" | "answers">,
   { place = "#/", answers = {} }: { readonly place?: string; readonly answers?: Answers } = {},

@@ -78,7 +78,6 @@ export const keysOf = (texts: readonly ServerText[]): ReadonlyMap<string, string
 
 export const bytesOf = (base64: string): Uint8Array<ArrayBuffer> => new Uint8Array(Buffer.from(base64, "base64"));
 
-/** A request. */
 export interface Asked {
   readonly method: string;
   /** With the id of a device in the place of its key. */

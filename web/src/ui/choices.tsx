@@ -18,7 +18,6 @@ interface OptionListProps<T extends string | number> extends ChoiceProps<T> {
   readonly disabled?: boolean;
 }
 
-/** A list of the browser's own. */
 export function OptionList<T extends string | number>(props: OptionListProps<T>) {
   const { label, id, value, options, none, disabled, onChoose } = props;
   const choose = (text: string): void => {

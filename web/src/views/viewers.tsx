@@ -112,7 +112,6 @@ export function LiveViews({ app }: Props) {
   );
 }
 
-/** The panel on Live. */
 export function LiveViewer({ app, device }: Props & { readonly device: DeviceInfo }) {
   const { isOpen, together, chosen } = framesOf(app);
   const all = viewers();
@@ -164,7 +163,6 @@ export function LiveViewer({ app, device }: Props & { readonly device: DeviceInf
   );
 }
 
-/** The panel of a recording that is open. */
 export function RecordingViewer({ app, replay }: Props & { readonly replay: ReplayController }) {
   const { isOpen } = framesOf(app);
   const [shown] = forRecordings();

@@ -9,7 +9,6 @@ const MOST = 200_000;
 /** Share of the range by which a limit is beyond all values of the window. */
 const MARGIN = 0.25;
 
-/** A channel with some of its columns. */
 type Signals = Pick<TreeRow, "channel" | "columns">;
 
 /** Whether the server knows a signal, so that an alarm can watch it. */

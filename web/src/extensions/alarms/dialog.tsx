@@ -352,7 +352,6 @@ interface DeviceProps {
   readonly fields: AlarmFields;
   readonly set: (change: Partial<AlarmFields>) => void;
   readonly device: DeviceInfo | undefined;
-  /** Filter of a stored alarm. */
   readonly stored: DeviceFilter | undefined;
 }
 

@@ -127,7 +127,6 @@ function stampOf({ spans, limits }: AlarmMarks, plots: readonly MarkedPlot[]): s
   return `${spans.length} ${spans.at(-1)?.t1} ${limits.map(({ subject, limit }) => subject + limit)} ${scales}`;
 }
 
-/** Marks of alarms over the plots of a view. */
 export const alarmLayer: PlotMarks = (store, viewState) => {
   const marks = alarmsOn(store, viewState);
   return {

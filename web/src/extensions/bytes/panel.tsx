@@ -167,7 +167,6 @@ function View({ state, isHeld, open }: ViewProps) {
   );
 }
 
-/** Mounts into `host`. */
 export function mountBytes(host: HTMLElement, deps: Deps): Panel {
   const panel = new Bytes(host, deps);
   return { update: (now) => panel.update(now), dispose: () => panel.dispose() };

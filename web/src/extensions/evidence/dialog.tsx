@@ -29,7 +29,6 @@ interface Props {
   readonly title: string;
   readonly viewState: ViewState;
   readonly source: FigureSource;
-  /** Name of the whole. */
   readonly wholeName: string;
   /** The recording with that range; undefined when it failed, and a problem was shown. */
   readonly recordingOf: (range: EvidenceRange) => Promise<string | undefined>;

@@ -102,7 +102,6 @@ function Row({ clock, onUse }: RowProps) {
   );
 }
 
-/** Drift and its standard error. */
 function driftWords({ drift_ppm: drift, drift_error_ppm: error }: FileClock): string {
   if (drift === null) return TEXT.none;
   if (typeof error !== "number") return `${signed(drift, 1)} ppm`;

@@ -59,7 +59,6 @@ export function clippedIn({ n, atMin, atMax, min, max }: Bins): number {
   return [atMin, atMax].filter((times) => times >= CLIPPED * n).reduce((sum, times) => sum + times, 0);
 }
 
-/** The normal density at `x`. */
 export function normal(x: number, mean: number, sigma: number): number {
   return Math.exp(-0.5 * ((x - mean) / sigma) ** 2) / (sigma * Math.sqrt(2 * Math.PI));
 }

@@ -221,7 +221,6 @@ function Figures({ answered: { shown, unit } }: { readonly answered: Answered })
   );
 }
 
-/** Mounts into `host`. */
 export function mountHistogram(host: HTMLElement, deps: Deps): Panel {
   const histogram = new Histogram(host, deps);
   return {

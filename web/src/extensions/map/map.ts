@@ -22,7 +22,6 @@ const MAP_ALPHA = 0.75;
 const ZOOM = 1.5;
 const KEY_PX = 60;
 
-/** Mounts into `host`. */
 export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
   const canvas = el("canvas", {
     tabindex: "0",

@@ -8,7 +8,6 @@ import type { GridPoint, TrackPoint } from "./track";
 
 interface Path {
   readonly points: readonly (TrackPoint | undefined)[];
-  /** The point at the reading position. */
   readonly here: GridPoint | undefined;
   /** The origin of the grid; undefined before the first position. */
   readonly origin: readonly [lat: number, lon: number] | undefined;

@@ -10,7 +10,6 @@ type Named = readonly (readonly [
   choices?: Readonly<Record<string, string>>,
 ])[];
 
-/** A channel with one sample. */
 function channel(name: string, kind: ChannelInfo["kind"], columns: Named, group = "", title = name): Channel {
   const infos = columns.map(([column, , bits = [], choices = {}]) => ({
     name: column,

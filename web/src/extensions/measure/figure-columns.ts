@@ -27,7 +27,6 @@ export const FIGURE_KEYS: readonly FigureKey[] = [
 /** Figures with significant digits: their size says nothing about the sensor's last digit. */
 const SIGNIFICANT: ReadonlySet<FigureKey> = new Set(["sigma", "rms", "slope", "integral"]);
 
-/** Unit of a figure of a signal. */
 export function figureUnit(key: FigureKey, unit: string): string {
   if (key === "n" || key === "gaps") return "";
   if (key === "slope") return timesSeconds(unit, -1);

@@ -81,7 +81,6 @@ function runOf({ text, changed }: Run): Node {
   return changed ? el("mark", {}, text) : document.createTextNode(text);
 }
 
-/** Mounts into `host`. */
 export function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
   let known = "";
   let entries = new Map<string, Entry>();

@@ -102,7 +102,6 @@ class Sky {
   }
 }
 
-/** Mounts into `host`. */
 export function mountSatellites(host: HTMLElement, deps: Deps): Panel {
   const key = el(
     "ul",

@@ -144,7 +144,6 @@ function Log({ model, wanted: { text: filter, direction } }: { readonly model: M
 interface EntryProps {
   readonly entry: TrafficEntry;
   readonly model: Model;
-  /** The entry that is open, by its number. */
   readonly opened: Signal<number | undefined>;
 }
 

@@ -18,7 +18,6 @@ export function plottableOf(channels: readonly Channel[]): readonly Found[] {
     .flatMap((channel) => plottable(channel).map((column) => ({ channel, column })));
 }
 
-/** The signal of that name. */
 export function foundAs(signals: readonly Found[], name: ColumnName | undefined): Found | undefined {
   if (name === undefined) return undefined;
   return signals.find(

@@ -132,7 +132,6 @@ export class PairSeries {
     return this.#x.ring === x && this.#y.ring === y;
   }
 
-  /** Pairs with t0 ≤ t ≤ t1. */
   between(t0: number, t1: number): Pairs {
     const rows = ({ ring }: PairedColumn): number => ring.row(t1, this.#base, true) - ring.row(t0, this.#base);
     const isOne = this.#x.ring === this.#y.ring;

@@ -43,7 +43,6 @@ export function JobLine({ model, id }: { readonly model: Model; readonly id: num
   );
 }
 
-/** State of a job in words. */
 export function stateWords(job: Job): string {
   if (job.state === "waiting") return TEXT.queued;
   if (job.state === "running") return job.step || TEXT.running;

@@ -124,7 +124,6 @@ export class Model {
   #bases: Drafts = {};
   /** The key of the sensor that the edits are for; "" until its serial number is known. */
   #sensor = "";
-  /** Its names. */
   #sensorName = "";
 
   constructor(

@@ -22,7 +22,6 @@ export async function copyLink({ replay, app, said }: OpenRecording): Promise<vo
   setTimeout(() => (said.value = ""), SAID_MS);
 }
 
-/** Play a recording as a device, and show it. */
 export async function playAsDevice(app: App, recording: string, how: PlayRequest): Promise<void> {
   const [device] = (await run(app, recordingsApi.play(recording, how))) ?? [];
   if (!device) return;

@@ -62,7 +62,6 @@ export interface EmbeddedCurve {
 export interface EmbeddedPlot {
   readonly title: string;
   readonly unit: string;
-  /** Fixed ends of the y axis. */
   readonly fixed: readonly [number, number] | undefined;
   /** The y axis is logarithmic, as long as every value in the window is positive. */
   readonly isLog: boolean;

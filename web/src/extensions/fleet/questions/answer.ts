@@ -22,7 +22,6 @@ export function sorted(rows: readonly AnswerRow[], order: Order | undefined): re
   });
 }
 
-/** The full text of a value. */
 export function cellText(value: AnswerCell): string {
   if (value === null || value === undefined) return "";
   return typeof value === "object" ? JSON.stringify(value) : String(value);
@@ -30,7 +29,6 @@ export function cellText(value: AnswerCell): string {
 
 const DIGITS = 6;
 
-/** A value as a cell shows it. */
 export function shownCell(value: AnswerCell): string {
   if (typeof value !== "number" || Number.isInteger(value)) return cellText(value).replace("-", "-");
   return String(Number(value.toPrecision(DIGITS)));
@@ -54,7 +52,6 @@ export interface Opening {
   readonly isMinute: boolean;
 }
 
-/** The recording and the moment that a row names. */
 export function openingOf({ columns }: Pick<QueryAnswer, "columns">, row: AnswerRow): Opening | undefined {
   const recording = row[columns.findIndex(({ name }) => name === "recording")];
   if (typeof recording !== "string" || recording === "") return undefined;

@@ -18,7 +18,6 @@ const COLOURS = ["group-0", "group-1", "group-2", "group-3", "group-4", "group-5
 const isNumber = ({ kind }: Column): boolean => kind === "number" || kind === "integer";
 const isTime = ({ kind }: Column): boolean => kind === "time" || kind === "date";
 
-/** Columns of numbers. */
 export function numbersOf(columns: Columns): readonly number[] {
   return columns.flatMap((one, at) => (isNumber(one) ? [at] : []));
 }

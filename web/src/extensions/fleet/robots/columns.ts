@@ -121,7 +121,6 @@ export const fixCell = (device: RobotDevice): RobotCell =>
 export const temperatureCell = ({ temperature }: RobotDevice): RobotCell =>
   temperature === null ? EMPTY : { text: number(temperature, 1), unit: "°C" };
 
-/** The cell of a column that has a figure of the device. */
 export function cellOf(column: RobotColumn, robot: Robot): RobotCell {
   const { device, summary } = robot;
   switch (column) {

@@ -28,7 +28,6 @@ export function inShown({ summary, health: { conditions } }: Robot, shown: Robot
   return conditions.includes(shown satisfies ConditionName);
 }
 
-/** How many robots each filter shows. */
 export function countAll(robots: Iterable<Robot>): Readonly<Record<RobotFilter, number>> {
   const counts = Object.fromEntries(SHOWN.map((name) => [name, 0])) as Record<RobotFilter, number>;
   for (const robot of robots) for (const name of SHOWN) if (inShown(robot, name)) counts[name] += 1;
