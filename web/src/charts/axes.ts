@@ -79,9 +79,7 @@ function roundStep(least: number): number {
 const SUPERSCRIPT = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
 function powerText(power: number): string {
-  if (power >= -3 && power <= 4) return figure(10 ** power);
-  const digits = [...String(Math.abs(power))].map((digit) => SUPERSCRIPT[Number(digit)]).join("");
-  return `10${power < 0 ? "⁻" : ""}${digits}`;
+  return power >= -3 && power <= 4 ? figure(10 ** power) : powerOfTen(power);
 }
 
 /** A figure with the digits that tell something. */

@@ -145,7 +145,4 @@ class LanesPanel {
   }
 }
 
-export function mountLanes(host: HTMLElement, deps: Deps): Panel {
-  const panel = new LanesPanel(host, deps);
-  return { update: (now) => panel.update(now), dispose: () => panel.dispose() };
-}
+export const mountLanes = (host: HTMLElement, deps: Deps): Panel => new LanesPanel(host, deps);

@@ -21,7 +21,7 @@ import { fromExtensions } from "../extension";
 import { withCustomPlots } from "../signals/custom-plots";
 import type { Openers } from "../panels/panel-context";
 import { clock } from "../ui/format";
-import { el, throttle } from "../ui/dom";
+import { el, type Panel, throttle } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
 import { drawGlass, isBare, type Pane } from "./overlay";
@@ -62,7 +62,7 @@ const LEGENDS_HZ = 12;
 /** A longer title reaches the tick labels, px from the left. */
 const TITLE_PX = 126;
 
-class Stack {
+class Stack implements Panel {
   readonly #store: Store;
   readonly #state: ViewState;
   readonly #reads: Reads;
@@ -478,8 +478,4 @@ function titleEnd({ legend }: Plot): number {
   return title === null ? 0 : title.offsetLeft + title.offsetWidth;
 }
 
-/** Put the plots into `host`; call `update` once a frame with the frame's time in ms. */
-export function mountStack(host: HTMLElement, deps: StackDeps): { update(now: number): void; dispose(): void } {
-  const stack = new Stack(host, deps);
-  return { update: (now) => stack.update(now), dispose: () => stack.dispose() };
-}
+export const mountStack = (host: HTMLElement, deps: StackDeps): Panel => new Stack(host, deps);

@@ -1,4 +1,5 @@
 /** Host of a panel that writes the DOM itself, in the tree of components: mounted once, updated by the frame loop. */
+import { type ComponentChild, render } from "preact";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { onFrame } from "../data/render-loop";
 import type { Panel } from "./dom";
@@ -40,4 +41,10 @@ export function PanelHost(props: Props) {
       {...(props.scrolls ? { tabIndex: 0 } : {})}
     />
   );
+}
+
+/** A panel of components, which draw themselves anew. */
+export function renderedPanel(host: HTMLElement, content: ComponentChild): Panel {
+  render(content, host);
+  return { update: () => undefined, dispose: () => render(null, host) };
 }

@@ -1,6 +1,5 @@
 /** The alarms of the selected device: state, value and limit of each, acknowledged by name. */
 import { type Signal, signal } from "@preact/signals";
-import { render } from "preact";
 import { clock } from "../../ui/format";
 import { request, type HttpProblem } from "../../ui/http";
 import { Icon } from "../../ui/icons";
@@ -12,6 +11,7 @@ import { type NoticeState, noticeState, switchNotices } from "./notices";
 import type { Deps } from "../../panels/panel-context";
 import { storedName, storeName } from "../../ui/person-name";
 import { COMMON } from "../../texts/common";
+import { renderedPanel } from "../../ui/panel-host";
 import { alarmList, openAlarm } from "./list";
 import { TEXT } from "./texts";
 import "./alarms.css";
@@ -191,6 +191,5 @@ export function mountAlarms(host: HTMLElement, deps: Deps): Panel {
     problem: signal(undefined),
     notices: signal(noticeState()),
   };
-  render(<AlarmPanel deps={deps} alarms={alarmList(deps.store)} state={state} />, host);
-  return { update: () => undefined, dispose: () => render(null, host) };
+  return renderedPanel(host, <AlarmPanel deps={deps} alarms={alarmList(deps.store)} state={state} />);
 }

@@ -1,10 +1,10 @@
 /** An analysis as a panel: beside the plots, as long as it is wanted. Its code is fetched when it is first shown. */
-import { render } from "preact";
 import type { AnalysisPanel } from "../../data/view-state";
 import { type Deps, selected } from "../../panels/panel-context";
 import type { PanelDefinition } from "../../panels/registry";
 import type { Panel } from "../../ui/dom";
 import { late } from "../../ui/late";
+import { renderedPanel } from "../../ui/panel-host";
 import { TEXT } from "./texts";
 
 const AnalysisView = late(async () => (await import("./dialog")).AnalysisView);
@@ -34,8 +34,7 @@ function SelectedAnalysis({ deps, ...rest }: Props) {
 
 /** @param only the analysis that is shown; default: all, one at a time */
 export function mountAnalysis(host: HTMLElement, deps: Deps, only?: AnalysisPanel): Panel {
-  render(<SelectedAnalysis deps={deps} {...(only ? { only } : {})} />, host);
-  return { update: () => undefined, dispose: () => render(null, host) };
+  return renderedPanel(host, <SelectedAnalysis deps={deps} {...(only ? { only } : {})} />);
 }
 
 /** The panel of one analysis. Hidden until a person shows it. */

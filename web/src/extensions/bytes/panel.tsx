@@ -167,7 +167,4 @@ function View({ state, isHeld, open }: ViewProps) {
   );
 }
 
-export function mountBytes(host: HTMLElement, deps: Deps): Panel {
-  const panel = new Bytes(host, deps);
-  return { update: (now) => panel.update(now), dispose: () => panel.dispose() };
-}
+export const mountBytes = (host: HTMLElement, deps: Deps): Panel => new Bytes(host, deps);

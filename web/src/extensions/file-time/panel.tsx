@@ -1,12 +1,12 @@
 /** The panel of a file: which clock is the time axis and why, and all clocks with their figures and steps. */
 import { useSignal } from "@preact/signals";
-import { render } from "preact";
 import { useEffect } from "preact/hooks";
 import type { FileClock, FileTime } from "../../wire/routes";
 import type { Deps } from "../../panels/panel-context";
 import type { Panel } from "../../ui/dom";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
+import { renderedPanel } from "../../ui/panel-host";
 import { Clocks } from "./clocks";
 import { readingOf, withTimes } from "./reading";
 import { reopen } from "./reopen";
@@ -14,8 +14,7 @@ import { TEXT } from "./texts";
 import "./file-time.css";
 
 export function mountClocks(host: HTMLElement, deps: Deps): Panel {
-  render(<ClocksPanel deps={deps} />, host);
-  return { update: () => undefined, dispose: () => render(null, host) };
+  return renderedPanel(host, <ClocksPanel deps={deps} />);
 }
 
 export function ClocksPanel({ deps }: { readonly deps: Deps }) {

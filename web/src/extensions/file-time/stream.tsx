@@ -1,20 +1,19 @@
 /** The panel of a live device: the clocks of its stream over the bytes in memory, measured when it is shown and on request. */
 import { useSignal } from "@preact/signals";
-import { render } from "preact";
 import { useEffect } from "preact/hooks";
 import type { Deps } from "../../panels/panel-context";
 import type { Panel } from "../../ui/dom";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import type { LiveTime } from "../../wire/routes";
+import { renderedPanel } from "../../ui/panel-host";
 import { Clocks } from "./clocks";
 import { shortDuration } from "./duration";
 import { TEXT } from "./texts";
 import "./file-time.css";
 
 export function mountStream(host: HTMLElement, deps: Deps): Panel {
-  render(<StreamPanel deps={deps} />, host);
-  return { update: () => undefined, dispose: () => render(null, host) };
+  return renderedPanel(host, <StreamPanel deps={deps} />);
 }
 
 interface Props {

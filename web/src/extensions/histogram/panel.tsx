@@ -43,13 +43,15 @@ interface State {
   readonly problem: string | undefined;
 }
 
-class Histogram {
+class Histogram implements Panel {
+  readonly #host: HTMLElement;
   readonly #deps: Deps;
   readonly #due = throttle(PER_SECOND);
   readonly #latest = new LatestAnswer<Answered>();
   readonly #state: Signal<State> = signal<State>({ answered: undefined, isOld: false, problem: undefined });
 
   constructor(host: HTMLElement, deps: Deps) {
+    this.#host = host;
     this.#deps = deps;
     render(<View deps={deps} state={this.#state} />, host);
   }
@@ -90,6 +92,7 @@ class Histogram {
 
   dispose(): void {
     this.#latest.dispose();
+    render(null, this.#host);
   }
 }
 
@@ -221,13 +224,4 @@ function Figures({ answered: { shown, unit } }: { readonly answered: Answered })
   );
 }
 
-export function mountHistogram(host: HTMLElement, deps: Deps): Panel {
-  const histogram = new Histogram(host, deps);
-  return {
-    update: (now) => histogram.update(now),
-    dispose() {
-      histogram.dispose();
-      render(null, host);
-    },
-  };
-}
+export const mountHistogram = (host: HTMLElement, deps: Deps): Panel => new Histogram(host, deps);

@@ -1,12 +1,12 @@
 /** Notes of a recording: a text whose times lead into the plots. Stored with the recording; on Live with the running one. */
 import { useComputed, useSignal } from "@preact/signals";
-import { render } from "preact";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Deps } from "../../panels/panel-context";
 import { recordingsApi } from "../../recordings/api";
 import type { Panel } from "../../ui/dom";
 import type { HttpProblem } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
+import { renderedPanel } from "../../ui/panel-host";
 import { piecesOf, timeText } from "./times";
 import { TEXT } from "./texts";
 import "./notes.css";
@@ -16,8 +16,7 @@ const ROOM = 0.25;
 const CHANGED = "changed";
 
 export function mountNotes(host: HTMLElement, deps: Deps): Panel {
-  render(<NotesPanel deps={deps} />, host);
-  return { update: () => undefined, dispose: () => render(null, host) };
+  return renderedPanel(host, <NotesPanel deps={deps} />);
 }
 
 function NotesPanel({ deps }: { readonly deps: Deps }) {

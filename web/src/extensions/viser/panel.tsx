@@ -1,9 +1,9 @@
 /** The 3D scene, by viser, as a panel. Hidden until a person shows it; why it cannot be shown is said in its place. */
-import { render } from "preact";
 import { COMMON } from "../../texts/common";
 import type { Panel } from "../../ui/dom";
 import { late } from "../../ui/late";
 import { type Deps, reading, selected } from "../../panels/panel-context";
+import { renderedPanel } from "../../ui/panel-host";
 
 const LiveScene = late(async () => (await import("./scene-frame")).Begun);
 const RecordedScene = late(async () => (await import("./scene-frame")).Following);
@@ -19,6 +19,5 @@ function Scene({ deps }: { readonly deps: Deps }) {
 }
 
 export function mountScene(host: HTMLElement, deps: Deps): Panel {
-  render(<Scene deps={deps} />, host);
-  return { update: () => undefined, dispose: () => render(null, host) };
+  return renderedPanel(host, <Scene deps={deps} />);
 }

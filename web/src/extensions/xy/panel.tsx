@@ -290,7 +290,4 @@ function inUnit(value: number, found: Found): string {
   return `${number(value, info ? decimalsOf(info) : 3)} ${unitOf(found)}`.trimEnd();
 }
 
-export function mountXy(host: HTMLElement, deps: Deps): Panel {
-  const plot = new XyPlot(host, deps);
-  return { update: (now) => plot.update(now), dispose: () => plot.dispose() };
-}
+export const mountXy = (host: HTMLElement, deps: Deps): Panel => new XyPlot(host, deps);

@@ -1,7 +1,7 @@
 /** A chart of outlines over time: A and B on one axis, of which B can be dragged; or their difference. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { type Axis, axisOf, figure, share } from "../../../charts/axes";
+import { type Axis, axisOf, figure, nearest, share } from "../../../charts/axes";
 import { Chart, chartClass, pointIn, useChart, valueUnder } from "../../../charts/chart";
 import { type ChartArea, Crosshair } from "../../../charts/grid";
 import type { Outline } from "../../../wire/routes";
@@ -205,13 +205,4 @@ function reading(traces: readonly Trace[], at: number, unit: string, shown: numb
     return `${name} ${figure(value)} ${unit}`;
   });
   return [`${figure(shown)} s`, ...values].join("   ");
-}
-
-function nearest(times: readonly (number | null)[], at: number): number {
-  let [best, least] = [-1, Number.POSITIVE_INFINITY];
-  times.forEach((time, i) => {
-    const off = time === null ? Number.POSITIVE_INFINITY : Math.abs(time - at);
-    if (off < least) [best, least] = [i, off];
-  });
-  return best;
 }

@@ -154,28 +154,10 @@ function wordTicks(words: readonly string[], { low, high }: Axis, most: number):
 
 const [MINUTE, HOUR, DAY] = [60, 3600, 86_400];
 const STEPS = [
-  1,
-  2,
-  5,
-  10,
-  30,
-  MINUTE,
-  2 * MINUTE,
-  5 * MINUTE,
-  10 * MINUTE,
-  30 * MINUTE,
-  HOUR,
-  2 * HOUR,
-  6 * HOUR,
-  12 * HOUR,
-  DAY,
-  2 * DAY,
-  7 * DAY,
-  14 * DAY,
-  30 * DAY,
-  91 * DAY,
-  365 * DAY,
-  3650 * DAY,
+  ...[1, 2, 5, 10, 30],
+  ...[1, 2, 5, 10, 30].map((n) => n * MINUTE),
+  ...[1, 2, 6, 12].map((n) => n * HOUR),
+  ...[1, 2, 7, 14, 30, 91, 365, 3650].map((n) => n * DAY),
 ];
 
 /** Ticks of a time axis in UTC: midnights as dates, others as times. */
