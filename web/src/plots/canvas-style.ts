@@ -65,6 +65,18 @@ export function palette(element: Element): Palette {
   };
 }
 
+/** Calls `changed` whenever the size of an element or the theme has changed, until the returned function is called. */
+export function onLook(element: Element, changed: () => void): () => void {
+  const resized = new ResizeObserver(changed);
+  resized.observe(element);
+  const themed = new MutationObserver(changed);
+  themed.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
+  return () => {
+    resized.disconnect();
+    themed.disconnect();
+  };
+}
+
 export function setFont(x: CanvasRenderingContext2D, look: Palette, size: number, weight = 400): void {
   x.font = `${weight} ${size}px ${look.font}`;
 }

@@ -7,7 +7,7 @@ import type { Channel } from "../data/channels";
 import type { Deps } from "../panels/panel-context";
 import { el, type Panel, throttle } from "../ui/dom";
 import { drawAxis } from "./axis";
-import { CanvasLayer, palette, type Palette } from "./canvas-style";
+import { onLook, CanvasLayer, palette, type Palette } from "./canvas-style";
 import { listen } from "./gestures";
 import { LaneNames } from "./lane-names";
 import { Lanes } from "./status-lanes";
@@ -49,14 +49,10 @@ class LanesPanel {
       this.#theme += 1;
       this.#layoutDue = true;
     };
-    const resized = new ResizeObserver(relook);
-    resized.observe(this.#root);
-    addEventListener("imuscope:theme", relook);
     const { viewState } = deps;
     const { device } = viewState;
     this.#stops.push(
-      () => resized.disconnect(),
-      () => removeEventListener("imuscope:theme", relook),
+      onLook(this.#root, relook),
       effect(() => {
         const all = this.#store.channels.value;
         const next = all.filter(({ info }) => info.device === device.value);

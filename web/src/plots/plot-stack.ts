@@ -30,7 +30,7 @@ import { Lanes } from "./status-lanes";
 import { LaneNames } from "./lane-names";
 import { type MarkLine, markersOf } from "./markers";
 import { HistoryStrip } from "./history-strip";
-import { palette, type Palette, CanvasLayer } from "./canvas-style";
+import { onLook, palette, type Palette, CanvasLayer } from "./canvas-style";
 import { MoreQuantities } from "./more-quantities";
 import { Plot } from "./plot";
 import type { MarkLayer } from "./plot-additions";
@@ -143,15 +143,8 @@ class Stack implements Panel {
     };
     const { device } = this.#state;
     const order = computed(() => this.#state.plotOrder.value.order);
-    const resized = new ResizeObserver(relook);
-    resized.observe(this.#root);
-    const themed = new MutationObserver(relook);
-    themed.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
-    addEventListener("imuscope:theme", relook);
     this.#stops.push(
-      () => resized.disconnect(),
-      () => themed.disconnect(),
-      () => removeEventListener("imuscope:theme", relook),
+      onLook(this.#root, relook),
       listen(this.#root, this.#state, {
         window: () => this.#window,
         strip: () => this.#strip.window,

@@ -3,7 +3,7 @@
  * window on screen, and the reading position. Pressing and dragging moves it; with Shift it selects the loop.
  */
 import { effect } from "@preact/signals";
-import { fitting, hatch, palette, type Palette, setFont, CanvasLayer } from "../../plots/canvas-style";
+import { fitting, hatch, onLook, palette, type Palette, setFont, CanvasLayer } from "../../plots/canvas-style";
 import { protocolAmong } from "../../wire/capabilities";
 import { usualPlots } from "../../plots/plot-selection";
 import { decode } from "../../wire/codec";
@@ -46,10 +46,7 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
     sheet.resize(host.clientWidth, host.clientHeight);
     version += 1;
   };
-  const resized = new ResizeObserver(relook);
-  resized.observe(host);
-  const themed = new MutationObserver(relook);
-  themed.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
+  const unfollow = onLook(host, relook);
 
   let of: string | undefined;
   const load = async (device: string): Promise<void> => {
@@ -149,8 +146,7 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
     dispose() {
       stop.abort();
       unwatch();
-      resized.disconnect();
-      themed.disconnect();
+      unfollow();
       sheet.canvas.remove();
     },
   };
