@@ -26,7 +26,7 @@ const LOSSES_KEPT = 8000;
 const CUTS_KEPT = 1000;
 
 /** Index of the first element ≥ x of an ascending list. */
-export function lowerBound(list: readonly number[], x: number): number {
+export function lowerBound(list: ArrayLike<number>, x: number): number {
   let a = 0;
   let b = list.length;
   while (a < b) {

@@ -1,10 +1,10 @@
 /** Drawing of a plot: grid, losses, curves, notes and cursors. */
+import { lowerBound } from "../../../data/line-breaks";
 import { tickLabel, timeStep } from "../../../plots/axis";
 import { isLogarithmic, logTicks } from "../../../plots/y-axis";
 import { Scale, ticks } from "../../../plots/scale";
 import { number } from "../../../ui/format";
 import type { EmbeddedCurve, EmbeddedPlot } from "./content";
-import { rowAt } from "./reading";
 
 /** What all plots show, in seconds from the beginning of the range. */
 export interface DrawnRange {
@@ -55,8 +55,8 @@ const yOf = ({ height, lo, hi, isLog }: Frame, v: number): number =>
 export function extentOf(plot: EmbeddedPlot, { from, to }: DrawnRange): readonly [number, number] {
   let [lo, hi] = [Infinity, -Infinity];
   for (const { times, low, high } of plot.curves) {
-    const end = Math.min(times.length, rowAt(times, to) + 1);
-    for (let row = Math.max(0, rowAt(times, from) - 1); row < end; row++) {
+    const end = Math.min(times.length, lowerBound(times, to) + 1);
+    for (let row = Math.max(0, lowerBound(times, from) - 1); row < end; row++) {
       const [l, h] = [low[row] ?? NaN, high[row] ?? NaN];
       if (l < lo) lo = l;
       if (h > hi) hi = h;
@@ -143,8 +143,8 @@ function grid(frame: Frame, t0: number, degrees: boolean): void {
 function line(frame: Frame, curve: EmbeddedCurve): void {
   const { x, width, shown, colour } = frame;
   const { times, low, high, breaks, period } = curve;
-  const first = Math.max(0, rowAt(times, shown.from) - 1);
-  const end = Math.min(times.length, rowAt(times, shown.to) + 1);
+  const first = Math.max(0, lowerBound(times, shown.from) - 1);
+  const end = Math.min(times.length, lowerBound(times, shown.to) + 1);
   const room = width - LEFT - RIGHT;
   const isDense = !curve.isExact || end - first > 2 * room;
   x.strokeStyle = x.fillStyle = colour(`--${curve.colour}`);

@@ -1,24 +1,13 @@
 /** Values of curves: at a time, and between two. Pure. */
+import { lowerBound } from "../../../data/line-breaks";
 import { number } from "../../../ui/format";
 import { TEXT } from "./texts";
 import type { EmbeddedCurve } from "./content";
 
-/** First row at or after a time. */
-export function rowAt(times: Float64Array, t: number): number {
-  let a = 0;
-  let b = times.length;
-  while (a < b) {
-    const m = (a + b) >> 1;
-    if ((times[m] ?? 0) < t) a = m + 1;
-    else b = m;
-  }
-  return a;
-}
-
 /** Row nearest to a time; undefined without rows. */
 export function nearestRow({ times }: EmbeddedCurve, t: number): number | undefined {
   if (times.length === 0) return undefined;
-  const after = rowAt(times, t);
+  const after = lowerBound(times, t);
   if (after === 0) return 0;
   if (after === times.length) return after - 1;
   return (times[after] ?? 0) - t < t - (times[after - 1] ?? 0) ? after : after - 1;
@@ -40,7 +29,7 @@ const EPS_S = 1e-6;
 
 /** The last sample up to a time, as on the page, or the interval that it lies in; undefined without samples. */
 export function valuesAt(curve: EmbeddedCurve, t: number): Reading | undefined {
-  const row = Math.max(0, rowAt(curve.times, t + EPS_S) - 1);
+  const row = Math.max(0, lowerBound(curve.times, t + EPS_S) - 1);
   const [low, high] = [curve.low[row], curve.high[row]];
   return low === undefined || high === undefined ? undefined : { low, high };
 }
@@ -65,7 +54,7 @@ export function difference(curve: EmbeddedCurve, a: number, b: number): number |
 /** Figures of the samples with a ≤ t ≤ b. */
 export function measured(curve: EmbeddedCurve, a: number, b: number): Measured {
   const { times, low, high, isExact, period } = curve;
-  const [from, to] = [rowAt(times, Math.min(a, b) - EPS_S), rowAt(times, Math.max(a, b) + EPS_S)];
+  const [from, to] = [lowerBound(times, Math.min(a, b) - EPS_S), lowerBound(times, Math.max(a, b) + EPS_S)];
   let [min, max, sum, x, y] = [Infinity, -Infinity, 0, 0, 0];
   for (let row = from; row < to; row++) {
     const [l, h] = [low[row] ?? NaN, high[row] ?? NaN];
