@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.checksums import check_sum8
 from imuscope.protocols.isb.frames import get_data, stop
 from imuscope.server.cli import main
 from tests.each_row import each_row
@@ -38,6 +39,16 @@ def test_a_start_that_fails_leaves_garbage_collection_on(capsys: pytest.CaptureF
     assert main(["serve", "nothing://x"]) == 1
     assert "nothing://x" in capsys.readouterr().err
     assert gc.isenabled()
+
+
+def test_text_that_the_terminal_lacks_is_written_in_ascii(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    frame = bytes.fromhex("fa ff 36 07 10 60 04 00 00 00 01")
+    log = tmp_path / "time.bin"
+    log.write_bytes((frame + bytes([check_sum8(frame[1:])])) * 20)
+    done = imuscope("inspect", str(log), fresh=True)
+    assert done.returncode == 0, done.stderr
+    assert "SampleTimeFine 1 \\xd7 0.1 ms" in done.stdout
 
 
 @each_row(
