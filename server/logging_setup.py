@@ -119,18 +119,16 @@ class JsonFormatter(_Formatter):
         return json_text(fields, default=str, separators=(",", ":"))
 
 
-def install(style: str, level: str, secrets: Collection[str] = (), out: TextIO | None = None) -> None:
+def install(style: str, level: str, secrets: Collection[str] = ()) -> None:
     """Configure logging.
 
     Args:
         style: one of STYLES.
         level: one of LEVELS: lowest level of our messages. Libraries log warnings only, as some log headers at "debug".
         secrets: texts that must not appear in the log.
-        out: standard error by default.
     """
-    out = out or sys.stderr
-    handler = logging.StreamHandler(out)
-    text = TextFormatter(secrets, journal=_is_journal(out))
+    handler = logging.StreamHandler(sys.stderr)
+    text = TextFormatter(secrets, journal=_is_journal(sys.stderr))
     handler.setFormatter(JsonFormatter(secrets) if style == "json" else text)
     handler.addFilter(RateLimitFilter())
     root = logging.getLogger()

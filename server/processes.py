@@ -66,7 +66,7 @@ def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str,
     return programs
 
 
-def readers_of(path: str, root: Path = ROOT) -> list[Program]:
+def readers_of(path: str) -> list[Program]:
     """Other programs that read a serial port or a terminal: what one of them reads, the others do not get.
 
     Left out are what only writes to it, the device's side of a pseudo-terminal, and imuscope, which locks its ports.
@@ -77,7 +77,7 @@ def readers_of(path: str, root: Path = ROOT) -> list[Program]:
     parent, _, name = place.rpartition("/")
     index = name if parent == "/dev/pts" else ""
     readers = []
-    for folder in process_folders(root):
+    for folder in process_folders():
         reads = is_device = False
         try:
             for link in (folder / "fd").iterdir():
@@ -101,7 +101,7 @@ def _fdinfo(folder: Path, fd: str, name: str) -> str:
     return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
 
 
-def session_on(path: str, root: Path = ROOT) -> Program | None:
+def session_on(path: str) -> Program | None:
     """The program whose session a terminal controls, a login prompt or a shell; None if there is none.
 
     Source: proc_pid_stat(5), fields 6 and 7.
@@ -110,14 +110,14 @@ def session_on(path: str, root: Path = ROOT) -> Program | None:
         terminal = os.stat(path).st_rdev
     except OSError:
         return None
-    for folder in process_folders(root):
+    for folder in process_folders():
         try:
             fields = (folder / "stat").read_text(errors="replace").rpartition(")")[2].split()
         except OSError:
             continue
         session, number = int(fields[3]), int(fields[4]) & 0xFFFFFFFF
         if number and os.makedev(number >> 8 & 0xFFF, number >> 12 & 0xFFF00 | number & 0xFF) == terminal:
-            leader = root / "proc" / str(session)
+            leader = ROOT / "proc" / str(session)
             return program_of(leader if leader.exists() else folder)
     return None
 

@@ -127,19 +127,17 @@ def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
     return match
 
 
-def read_dataset(
-    did: int, *, size: int = 0, offset: int = 0, timeout_s: float = ANSWER_S, attempts: int = ATTEMPTS
-) -> Transaction[Values]:
+def read_dataset(did: int, *, size: int = 0, offset: int = 0) -> Transaction[Values]:
     """Read a data set, or a part of it. Not for one that streams: see `IsbDriver.within`."""
     row = SETS[did]
-    for _ in range(attempts):
+    for _ in range(ATTEMPTS):
         yield Send(frames.get_data(did, size=size, offset=offset, period=0))
-        answer = yield WaitFor(answer_of(did), timeout_s, row.name, is_answer=True)
+        answer = yield WaitFor(answer_of(did), ANSWER_S, row.name, is_answer=True)
         if answer == NACK:
             raise DeviceRejectedError(f"GET {row.name}", NO, NACK)
         if answer is not None:
             return as_text(answer)
-    raise NoReplyError(f"GET {row.name}", attempts, timeout_s)
+    raise NoReplyError(f"GET {row.name}", ATTEMPTS, ANSWER_S)
 
 
 def as_text(values: Values) -> Values:
@@ -147,7 +145,7 @@ def as_text(values: Values) -> Values:
     return {name: jsonable(value) for name, value in values.items()}
 
 
-def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, required: bool = True) -> Transaction[bool]:
+def write_dataset(packet: bytes, what: str, *, required: bool = True) -> Transaction[bool]:
     """Send a packet that is acknowledged; returns whether it was.
 
     Args:
@@ -155,7 +153,7 @@ def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, require
     """
     kind, did = packet[2] & TYPE_MASK, packet[3]
     offset = int.from_bytes(packet[6:8], "little") if packet[2] & frames.WITH_OFFSET else 0
-    for _ in range(attempts):
+    for _ in range(ATTEMPTS):
         yield Send(packet, what)
         answer = yield WaitFor(ack_of(kind, did, offset), ANSWER_S, "ACK", is_answer=True)
         if answer == NACK:
@@ -164,7 +162,7 @@ def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, require
             return True
         if not required:
             return False
-    raise NoReplyError(what, attempts, ANSWER_S)
+    raise NoReplyError(what, ATTEMPTS, ANSWER_S)
 
 
 class IsbDriver(DeviceDriver):

@@ -65,7 +65,7 @@ def definition(channel: MessageChannel) -> bytes:
     return schema + _record(CHANNEL, body + struct.pack("<I", len(metadata)) + metadata)
 
 
-def message_record(channel: int, data: bytes, *, sequence: int = 0, publish_ns: int = 0, log_ns: int = 0) -> bytes:
+def message_record(channel: int, data: bytes, *, sequence: int = 0, publish_ns: int = 0) -> bytes:
     """The record of one message.
 
     Args:
@@ -73,7 +73,7 @@ def message_record(channel: int, data: bytes, *, sequence: int = 0, publish_ns: 
     """
     size = MESSAGE_FIXED + len(data)
     publish_ns = min(max(publish_ns, 0), (1 << 64) - 1)
-    return MESSAGE_HEAD.pack(MESSAGE, size, channel, sequence & 0xFFFFFFFF, max(log_ns, 0), publish_ns) + data
+    return MESSAGE_HEAD.pack(MESSAGE, size, channel, sequence & 0xFFFFFFFF, 0, publish_ns) + data
 
 
 def records_of(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -21,7 +21,7 @@ import errno
 import os
 import termios
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,9 +129,7 @@ async def scan(
     return probes
 
 
-async def listen_at(
-    port: Any, baud: int, window_s: float, *, sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
-) -> RateProbe:
+async def listen_at(port: Any, baud: int, window_s: float) -> RateProbe:
     """Set a rate and listen until a protocol is recognised or the window ends (50 % longer if bytes arrive)."""
     if port.baudrate != baud:
         try:
@@ -145,7 +143,7 @@ async def listen_at(
     result = DetectionResult()
     start = time.monotonic()
     while True:
-        await sleep(POLL_S)
+        await asyncio.sleep(POLL_S)
         fresh = _read(port.fd)
         if fresh:
             data += fresh

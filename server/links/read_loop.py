@@ -35,6 +35,7 @@ from imuscope.server.links.base import RECORDING, Chunk
 from imuscope.server.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise
 
 MAX_MEMORIES = 4096  # 256 MB
+COMPARISONS = 5  # of two clocks
 
 _POLLED = np.dtype([("fd", "i4"), ("events", "i2"), ("revents", "i2")])  # struct pollfd, as four int16
 
@@ -157,10 +158,10 @@ class ReadLoop:
         return [Chunk(bytes(view[at:end]), when) for (at, end), when in parts]
 
 
-def monotonic_offset_ns(now_ns: Callable[[], int], tries: int = 5) -> int:
+def monotonic_offset_ns(now_ns: Callable[[], int]) -> int:
     """Difference of a clock to the monotonic one, from the quickest of some comparisons."""
     best, offset = math.inf, 0
-    for _ in range(tries):
+    for _ in range(COMPARISONS):
         before = time.monotonic_ns()
         theirs = now_ns()
         spent = time.monotonic_ns() - before

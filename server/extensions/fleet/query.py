@@ -41,7 +41,7 @@ class QueryError(StoreError):
 
 @dataclass(frozen=True, slots=True)
 class QueryLimits:
-    """Limits of a question: memory in MB, time in s, and threads; 0: of the machine.
+    """Limits of a question: memory in MB and time in s.
 
     Args:
         spills: whether what exceeds the memory may be written to `.tmp` in the present folder.
@@ -49,7 +49,6 @@ class QueryLimits:
 
     memory_mb: int = 1024
     timeout_s: float = 300.0
-    threads: int = 0
     spills: bool = True
 
 
@@ -191,8 +190,6 @@ def _lock(connection: duckdb.DuckDBPyConnection, limits: QueryLimits) -> None:
     }
     if not limits.spills:
         settings = {"temp_directory": "''", **settings}
-    if limits.threads:
-        connection.execute(f"SET threads = {limits.threads}")
     for name, value in settings.items():
         connection.execute(f"SET {name} = {value}")
 
