@@ -59,6 +59,36 @@ export function registerPart<T extends Json>(part: WorkspacePart<T>): void {
   parts.set(part.key, part as unknown as WorkspacePart);
 }
 
+/** Whether `json` has one choice or more, each of them known and valid; one at its default is absent. */
+export function areChoices<T extends object>(
+  json: Json,
+  checks: Readonly<Record<keyof T, (json: Json) => boolean>>,
+): json is JsonObject {
+  if (!isObject(json) || Object.keys(json).length === 0) return false;
+  return Object.entries(json).every(([name, value]) => Object.hasOwn(checks, name) && checks[name as keyof T](value));
+}
+
+/** In one order of names. */
+export const choicesJson = (choices: object): JsonObject =>
+  Object.fromEntries(Object.entries(choices).sort(([a], [b]) => (a < b ? -1 : 1)));
+
+/** Registers the choices of a panel as a part. */
+export function registerChoices<T extends object>(
+  key: string,
+  choicesOf: (viewState: ViewState) => Signal<T>,
+  checks: Readonly<Record<keyof T, (json: Json) => boolean>>,
+): void {
+  registerPart<JsonObject>({
+    key,
+    read({ viewState }) {
+      const choices = choicesOf(viewState).peek();
+      return Object.keys(choices).length > 0 ? choicesJson(choices) : undefined;
+    },
+    check: (json) => (areChoices(json, checks) ? json : undefined),
+    write: ({ viewState }, json) => void (choicesOf(viewState).value = (json ?? {}) as T),
+  });
+}
+
 export const everyPart = (): boolean => true;
 /** What is stored by name: everything but where in time the view is. */
 export const withoutMoment = ({ isMoment }: WorkspacePart): boolean => isMoment !== true;

@@ -1,7 +1,7 @@
 /** The part of a workspace with what the panels of one analysis each show: spectrum, spectrogram, Allan deviation. */
 import type { AnalysisChoice, AnalysisPanel } from "../../data/view-state";
 import { LENGTHS, WINDOWS } from "./choice";
-import { isObject, type Json, type JsonObject, registerPart } from "../../workspace/parts";
+import { areChoices, choicesJson, isObject, type Json, type JsonObject, registerPart } from "../../workspace/parts";
 
 const PANELS: readonly AnalysisPanel[] = ["allan", "psd", "spectrogram"];
 /** Longest list of signals, characters. */
@@ -18,29 +18,19 @@ const CHECKS: Readonly<Record<keyof AnalysisChoice, (json: Json) => boolean>> = 
   temperature: (json) => json === "include",
 };
 
-function isChoice(json: Json): boolean {
-  if (!isObject(json) || Object.keys(json).length === 0) return false;
-  return Object.entries(json).every(
-    ([name, value]) => Object.hasOwn(CHECKS, name) && CHECKS[name as keyof AnalysisChoice](value),
-  );
-}
-
-const sorted = (choice: AnalysisChoice): JsonObject =>
-  Object.fromEntries(Object.entries(choice).sort(([a], [b]) => (a < b ? -1 : 1)));
-
 registerPart<JsonObject>({
   key: "analyses",
   read({ viewState: { analyses } }) {
     const chosen = PANELS.flatMap((panel) => {
       const choice = analyses.peek()[panel];
-      return choice && Object.keys(choice).length > 0 ? [[panel, sorted(choice)] as const] : [];
+      return choice && Object.keys(choice).length > 0 ? [[panel, choicesJson(choice)] as const] : [];
     });
     return chosen.length > 0 ? Object.fromEntries(chosen) : undefined;
   },
   check(json) {
     if (!isObject(json) || Object.keys(json).length === 0) return undefined;
     const fits = Object.entries(json).every(
-      ([panel, choice]) => PANELS.includes(panel as AnalysisPanel) && isChoice(choice),
+      ([panel, choice]) => PANELS.includes(panel as AnalysisPanel) && areChoices(choice, CHECKS),
     );
     return fits ? json : undefined;
   },

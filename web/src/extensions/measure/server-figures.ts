@@ -4,6 +4,7 @@
  *     want(range, series) ── range stands still ──▶ POST /api/analysis/statistics ──▶ of(series)
  */
 import { inFrame } from "../../data/frames";
+import { LatestAnswer } from "../../measure/latest-answer";
 import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import type { Series } from "../../plots/plot-selection";
 import { type Outcome, type HttpProblem, request } from "../../ui/http";
@@ -34,11 +35,6 @@ export function displayed(figures: SignalFigures["figures"], { factor, offset, p
   };
 }
 
-/** A range is asked for after it has stood still for this long, ms, and a moving one this often. */
-const REST_MS = 150;
-const MOVING_MS = 600;
-const PATIENCE_MS = 3000;
-
 type Ask = (body: AnalysisRequest, signal: AbortSignal) => Promise<Outcome<unknown>>;
 const askServer: Ask = (body, signal) =>
   request("POST /api/analysis/{name}", { path: { name: "statistics" }, body, signal });
@@ -51,16 +47,13 @@ const keyOf = ({ t0, t1, base }: MeasuredRange): string => `${t0} ${t1} ${base}`
 const empty = ({ word, parts }: Wanted): Answers =>
   new Map(Array.from({ length: parts }, (_, part) => [`${word} ${part}`, { n: 0, gaps: 0 }]));
 
+interface Answered {
+  readonly range: string;
+  readonly answers: Answers;
+}
+
 export class ServerFigures {
-  readonly #stop = new AbortController();
-  #held: { readonly range: string; readonly stamp: string; readonly answers: Answers } | undefined;
-  #wanted = "";
-  #since = 0;
-  #began = -Infinity;
-  #notBefore = -Infinity;
-  #busy = false;
-  /** Of the last answer. */
-  problem: HttpProblem | undefined;
+  readonly #latest = new LatestAnswer<Answered>();
 
   /** @param ask another one in tests */
   constructor(
@@ -68,58 +61,53 @@ export class ServerFigures {
     readonly ask: Ask = askServer,
   ) {}
 
+  get problem(): HttpProblem | undefined {
+    return this.#latest.problem;
+  }
+
   /** Ask for these series over a range; call it repeatedly, `now` in ms. */
   want(series: readonly Series[], range: MeasuredRange, now: number): void {
     const wanted = series.flatMap((one) => wantedOf(one, this.source) ?? []);
     const words = [...new Map(wanted.map((one) => [one.word, one])).values()];
-    const stamp = `${keyOf(range)} ${words.map(({ word }) => word).join(" ")}`;
-    if (stamp !== this.#wanted) this.#since = now;
-    this.#wanted = stamp;
-    if (words.length === 0 || stamp === this.#held?.stamp || this.#busy || now < this.#notBefore) return;
-    if (now - this.#since < REST_MS && now - this.#began < MOVING_MS) return;
-    this.#began = now;
-    this.#busy = true;
-    void this.#fetch(words, range)
-      .then((answers) => {
-        if (answers !== undefined) this.#held = { range: keyOf(range), stamp, answers };
-        else this.#notBefore = now + PATIENCE_MS;
-      })
-      .finally(() => (this.#busy = false));
+    if (words.length === 0) return;
+    const question = `${keyOf(range)} ${words.map(({ word }) => word).join(" ")}`;
+    this.#latest.want(question, now, (signal) => this.#fetch(words, range, signal));
   }
 
   /** Figures of a series over that range; undefined until known. */
   of(series: Series, range: MeasuredRange): RangeFigures | undefined {
     const wanted = wantedOf(series, this.source);
     if (wanted === undefined) return NO_FIGURES;
-    if (this.#held?.range !== keyOf(range)) return undefined;
-    const found = this.#held.answers.get(`${wanted.word} ${wanted.part}`);
+    const held = this.#latest.held?.answer;
+    const found = held?.range === keyOf(range) ? held.answers.get(`${wanted.word} ${wanted.part}`) : undefined;
     return found && displayed(found, wanted);
   }
 
   dispose(): void {
-    this.#stop.abort();
+    this.#latest.dispose();
   }
 
   /** One request for all; if one of them has no sample there, one for each. */
-  async #fetch(words: readonly Wanted[], range: MeasuredRange): Promise<Answers | undefined> {
-    const whole = await this.#request(words, range);
-    if (whole.ok) return whole.value;
-    this.problem = whole.problem;
-    if (whole.problem.kind !== "not-found") return undefined;
-    const each = await Promise.all(
-      words.map(async (one) => ({ one, outcome: await this.#request([one], range) }) as const),
-    );
-    const problems = each.flatMap(({ outcome }) => (outcome.ok ? [] : [outcome.problem]));
-    this.problem = problems.find(({ kind }) => kind !== "not-found");
-    if (this.problem !== undefined) return undefined;
-    return new Map(each.flatMap(({ one, outcome }) => [...(outcome.ok ? outcome.value : empty(one))]));
+  async #fetch(words: readonly Wanted[], range: MeasuredRange, signal: AbortSignal): Promise<Outcome<Answered>> {
+    const isEmpty = (outcome: Outcome<Answers>): boolean => !outcome.ok && outcome.problem.kind === "not-found";
+    const alone = async (one: Wanted): Promise<Outcome<Answers>> => {
+      const outcome = await this.#request([one], range, signal);
+      return isEmpty(outcome) ? { ok: true, value: empty(one) } : outcome;
+    };
+    const whole = await this.#request(words, range, signal);
+    const parts = isEmpty(whole) ? await Promise.all(words.map(alone)) : [whole];
+    const answers = new Map<string, SignalFigures["figures"]>();
+    for (const outcome of parts) {
+      if (!outcome.ok) return outcome;
+      for (const [word, figures] of outcome.value) answers.set(word, figures);
+    }
+    return { ok: true, value: { range: keyOf(range), answers } };
   }
 
-  async #request(words: readonly Wanted[], range: MeasuredRange): Promise<Outcome<Answers>> {
+  async #request(words: readonly Wanted[], range: MeasuredRange, signal: AbortSignal): Promise<Outcome<Answers>> {
     const body = { source: this.source.id, signals: words.map(({ word }) => word), ...range, options: {} };
-    const outcome = await this.ask(body as AnalysisRequest, this.#stop.signal);
+    const outcome = await this.ask(body as AnalysisRequest, signal);
     if (!outcome.ok) return outcome;
-    this.problem = undefined;
     const list = outcome.value as readonly SignalFigures[];
     let at = 0;
     const pairs = words.flatMap(({ word, parts }) =>
