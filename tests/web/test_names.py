@@ -1,4 +1,4 @@
-"""Exported names of TypeScript: each is exported once, so that "go to symbol" and a search find one thing."""
+"""Names and words in TypeScript: each name is exported once, so that a search finds one thing; times are in UTC."""
 
 from __future__ import annotations
 
@@ -25,3 +25,10 @@ def test_no_name_is_exported_twice() -> None:
     assert len(places) > 1000
     twice = [f"{name}: {', '.join(files)}" for name, files in sorted(places.items()) if len(files) > 1]
     assert not twice, "\n".join([*twice, "Give each a name that tells it from the other, or export it no longer."])
+
+
+def test_times_and_numbers_are_written_by_the_page_itself() -> None:
+    """Never in the language and time zone of the browser: a time would be of another zone than all others."""
+    sources = [path for path in sorted(SOURCES.rglob("*.ts*")) if ".test." not in path.name]
+    found = [path.name for path in sources if re.search(r"\.toLocale\w*\(", path.read_text(encoding="utf-8"))]
+    assert not found, f"{', '.join(found)}: use web/src/ui/format.ts"

@@ -84,6 +84,7 @@ test("a program that configures the device is named, and what it changed is show
   const status = await screen.findByRole("status");
   expect(status.textContent).toContain(`${name} is configuring the device`);
   const shown = screen.getByRole("region", { name: "Settings changed by programs" });
+  expect(shown.textContent).toContain(`${name}, 08:53:20 UTC`);
   expect(shown.textContent).toContain("Acceleration, rate400 Hz → 100 Hz");
   expect(shown.textContent).toContain("Not read since: Filter profile");
   expect(screen.getByText(/Held by process 812/)).toBeTruthy();

@@ -3,6 +3,7 @@ import { type Signal, useSignal } from "@preact/signals";
 import { bytes } from "../../recordings/library-filter";
 import { Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
+import { clock } from "../../ui/format";
 import { type Outcome, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import { usePolled } from "../../ui/use-polled";
@@ -116,10 +117,6 @@ function Changes({ changes }: { readonly changes: readonly SettingsChange[] }) {
       </ul>
     </section>
   );
-}
-
-function clock(time: number): string {
-  return new Date(time * 1000).toLocaleTimeString([], { hour12: false });
 }
 
 function Share({ share, state }: { readonly share: PortShare; readonly state: State }) {

@@ -16,7 +16,7 @@ export const TEXT = {
   refusedFromProgram: "Refused",
   heldBack: "sends more than the line carries and is held back",
   changedByPrograms: "Settings changed by programs",
-  changedBy: (who: Value, time: Value) => `${who}, ${time}`,
+  changedBy: (who: Value, time: Value) => `${who}, ${time} UTC`,
   valueChange: (before: Value, after: Value) => `${before} → ${after}`,
   notReadSince: (titles: Value) => `Not read since: ${titles}`,
   noValue: "—",
