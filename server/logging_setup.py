@@ -93,7 +93,7 @@ class TextFormatter(_Formatter):
             text += "\n" + self.formatException(record.exc_info)
         if self._for_journal:
             return f"<{_PRIORITY.get(record.levelno, 5)}>{text}"
-        clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))
+        clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))  # noqa: TID251 - as other logs of the machine
         return f"{clock}.{int(record.msecs):03d} {record.levelname.lower():<7} {text}"
 
 

@@ -7,7 +7,7 @@ not confirmed, because reading it would interrupt the measurement.
 
 from __future__ import annotations
 
-import time
+from datetime import UTC, datetime
 
 from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Risk
 from imuscope.server.configuration.device_controller import DeviceController, JobError
@@ -38,6 +38,8 @@ def doubts(controller: DeviceController, expected: str) -> list[Risk]:
     info = controller.session.info
     if not expected or info.unconfirmed_since is None:
         return []
-    since = time.strftime("%H:%M:%S", time.localtime(info.unconfirmed_since))
-    words = f"The link was lost until {since}; since then it is not known whether this is still {expected}."
+    since = datetime.fromtimestamp(info.unconfirmed_since, UTC)
+    words = (
+        f"The link was lost until {since:%H:%M:%S} UTC; since then it is not known whether this is still {expected}."
+    )
     return [Risk("", words)]
