@@ -137,12 +137,6 @@ class ClockSync:
         self._is_cautious = False  # the rows of this drain need checking one by one
         self._main = 0  # the source with most rows: its delays describe the link
 
-    def restart(self) -> None:
-        """Forget the mapping: the next row added starts a new one. For a new link; steps of the clock need no call."""
-        self._before, self._now = self._now, None
-        self._last.clear()
-        self._forget()
-
     # -- input ---------------------------------------------------------------------------------------------------------
 
     def map_to_host(self, parts: Sequence[TimedRows]) -> list[Floats]:

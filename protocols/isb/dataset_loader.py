@@ -67,7 +67,7 @@ class DataSet:
     """One data set.
 
     Args:
-        did, name, kind: as in the schema's Message.
+        name, kind: as in the schema's Message.
         struct: None if the layout is not public.
         clock: the field that is the device clock ("week+timeOfWeek", "time", …); "" for none.
         rmc: the bit of DID_RMC that enables its broadcast; "" for none.
@@ -75,7 +75,6 @@ class DataSet:
         changes: (version, fields that earlier firmware lacks or places differently), oldest first.
     """
 
-    did: int
     name: str
     struct: Struct | None
     kind: str
@@ -177,7 +176,7 @@ class DatasetTable:
     def _read_sets(self, head: list[str], lines: list[str]) -> None:
         for line in lines:
             did, name, struct, kind, clock, rmc = (word if word != "-" else "" for word in line.split())
-            self.sets[int(did)] = DataSet(int(did), name, self.structs.get(struct), kind, clock, rmc)
+            self.sets[int(did)] = DataSet(name, self.structs.get(struct), kind, clock, rmc)
 
     def _read_versions(self, head: list[str], lines: list[str]) -> None:
         self.versions = tuple(head)

@@ -23,7 +23,6 @@ Source: inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h; ISB document.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -76,12 +75,10 @@ class PayloadLayout:
 
     Args:
         message: the row, with the fields present.
-        places: these fields and their offsets in the payload.
         layout: their columns.
     """
 
     message: Message
-    places: tuple[Place, ...]
     layout: Layout
 
 
@@ -279,7 +276,7 @@ def form_of(did: int, members: tuple[Place, ...], size: int) -> PayloadLayout:
     apart = tuple(field.name for field in fields if field.axes or field.bits or (field.fields and field.shape))
     message = replace(row, fields=fields, time=clock, tick_ns=row.tick_ns if clock else 0, separate_channels=apart)
     layout = Layout([(field, ((at, size_of(field)),)) for field, at in members], size)
-    return PayloadLayout(message, members, layout)
+    return PayloadLayout(message, layout)
 
 
 @lru_cache(maxsize=4096)
@@ -347,8 +344,3 @@ def version_numbers() -> Ints:
 def _number(version: str) -> int:
     major, minor, patch = (int(part) for part in version.split("."))
     return major << 16 | minor << 8 | patch
-
-
-def covered(fields: Sequence[Place]) -> int:
-    """Bytes of a payload up to the end of its last field."""
-    return max((at + size_of(field) for field, at in fields), default=0)

@@ -85,19 +85,6 @@ def ordered(answer: QueryResult) -> QueryResult:
     return QueryResult(answer.info, sorted_rows, answer.columns)
 
 
-def live(
-    channel: StoredChannel,
-    t0: float,
-    t1: float,
-    width: int,
-    *,
-    columns: Sequence[int] | None = None,
-    base: Base = "device",
-) -> QueryResult:
-    """A time range of a live channel in the store."""
-    return query_columns(channel.info, stored_values(channel, t0, base), t0, t1, width, columns=columns, base=base)
-
-
 def stored_values(
     channel: StoredChannel, t0: float, base: Base = "device", columns: Collection[int] | None = None
 ) -> list[Array]:

@@ -19,7 +19,15 @@ from imuscope.server.devices import protocol_set
 from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache, DecodeJob
 from imuscope.server.library.decode import decode
-from imuscope.server.library.range_query import arrow_of, frame_of, json_of, live, recorded, statistics_in
+from imuscope.server.library.range_query import (
+    arrow_of,
+    frame_of,
+    json_of,
+    query_columns,
+    recorded,
+    statistics_in,
+    stored_values,
+)
 from imuscope.server.library.recording_detail import channels_of, detail
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
@@ -53,7 +61,8 @@ def test_live_and_recorded_queries_agree(store: ColumnStore, width: int, base: s
     t0, t1 = whole[0] + 1.0, whole[1] - 1.5
     for number, info in channels_of(store).items():
         one = recorded(store, info, t0, t1, width, base=base)  # type: ignore[arg-type]
-        other = live(telemetry.store.of(ids[number]), t0, t1, width, base=base)  # type: ignore[arg-type]
+        live = stored_values(telemetry.store.of(ids[number]), t0, base)  # type: ignore[arg-type]
+        other = query_columns(info, live, t0, t1, width, base=base)  # type: ignore[arg-type]
         assert type(one.rows) is type(other.rows)
         if isinstance(one.rows, ExactRows) and isinstance(other.rows, ExactRows):
             np.testing.assert_array_equal(one.rows.arrival, other.rows.arrival)

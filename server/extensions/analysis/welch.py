@@ -48,11 +48,6 @@ class Segments:
     window: Floats
     detrend: str | bool
 
-    @property
-    def overlap(self) -> int:
-        """Samples that two neighbouring segments share."""
-        return self.length - self.step
-
     def count(self, n: int) -> int:
         """Number of segments in a run of n samples."""
         return 0 if n < self.length else (n - self.length) // self.step + 1

@@ -16,7 +16,7 @@ import os
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +58,6 @@ class RunningQuery:
 
     id: str
     turn: Turn
-    started: float = field(default_factory=time.monotonic)
 
 
 class QueryService:

@@ -2,7 +2,6 @@
 
     type_hash("sensor_msgs/msg/Imu")        RIHS01_7d9a…: the same in all distributions with the same definition
     serialize(message, type)                CDR with its encapsulation header
-    deserialize(data, type)                 an object with the fields of the definition; arrays are numpy arrays
 
 The library is imported on first use, which takes some 0.3 s.
 """
@@ -10,24 +9,20 @@ The library is imported on first use, which takes some 0.3 s.
 from __future__ import annotations
 
 import functools
-import struct
 from typing import Any
 
 _MANY = ("ARRAY", "SEQUENCE")
-MAX_SEQUENCE = 1_000_000  # elements; a longer one is not from a sensor
 
 
 class TypeSupportError(ValueError):
-    """A type without a definition here, or bytes that are not a message of a type."""
+    """A type without a definition here."""
 
 
 @functools.cache
 def _typestore() -> Any:
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_JAZZY)
-    store.max_sequence_length = MAX_SEQUENCE
-    return store
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def is_known(type: str) -> bool:
@@ -92,26 +87,6 @@ def serialize(message: Any, type: str) -> bytes:
     return bytes(_typestore().serialize_cdr(message, type, little_endian=True))
 
 
-def deserialize(data: bytes, type: str) -> Any:
-    """A message from CDR.
-
-    Raises:
-        TypeSupportError: an unknown type, or not a message of this type.
-    """
-    _check(type)
-    try:
-        return _typestore().deserialize_cdr(data, type)
-    except (ValueError, IndexError, TypeError, AssertionError, struct.error, _serde_error()) as error:
-        raise TypeSupportError(f"not a message of type {type}: {error}") from None
-
-
 def _check(type: str) -> None:
     if not is_known(type):
         raise TypeSupportError(f"the type {type} has no definition here")
-
-
-def _serde_error() -> type[Exception]:
-    from rosbags.serde import SerdeError
-
-    error_class: type[Exception] = SerdeError
-    return error_class

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.rotations import ENU_FROM, Quaternion, Vector, multiply, quaternions
+from imuscope.protocols.rotations import Quaternion, Vector, quaternions
 from imuscope.recordings import entities, enu
 from imuscope.server.extensions.viser.playout_buffer import PlayoutBuffer
 from imuscope.server.wire_codec import SampleFrame
@@ -70,11 +70,6 @@ class DeviceView:
         used += [self.attitude.channel] if self.attitude else []
         used += [self.position.channel] if self.position else []
         return [number for number in used if number]
-
-    @property
-    def q_enu_from_body(self) -> Quaternion | None:
-        q = self.q_frame_from_body
-        return None if q is None else multiply(ENU_FROM[self.frame], q)
 
     def update(self, samples: SampleFrame, received_at: float | None = None) -> None:
         """Add newer samples of a channel, or older ones of a position.

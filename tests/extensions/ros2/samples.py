@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from rosbags.typesys import Stores, get_typestore
 
 from imuscope.server.wire_codec import SampleFrame
 
 T0 = 1_795_000_000.0
+deserialize = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr
 
 
 def info(id: int, title: str, columns: dict[str, str], **more: Any) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from imuscope.server.extensions.ros2 import type_support
 from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
 from imuscope.server.extensions.ros2.messages import FIELD, FIX, IMU, PRESSURE, TEMPERATURE, TIME, TRANSFORM, TWIST
 from tests.each_row import each_row
+from tests.extensions.ros2.samples import deserialize
 
 N = 3
 TRANSFORM_TEXTS = {"transforms.0.header.frame_id": "map", "transforms.0.child_frame_id": "imu0"}
@@ -57,7 +58,7 @@ def test_every_number_and_text_is_where_rosbags_reads_it(
     messages = RowEncoder(type, texts, lengths).encode(N, values)
     assert len(messages) == N
     for row, data in enumerate(messages):
-        message = type_support.deserialize(data, type)
+        message = deserialize(data, type)
         for path, column in values.items():
             assert np.array_equal(value_at(message, path), column[row]), path
         for path, text in texts.items():
@@ -68,7 +69,7 @@ def test_every_number_and_text_is_where_rosbags_reads_it(
 @each_row("name", ["", "a", "ab", "abc", "abcd", "abcdefg", "größe"])
 def test_texts_of_every_length_keep_numbers_aligned(name: str) -> None:
     (data,) = RowEncoder(TEMPERATURE, {"header.frame_id": name}).encode(1, {"temperature": 21.5, "variance": 2.0})
-    message = type_support.deserialize(data, TEMPERATURE)
+    message = deserialize(data, TEMPERATURE)
     assert (message.header.frame_id, message.temperature, message.variance) == (name, 21.5, 2.0)
 
 

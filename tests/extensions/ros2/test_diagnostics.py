@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from imuscope.server.extensions.ros2 import type_support
 from imuscope.server.extensions.ros2.diagnostics import ARRAY, DiagnosticCounts, diagnostics
 from tests.each_row import each_row
+from tests.extensions.ros2.samples import deserialize
 
 DEVICE = {
     "id": "1",
@@ -33,7 +33,7 @@ HEALTH: dict[str, Any] = {
 
 def status_of(device: dict[str, Any], health: dict[str, Any] | None, last: DiagnosticCounts) -> Any:
     data, _ = diagnostics("mti_630", device, health, last, 5_000_000_006)
-    message = type_support.deserialize(data, ARRAY)
+    message = deserialize(data, ARRAY)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (5, 6)
     (status,) = message.status
     return status

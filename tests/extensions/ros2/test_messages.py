@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.sensor_properties import SensorProperties
-from imuscope.server.extensions.ros2 import type_support
 from imuscope.server.extensions.ros2.messages import FrameNames, builders_of
 from imuscope.server.extensions.ros2.quantities import quantities_of
 from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
-from tests.extensions.ros2.samples import T0, frame, info, xyz
+from tests.extensions.ros2.samples import T0, deserialize, frame, info, xyz
 
 DEVICE = {"id": "1", "name": "IMU"}
 FRAMES = FrameNames("imu0", "map")
@@ -48,7 +47,7 @@ def built(
         samples: dict[int, list[SampleFrame]] = {}
         for one in batch:
             samples.setdefault(one.channel, []).append(one)
-        found += [type_support.deserialize(data, builder.type) for data in builder.build(samples)]
+        found += [deserialize(data, builder.type) for data in builder.build(samples)]
     return found
 
 

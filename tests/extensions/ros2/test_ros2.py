@@ -23,7 +23,7 @@ from imuscope.server.extensions.ros2.key_expressions import RosEndpoint, RosNode
 from imuscope.server.extensions.ros2.service import MODULE
 from imuscope.server.extensions.ros2.worker import Ros2Bridge
 from tests.each_row import each_row
-from tests.extensions.ros2.samples import info, xyz
+from tests.extensions.ros2.samples import deserialize, info, xyz
 from tests.forked_workers import workers_of
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess, imuscope
@@ -82,7 +82,7 @@ def received(session: zenoh.Session, key: str = "7/**") -> Iterator[dict[str, li
         _, topic, type, hash = parse_topic_key(str(sample.key_expr))
         assert hash == type_support.type_hash(type)
         assert sample.attachment is not None
-        message = type_support.deserialize(bytes(sample.payload), type)
+        message = deserialize(bytes(sample.payload), type)
         found[topic].append((message, Attachment.decode(bytes(sample.attachment))))
 
     subscriber = session.declare_subscriber(key, on_sample)

@@ -92,7 +92,7 @@ def test_an_arrow_along_x_comes_to_point_there(v: tuple[float, float, float]) ->
 
 def test_the_newest_row_is_the_pose_and_nonsense_leaves_it() -> None:
     one = look(info(7, "quaternion", "Quaternion", "w x y z", frame="NED from body"), info(8, "scalar", "T", "value"))
-    assert one.q_enu_from_body is None
+    assert one.q_frame_from_body is None
     assert one.frame == "NED"
     one.update(samples(7, [1, 0, 0, 0], [0, 2, 0, 0]))
     assert one.q_frame_from_body == (0, 1, 0, 0)
