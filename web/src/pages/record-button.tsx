@@ -177,7 +177,7 @@ export function Record({ app }: { readonly app: App }) {
       )}
       <button
         type="button"
-        class="stop-recording"
+        class="btn stop-recording"
         aria-label={TEXT.stopRecordingState(time, size.value, size.unit)}
         title={TEXT.stopRecordingTitle(state.title || state.id)}
         onClick={press(app)}

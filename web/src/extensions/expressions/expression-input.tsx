@@ -2,6 +2,7 @@
 import type { Signal } from "@preact/signals";
 import { useCallback, useEffect, useRef } from "preact/hooks";
 import { CompletionList, completed } from "../../completion/completion-list";
+import { MarkedMistake } from "../../completion/mistake";
 import { useCompletion } from "../../completion/use-completion";
 import { completionsAt, mistakePlace } from "./completion";
 import type { ExpressionWords } from "../../wire/routes";
@@ -59,9 +60,7 @@ export function ExpressionInput({ text, names, words, mistake, onEnter }: Props)
       </span>
       {place && (
         <div class="expression-place" aria-hidden="true">
-          {text.value.slice(0, place.begin)}
-          <mark>{text.value.slice(place.begin, place.end) || " "}</mark>
-          {text.value.slice(place.end)}
+          <MarkedMistake text={text.value} {...place} />
         </div>
       )}
       <CompletionList id="expression-words" offer={offer} />

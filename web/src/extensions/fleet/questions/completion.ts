@@ -92,18 +92,11 @@ function taken(offers: readonly Offer[], word: string, caret: number): readonly 
   return offers.slice(0, MOST).map((one) => ({ ...one, from: caret - word.length, to: caret }));
 }
 
-export interface MistakePlace {
-  readonly line: number;
-  readonly column: number;
-  /** Offset in the text. */
-  readonly at: number;
-}
-
-/** Where a mistake is, by the words of the server: "Line 2, column 5: …". */
-export function placeOfMistake(message: string, text: string): MistakePlace | undefined {
+/** Offset of a mistake in the text, by the words of the server: "Line 2, column 5: …". */
+export function placeOfMistake(message: string, text: string): number | undefined {
   const found = /^Line (\d+), column (\d+): /.exec(message);
   if (!found) return undefined;
   const [line, column] = [Number(found[1]), Number(found[2])];
   const before = text.split("\n").slice(0, line - 1);
-  return { line, column, at: before.reduce((sum, one) => sum + one.length + 1, 0) + column - 1 };
+  return before.reduce((sum, one) => sum + one.length + 1, 0) + column - 1;
 }

@@ -1,6 +1,7 @@
 /** The editor of a question: completion at the caret, Ctrl+Enter, and the place of a mistake. */
 import { useCallback, useEffect, useRef } from "preact/hooks";
 import { CompletionList, completed } from "../../../completion/completion-list";
+import { MarkedMistake } from "../../../completion/mistake";
 import { useCompletion } from "../../../completion/use-completion";
 import { completionsOfSql, placeOfMistake } from "./completion";
 import type { Questions } from "./state";
@@ -37,7 +38,7 @@ export function QuestionEditor({ state }: { readonly state: Questions }) {
     }
   };
   const lines = Math.min(MOST_LINES, Math.max(LEAST_LINES, sql.value.split("\n").length));
-  const mistake = problem.value?.kind === "bad-query" ? placeOfMistake(problem.value.message, sql.value) : undefined;
+  const place = problem.value?.kind === "bad-query" ? placeOfMistake(problem.value.message, sql.value) : undefined;
   return (
     <div class="question-editor">
       <textarea
@@ -46,7 +47,7 @@ export function QuestionEditor({ state }: { readonly state: Questions }) {
         rows={lines}
         aria-label={TEXT.editor}
         {...completed("question-words", offer)}
-        aria-invalid={mistake !== undefined}
+        aria-invalid={place !== undefined}
         aria-describedby="question-problem"
         placeholder={TEXT.rowsFromStart}
         spellcheck={false}
@@ -63,7 +64,7 @@ export function QuestionEditor({ state }: { readonly state: Questions }) {
         onBlur={end}
       />
       <CompletionList id="question-words" offer={offer} />
-      {mistake && <MistakeLine text={sql.value} at={mistake.at} />}
+      {place !== undefined && <MistakeLine text={sql.value} at={place} />}
     </div>
   );
 }
@@ -75,9 +76,11 @@ function MistakeLine({ text, at }: { readonly text: string; readonly at: number 
   const word = /^(\w+|"[^"]*"|.)/.exec(text.slice(at))?.[0] ?? "";
   return (
     <div class="question-mistake" aria-hidden="true">
-      {text.slice(begin, at)}
-      <mark>{word || " "}</mark>
-      {text.slice(at + word.length, end < 0 ? undefined : end)}
+      <MarkedMistake
+        text={text.slice(begin, end < 0 ? undefined : end)}
+        begin={at - begin}
+        end={at - begin + word.length}
+      />
     </div>
   );
 }
