@@ -59,7 +59,7 @@ ADDED: dict[str, tuple[Any, str, Any]] = {  # group → owner of the attribute, 
     "Xbus strings": (xbus_codes, "STRING_TYPES", (*xbus_codes.STRING_TYPES, Bits("PNEW", 16))),
     "sentences of our own": (nmea, "SENTENCES", {**nmea.SENTENCES, "PNEW": nmea.SENTENCES["PHTRO"]}),
     "ISB packet types": (isb_frames, "TYPES", {**isb_frames.TYPES, 9: "NEW"}),
-    "ISB data sets": (isb_tables, "SETS", {**isb_tables.SETS, 200: replace(isb_tables.SETS[4], did=200)}),
+    "ISB data sets": (isb_tables, "SETS", {**isb_tables.SETS, 200: replace(isb_tables.SETS[4], name="DID_NEW")}),
     "ISB raw GNSS kinds": (isb_messages, "RAW_KINDS", {**isb_messages.RAW_KINDS, 7: ("new", "eph_t")}),
     "ISB structures of other firmware": (
         *(isb_tables, "SETS"),

@@ -148,8 +148,8 @@ def _isb_data() -> Iterator[tuple[isb_oracle.OracleIsbPacket, str]]:
 
 def _older_rows() -> set[tuple[int, int]]:
     """Data sets with another structure in some firmware, and its size."""
-    sets = isb_tables.SETS.values()
-    return {(row.did, size) for row in sets if row.struct for size in row.sizes.values()}
+    sets = isb_tables.SETS.items()
+    return {(did, size) for did, row in sets if row.struct for size in row.sizes.values()}
 
 
 # -- IDTP --------------------------------------------------------------------------------------------------------------
