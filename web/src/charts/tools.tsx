@@ -2,8 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { hasCursors, type ViewState } from "../data/view-state";
 import { COMMON } from "../texts/common";
-import { type ChoiceOption, OptionList } from "../ui/choices";
-import { Icon } from "../ui/icons";
+import { type ChoiceOption, Select } from "../ui/choices";
 import "./tools.css";
 
 export function ChartTools({ children }: { readonly children: ComponentChildren }) {
@@ -48,21 +47,18 @@ export function RangeChoice({ viewState, range, onChange }: RangeProps) {
   );
 }
 
-interface SelectProps {
+interface ChartSelectProps {
   readonly label: string;
   readonly value: string;
   readonly options: readonly ChoiceOption[];
   readonly onChange: (value: string) => void;
 }
 
-export function Select({ label, value, options, onChange }: SelectProps) {
+export function ChartSelect({ label, value, options, onChange }: ChartSelectProps) {
   return (
     <label class="chart-choice">
       <span aria-hidden="true">{label}</span>
-      <span class="select">
-        <OptionList label={label} value={value} options={options} onChoose={onChange} />
-        <Icon name="down" />
-      </span>
+      <Select label={label} value={value} options={options} onChoose={onChange} />
     </label>
   );
 }

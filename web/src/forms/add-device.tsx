@@ -4,10 +4,9 @@
  */
 import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { OptionList } from "../ui/choices";
+import { Select } from "../ui/choices";
 import { api, type HowToRead, type Outcome, type HttpProblem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
-import { Icon } from "../ui/icons";
 import { ProblemNote } from "../ui/problem-note";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
@@ -225,10 +224,7 @@ function Choice({ id, label, value, onChange, choices }: ChoiceProps) {
   return (
     <div>
       <label for={id}>{label}</label>
-      <div class="select">
-        <OptionList id={id} value={value} options={choices.map((one) => [one.value, one.words])} onChoose={onChange} />
-        <Icon name="down" />
-      </div>
+      <Select id={id} value={value} options={choices.map((one) => [one.value, one.words])} onChoose={onChange} />
     </div>
   );
 }

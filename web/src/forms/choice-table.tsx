@@ -1,8 +1,6 @@
 /** A table of selectable outputs of a device: a row for each, with its load on the line and its previous state. */
 import type { ComponentChildren } from "preact";
-import { OptionList } from "../ui/choices";
 import { number } from "../ui/format";
-import { Icon } from "../ui/icons";
 import type { FormContext } from "./form-context";
 import type { LoadInfo } from "./types";
 import { TEXT } from "../texts/forms";
@@ -96,31 +94,5 @@ export function ChoiceRow({ sheet, list, place, title, was, id, hot, load, full 
       </td>
       <td class="previous-column">{was && <span class="previous">{was}</span>}</td>
     </tr>
-  );
-}
-
-interface PickProps {
-  readonly label: string;
-  /** "" shows "off", for as long as it is. */
-  readonly value: number | "";
-  readonly options: readonly (readonly [value: number, words: string | undefined])[];
-  readonly disabled: boolean;
-  readonly edited?: boolean;
-  readonly pick: (value: number) => void;
-}
-
-export function Pick({ label, value, options, disabled, edited = false, pick }: PickProps) {
-  return (
-    <span class={`select ${edited ? "edited" : ""}`}>
-      <OptionList
-        label={label}
-        value={value}
-        none={TEXT.offInTable}
-        options={options}
-        disabled={disabled}
-        onChoose={pick}
-      />
-      <Icon name="down" />
-    </span>
   );
 }

@@ -1,6 +1,6 @@
 /** One input for each kind of value: number, choice, flags, switch, text, bytes, vector. Invalid input is reported while typing. */
 import { useEffect, useState } from "preact/hooks";
-import { Icon } from "../ui/icons";
+import { Select } from "../ui/choices";
 import { labelWords as named } from "../ui/labels";
 import { idOf, type FormContext } from "./form-context";
 import type { FieldForm } from "./types";
@@ -98,27 +98,20 @@ export function NumberInput(props: InputProps) {
 
 export function ChoiceInput({ sheet, field, path, label, describedBy }: InputProps) {
   const value = at(sheet.values, path);
-  const known = value === undefined || String(value) in field.choices;
+  const shown = value === undefined ? "" : String(value);
+  const isKnown = value === undefined || shown in field.choices;
+  const unknown = isKnown ? [] : [[shown, TEXT.undocumentedValue(shown)] as const];
   return (
-    <span class="select">
-      <select
-        id={idOf(sheet, path)}
-        value={value === undefined ? "" : String(value)}
-        disabled={locked(sheet, field)}
-        aria-describedby={describedBy}
-        {...labelled(label)}
-        onChange={(event) => sheet.set(path, small(big(event.currentTarget.value)))}
-      >
-        {value === undefined && <option value="">{TEXT.notRead}</option>}
-        {!known && <option value={String(value)}>{TEXT.undocumentedValue(String(value))}</option>}
-        {inOrder(offered(field.choices, value)).map(([number, words]) => (
-          <option key={number} value={number}>
-            {words}
-          </option>
-        ))}
-      </select>
-      <Icon name="down" />
-    </span>
+    <Select
+      id={idOf(sheet, path)}
+      label={label}
+      describedBy={describedBy}
+      value={shown}
+      none={TEXT.notRead}
+      options={[...unknown, ...inOrder(offered(field.choices, value))]}
+      disabled={locked(sheet, field)}
+      onChoose={(number) => sheet.set(path, small(big(number)))}
+    />
   );
 }
 
@@ -133,25 +126,18 @@ export function OptionInput({
 }: InputProps & { readonly options: readonly string[] }) {
   const value = at(sheet.values, path);
   const now = typeof value === "string" ? value : "";
+  const unknown = now === "" || options.includes(now) ? [] : [[now, now] as const];
   return (
-    <span class="select">
-      <select
-        id={idOf(sheet, path)}
-        value={now}
-        disabled={locked(sheet, field)}
-        aria-describedby={describedBy}
-        {...labelled(label)}
-        onChange={(event) => sheet.set(path, event.currentTarget.value)}
-      >
-        {!options.includes(now) && <option value={now}>{now || TEXT.notRead}</option>}
-        {options.map((option) => (
-          <option key={option} value={option}>
-            {option.replaceAll("/", " / ")}
-          </option>
-        ))}
-      </select>
-      <Icon name="down" />
-    </span>
+    <Select
+      id={idOf(sheet, path)}
+      label={label}
+      describedBy={describedBy}
+      value={now}
+      none={options.includes("") ? undefined : TEXT.notRead}
+      options={[...unknown, ...options.map((option) => [option, option.replaceAll("/", " / ")] as const)]}
+      disabled={locked(sheet, field)}
+      onChoose={(option) => sheet.set(path, option)}
+    />
   );
 }
 
@@ -246,18 +232,15 @@ function BitGroup({ id, bits, part, off, set }: GroupProps) {
       </span>
     );
   }
+  const unknown = String(part) in bits.choices ? [] : [[String(part), String(part)] as const];
   return (
-    <span class="select">
-      <select id={id} value={String(part)} disabled={off} onChange={(event) => set(big(event.currentTarget.value))}>
-        {!(String(part) in bits.choices) && <option value={String(part)}>{String(part)}</option>}
-        {inOrder(offered(bits.choices, part)).map(([number, text]) => (
-          <option key={number} value={number}>
-            {text}
-          </option>
-        ))}
-      </select>
-      <Icon name="down" />
-    </span>
+    <Select
+      id={id}
+      value={String(part)}
+      options={[...unknown, ...inOrder(offered(bits.choices, part))]}
+      disabled={off}
+      onChoose={(number) => set(big(number))}
+    />
   );
 }
 

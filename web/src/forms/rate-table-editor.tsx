@@ -1,5 +1,6 @@
 /** The outputs of a device as a table: which, at what rate, in which variant, and their load on the line. */
-import { ChoiceRow, ChoiceTable, Pick } from "./choice-table";
+import { Select } from "../ui/choices";
+import { ChoiceRow, ChoiceTable } from "./choice-table";
 import type { FormContext } from "./form-context";
 import {
   baseOf,
@@ -106,13 +107,14 @@ function Rate({ table, row, disabled, change }: CellProps) {
   const rates = offeredRates(table, row);
   if (rates.length === 0) return <span class="fixed">{on ? rateWords(table, row, row.rate) : TEXT.offInTable}</span>;
   return (
-    <Pick
+    <Select
       label={TEXT.rateOf(row.title)}
+      class={on && row.was !== "" ? "edited" : ""}
       value={on ? row.rate : ""}
-      options={rates.map((rate) => [rate, rateWords(table, row, rate)] as const)}
+      none={TEXT.offInTable}
+      options={rates.map((rate) => [rate, rateWords(table, row, rate)])}
       disabled={disabled}
-      edited={on && row.was !== ""}
-      pick={(rate) => change({ rate })}
+      onChoose={(rate) => change({ rate })}
     />
   );
 }
@@ -123,12 +125,12 @@ function Variant({ row, variant, disabled, change }: CellProps & { readonly vari
   if (available.length === 0)
     return variant.fixed === "" ? null : <span class="fixed dim">{on ? variant.fixed : ""}</span>;
   return (
-    <Pick
+    <Select
       label={TEXT.variantOf(variant.title, row.title)}
       value={variantBits(variant, row.id)}
-      options={available.map((bits) => [bits, bitsWords(variant, bits)] as const)}
+      options={available.map((bits) => [bits, bitsWords(variant, bits)])}
       disabled={disabled || !on}
-      pick={(bits) => change({ id: withVariantBits(variant, row.id, bits) })}
+      onChoose={(bits) => change({ id: withVariantBits(variant, row.id, bits) })}
     />
   );
 }

@@ -3,7 +3,7 @@ import { useRef } from "preact/hooks";
 import { Slot } from "../extension";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
-import { OptionList } from "../ui/choices";
+import { Select } from "../ui/choices";
 import { age, number, rate, span } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName, Logo } from "../ui/icons";
@@ -210,16 +210,15 @@ function Window({ app, class: name, words = false }: WindowProps) {
   const listed = SPANS.some((seconds) => Math.abs(seconds - current) < 1e-6);
   const all = listed ? SPANS : [...SPANS, current].sort((a, b) => a - b);
   return (
-    <label class={`select ${name}`} title={TEXT.windowLengthHint}>
-      {words && <span aria-hidden="true">{TEXT.window}</span>}
-      <OptionList
-        label={TEXT.windowLength}
-        value={current}
-        options={all.map((seconds) => [seconds, `${span(seconds).value} ${span(seconds).unit}`])}
-        onChoose={(seconds) => actions.setSpan(seconds)}
-      />
-      <Icon name="down" />
-    </label>
+    <Select
+      class={name}
+      title={TEXT.windowLengthHint}
+      words={words ? TEXT.window : undefined}
+      label={TEXT.windowLength}
+      value={current}
+      options={all.map((seconds) => [seconds, `${span(seconds).value} ${span(seconds).unit}`])}
+      onChoose={(seconds) => actions.setSpan(seconds)}
+    />
   );
 }
 

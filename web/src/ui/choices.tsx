@@ -1,4 +1,5 @@
 /** Controls that choose one of several: a list of the browser's own, and buttons side by side. */
+import { Icon } from "./icons";
 
 /** A value to choose, and its text. */
 export type ChoiceOption<T extends string | number = string> = readonly [value: T, text: string | undefined];
@@ -12,6 +13,7 @@ interface OptionListProps<T extends string | number> extends ChoiceProps<T> {
   /** Read aloud; absent where a `label` says it. */
   readonly label?: string | undefined;
   readonly id?: string;
+  readonly describedBy?: string | undefined;
   readonly value: NoInfer<T> | "";
   /** Text while nothing is chosen. */
   readonly none?: string | undefined;
@@ -19,7 +21,7 @@ interface OptionListProps<T extends string | number> extends ChoiceProps<T> {
 }
 
 export function OptionList<T extends string | number>(props: OptionListProps<T>) {
-  const { label, id, value, options, none, disabled, onChoose } = props;
+  const { label, id, describedBy, value, options, none, disabled, onChoose } = props;
   const choose = (text: string): void => {
     const found = options.find(([one]) => String(one) === text);
     if (found) onChoose(found[0]);
@@ -28,6 +30,7 @@ export function OptionList<T extends string | number>(props: OptionListProps<T>)
     <select
       id={id}
       aria-label={label}
+      aria-describedby={describedBy}
       value={String(value)}
       disabled={disabled}
       onChange={(event) => choose(event.currentTarget.value)}
@@ -39,6 +42,26 @@ export function OptionList<T extends string | number>(props: OptionListProps<T>)
         </option>
       ))}
     </select>
+  );
+}
+
+interface SelectProps<T extends string | number> extends OptionListProps<T> {
+  /** Further classes of its frame. */
+  readonly class?: string;
+  readonly title?: string;
+  /** Words within the frame, before what is chosen. */
+  readonly words?: string | undefined;
+}
+
+/** The same in a frame, as a field. */
+export function Select<T extends string | number>({ class: more = "", title, words, ...list }: SelectProps<T>) {
+  const Frame = words === undefined ? "span" : "label"; // a press on the words goes to the list
+  return (
+    <Frame class={`select ${more}`.trim()} title={title}>
+      {words !== undefined && <span aria-hidden="true">{words}</span>}
+      <OptionList {...list} />
+      <Icon name="down" />
+    </Frame>
   );
 }
 

@@ -7,7 +7,7 @@ import { Slot } from "../extension";
 import type { App } from "../pages/app-state";
 import type { Deps } from "../panels/panel-context";
 import type { PanelDefinition } from "../panels/registry";
-import { OptionList } from "../ui/choices";
+import { Select } from "../ui/choices";
 import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName } from "../ui/icons";
 import { COMMON } from "../texts/common";
@@ -183,16 +183,13 @@ function Row({ session, panel, area, all, isFirst, isLast }: RowProps) {
           {TEXT.show}
         </button>
       ) : (
-        <label class="select">
-          <OptionList
-            label={TEXT.placeOf(panel.title)}
-            value={area}
-            options={places.map((place) => [place, TEXT.places[place]])}
-            disabled={places.length === 1}
-            onChoose={(place) => placed(session, panel, all, place)}
-          />
-          <Icon name="down" />
-        </label>
+        <Select
+          label={TEXT.placeOf(panel.title)}
+          value={area}
+          options={places.map((place) => [place, TEXT.places[place]])}
+          disabled={places.length === 1}
+          onChoose={(place) => placed(session, panel, all, place)}
+        />
       )}
     </li>
   );

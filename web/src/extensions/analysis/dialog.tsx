@@ -3,7 +3,7 @@ import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/si
 import { useId, useMemo } from "preact/hooks";
 import type { AnalysisPanel } from "../../data/view-state";
 import type { Deps } from "../../panels/panel-context";
-import { OptionList, Segmented } from "../../ui/choices";
+import { Segmented, Select } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -176,7 +176,7 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
     label: string,
     values: readonly WholeChoice[K][],
   ) => (
-    <Select label={label} value={choice[key]} values={values} set={(value) => set({ [key]: value } as ChoiceChange)} />
+    <Choice label={label} value={choice[key]} values={values} set={(value) => set({ [key]: value } as ChoiceChange)} />
   );
   const range = (
     <Segmented
@@ -218,7 +218,7 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
       ) : (
         <>
           {option("window", TEXT.windowFunction, WINDOWS)}
-          <Select label={TEXT.segment} value={choice.length} values={LENGTHS} set={(length) => set({ length })} />
+          <Choice label={TEXT.segment} value={choice.length} values={LENGTHS} set={(length) => set({ length })} />
           {option("scale", TEXT.scale, ["amplitude", "power"])}
           {name === "psd" && option("frequencyAxis", TEXT.frequencyAxis, ["linear", "log"])}
         </>
@@ -256,24 +256,22 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
   );
 }
 
-interface SelectProps<T extends string | number> {
+interface ChoiceProps<T extends string | number> {
   readonly label: string;
   readonly value: T;
   readonly values: readonly T[];
   readonly set: (value: T) => void;
 }
 
-function Select<T extends string | number>({ label, value, values, set }: SelectProps<T>) {
+function Choice<T extends string | number>({ label, value, values, set }: ChoiceProps<T>) {
   return (
     <label class="analysis-option">
       <span>{label}</span>
-      <span class="select">
-        <OptionList
-          value={value}
-          options={values.map((one) => [one, TEXT.choices[String(one)] ?? (one === 0 ? TEXT.automatic : String(one))])}
-          onChoose={set}
-        />
-      </span>
+      <Select
+        value={value}
+        options={values.map((one) => [one, TEXT.choices[String(one)] ?? (one === 0 ? TEXT.automatic : String(one))])}
+        onChoose={set}
+      />
     </label>
   );
 }

@@ -2,10 +2,9 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../recordings/library-filter";
-import { OptionList, Segmented } from "../../ui/choices";
+import { Segmented, Select } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
-import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
 import type { ReadingState, TablePreview } from "../../wire/routes";
 import { COMMON } from "../../texts/common";
@@ -124,16 +123,13 @@ function Choices({ table, reading }: ChoicesProps) {
     <div class="table-choices">
       <div>
         <label for="table-times">{TEXT.timeColumn}</label>
-        <div class="select">
-          <OptionList
-            id="table-times"
-            value={column}
-            none={TEXT.chooseColumn}
-            options={[...timeChoices(table, value.columns), [COUNT_ROWS, TEXT.countRows]]}
-            onChoose={(option) => (reading.value = withTimes(reading.peek(), option))}
-          />
-          <Icon name="down" />
-        </div>
+        <Select
+          id="table-times"
+          value={column}
+          none={TEXT.chooseColumn}
+          options={[...timeChoices(table, value.columns), [COUNT_ROWS, TEXT.countRows]]}
+          onChoose={(option) => (reading.value = withTimes(reading.peek(), option))}
+        />
       </div>
       {isCounted && (
         <div>

@@ -2,7 +2,7 @@
 import type { Channel } from "../../data/channels";
 import type { HistogramChoice, ViewState } from "../../data/view-state";
 import { plottable } from "../../signals/custom-plots";
-import { ChartTools, Pair, RangeChoice, Select } from "../../charts/tools";
+import { ChartTools, Pair, RangeChoice, ChartSelect } from "../../charts/tools";
 import { chosenSignals } from "./choice";
 import { TEXT } from "./texts";
 
@@ -29,7 +29,7 @@ export function HistogramTools({ viewState, channels, channel }: Props) {
   };
   return (
     <ChartTools>
-      <Select
+      <ChartSelect
         label={TEXT.channel}
         value={channel.info.name}
         options={channels.map(({ info }) => [info.name, titleOf(info)])}
@@ -60,13 +60,13 @@ export function HistogramTools({ viewState, channels, channel }: Props) {
         second={choice.scale === "density"}
         onChange={(second) => choose({ scale: second ? "density" : undefined })}
       />
-      <Select
+      <ChartSelect
         label={TEXT.bins}
         value={String(choice.bins ?? 0)}
         options={withOwn(BINS, choice.bins).map((n) => [String(n), n === 0 ? TEXT.automatic : String(n)])}
         onChange={(n) => choose({ bins: Number(n) || undefined })}
       />
-      <Select
+      <ChartSelect
         label={TEXT.within}
         value={String(choice.within ?? 0)}
         options={withOwn(WITHIN, choice.within).map((n) => [String(n), n === 0 ? TEXT.all : TEXT.withinSigma(n)])}

@@ -4,11 +4,10 @@
  */
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { day, duration } from "../../plots/axis";
-import { OptionList } from "../../ui/choices";
+import { Select } from "../../ui/choices";
 import { clock } from "../../ui/format";
 import { type HttpProblem, request } from "../../ui/http";
 import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { SignalFigures } from "../../wire/routes";
 import { mistakeIn, momentOf, neighbour } from "./moment";
@@ -137,15 +136,12 @@ export function GoTo({ deps }: { readonly deps: UnderPlots }) {
         {TEXT.go}
       </button>
       <IconButton icon="back" label={TEXT.previous} onClick={() => step(false)} />
-      <span class="select">
-        <OptionList
-          label={TEXT.kind}
-          value={kind}
-          options={KINDS.map((one) => [one, TEXT.kinds[one]])}
-          onChoose={(one) => (goTo.value = { ...goTo.peek(), kind: one })}
-        />
-        <Icon name="down" />
-      </span>
+      <Select
+        label={TEXT.kind}
+        value={kind}
+        options={KINDS.map((one) => [one, TEXT.kinds[one]])}
+        onChoose={(one) => (goTo.value = { ...goTo.peek(), kind: one })}
+      />
       <IconButton icon="forward" label={TEXT.next} onClick={() => step(true)} />
       <span class={problem ? "go-to-said bad" : "go-to-said"} role="status">
         {problem ? (

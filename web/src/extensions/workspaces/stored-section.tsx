@@ -3,9 +3,8 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Slot, type Slots } from "../../extension";
 import { selected } from "../../panels/panel-context";
-import { OptionList } from "../../ui/choices";
+import { Select } from "../../ui/choices";
 import type { HttpProblem } from "../../ui/http";
-import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
 import { protocolOf } from "../../wire/capabilities";
 import type { WorkspaceList } from "../../wire/routes";
@@ -56,18 +55,15 @@ export function StoredSection({ session, deps }: Props) {
   return (
     <div class="stored">
       <div class="stored-row">
-        <label class="select">
-          <OptionList
-            label={TEXT.workspace}
-            value={name ?? ""}
-            options={[
-              ["", list.value.workspaces.length > 0 ? TEXT.chooseWorkspace : TEXT.noneStored],
-              ...list.value.workspaces.map((one) => [one.name, one.name] as const),
-            ]}
-            onChoose={choose}
-          />
-          <Icon name="down" />
-        </label>
+        <Select
+          label={TEXT.workspace}
+          value={name ?? ""}
+          options={[
+            ["", list.value.workspaces.length > 0 ? TEXT.chooseWorkspace : TEXT.noneStored],
+            ...list.value.workspaces.map((one) => [one.name, one.name] as const),
+          ]}
+          onChoose={choose}
+        />
         {name !== undefined && (
           <button
             type="button"

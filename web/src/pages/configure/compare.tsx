@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, DifferenceRow } from "../../forms/types";
 import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
+import { Select } from "../../ui/choices";
 import { Message } from "../../ui/message";
 import { fullName } from "../../wire/device-name";
 import type { DeviceInfo } from "../../wire/types";
@@ -158,25 +158,20 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
   const stamp = (taken: number): string => new Date(taken * 1000).toISOString().slice(0, 19).replace("T", " ");
   const file = model.file.value;
   return (
-    <label class="select">
-      <span class="visually-hidden">{TEXT.side(label)}</span>
-      <select aria-label={TEXT.side(label)} value={side} onChange={(event) => choose(event.currentTarget.value)}>
-        <option value="device">{TEXT.deviceAsLastRead}</option>
-        {(model.forms.value?.factory || side === "~factory") && <option value="~factory">{TEXT.factoryDefault}</option>}
-        {model.snapshots.value.map((snapshot) => (
-          <option key={snapshot.name} value={snapshot.name}>
-            {snapshotTitle(snapshot)} · {stamp(snapshot.taken)}
-          </option>
-        ))}
-        {others.map((device) => (
-          <option key={device.id} value={`~other:${device.id}`}>
-            {fullName(device)}
-          </option>
-        ))}
-        <option value="~file">{file ? TEXT.file(file.name) : TEXT.fileChoice}</option>
-      </select>
-      <Icon name="down" />
-    </label>
+    <Select
+      label={TEXT.side(label)}
+      value={side}
+      options={[
+        ["device", TEXT.deviceAsLastRead],
+        ...(model.forms.value?.factory || side === "~factory" ? [["~factory", TEXT.factoryDefault] as const] : []),
+        ...model.snapshots.value.map(
+          (snapshot) => [snapshot.name, `${snapshotTitle(snapshot)} · ${stamp(snapshot.taken)}`] as const,
+        ),
+        ...others.map((device) => [`~other:${device.id}`, fullName(device)] as const),
+        ["~file", file ? TEXT.file(file.name) : TEXT.fileChoice],
+      ]}
+      onChoose={choose}
+    />
   );
 }
 

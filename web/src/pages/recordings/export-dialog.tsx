@@ -5,7 +5,7 @@ import { bytes, length, recordingTitle } from "../../recordings/library-filter";
 import { devicesFor, formatsOf, sizeOf } from "../../recordings/export-formats";
 import { recordingsApi } from "../../recordings/api";
 import type { ExportSizes, RecordingDetail } from "../../recordings/types";
-import { OptionList } from "../../ui/choices";
+import { Select } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { span } from "../../ui/format";
 import type { HttpProblem } from "../../ui/http";
@@ -101,15 +101,13 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
           ))}
         </div>
         {chosen.single && devices.length > 1 && (
-          <label class="select">
-            <span>{COMMON.device}</span>
-            <OptionList
-              value={only?.id ?? ""}
-              options={devices.map((one) => [one.id, `${one.product || one.name} ${one.serial_number}`])}
-              onChoose={(id) => (device.value = id)}
-            />
-            <Icon name="down" />
-          </label>
+          <Select
+            words={COMMON.device}
+            label={COMMON.device}
+            value={only?.id ?? ""}
+            options={devices.map((one) => [one.id, `${one.product || one.name} ${one.serial_number}`])}
+            onChoose={(id) => (device.value = id)}
+          />
         )}
         {!chosen.single && detail && <Channels detail={detail} left={left} />}
         <button

@@ -2,7 +2,7 @@
 import { length } from "../../recordings/library-filter";
 import { SPEEDS } from "../../recordings/playback";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { OptionList } from "../../ui/choices";
+import { Select } from "../../ui/choices";
 import { LiveText, type Panel } from "../../ui/dom";
 import { number } from "../../ui/format";
 import { Icon, type IconName } from "../../ui/icons";
@@ -88,15 +88,14 @@ export function Transport({ recording }: { readonly recording: OpenRecording }) 
         act={() => zoomAtHead(replay, 1 / ZOOM_STEP)}
       />
       <Button icon="fit" label={TEXT.fitAll} class="desk" act={() => actions.fit()} />
-      <label class="select speed" title={TEXT.speedHint}>
-        <OptionList
-          label={TEXT.speed}
-          value={replay.speed.value}
-          options={SPEEDS.map((speed) => [speed, `${speed}×`])}
-          onChoose={(speed) => (replay.speed.value = speed)}
-        />
-        <Icon name="down" />
-      </label>
+      <Select
+        title={TEXT.speedHint}
+        class="speed"
+        label={TEXT.speed}
+        value={replay.speed.value}
+        options={SPEEDS.map((speed) => [speed, `${speed}×`])}
+        onChoose={(speed) => (replay.speed.value = speed)}
+      />
       <button
         type="button"
         class="btn desk"

@@ -1,6 +1,6 @@
 /** What is compared, and how both are aligned. */
 import { useSignal } from "@preact/signals";
-import { OptionList } from "../../../ui/choices";
+import { Select } from "../../../ui/choices";
 import { IconButton } from "../../../ui/icon-button";
 import { Icon } from "../../../ui/icons";
 import { usePhone } from "../../../ui/use-phone";
@@ -109,15 +109,12 @@ function SidePicker({ model, name, title, side, choose }: PickerProps) {
         <Icon name="down" />
       </label>
       {devices.length > 1 && (
-        <label class="select">
-          <OptionList
-            label={TEXT.device(name)}
-            value={side.device}
-            options={devices.map((device) => [device.id, listName(device)])}
-            onChoose={(device) => choose({ ...side, device })}
-          />
-          <Icon name="down" />
-        </label>
+        <Select
+          label={TEXT.device(name)}
+          value={side.device}
+          options={devices.map((device) => [device.id, listName(device)])}
+          onChoose={(device) => choose({ ...side, device })}
+        />
       )}
       {live ? <Length name={name} side={side} choose={choose} /> : <Range model={model} {...{ name, side, choose }} />}
     </div>
@@ -127,16 +124,13 @@ function SidePicker({ model, name, title, side, choose }: PickerProps) {
 function Length({ name, side, choose }: Omit<PickerProps, "model" | "title">) {
   const all = side.last === undefined || LENGTHS.includes(side.last) ? LENGTHS : [...LENGTHS, side.last];
   return (
-    <label class="select">
-      <OptionList
-        label={TEXT.last(name)}
-        value={side.last ?? ""}
-        none={TEXT.stretch}
-        options={[...all].sort((x, y) => x - y).map((seconds) => [seconds, TEXT.lastSeconds(seconds)])}
-        onChoose={(last) => choose({ source: side.source, device: side.device, last })}
-      />
-      <Icon name="down" />
-    </label>
+    <Select
+      label={TEXT.last(name)}
+      value={side.last ?? ""}
+      none={TEXT.stretch}
+      options={[...all].sort((x, y) => x - y).map((seconds) => [seconds, TEXT.lastSeconds(seconds)])}
+      onChoose={(last) => choose({ source: side.source, device: side.device, last })}
+    />
   );
 }
 
@@ -290,23 +284,21 @@ function Events({ model, wanted, set }: Omit<Props, "correlate"> & { readonly se
       {(["A", "B"] as const).map((name) => {
         const [first] = boundsOf(model, sides[name]);
         return (
-          <label class="select" key={name}>
-            <OptionList
-              label={TEXT.eventOf(name)}
-              value={chosen[name].value}
-              options={[
-                ["", `${name}: ${TEXT.choose}`],
-                ...momentsOf(model, sides[name]).map(
-                  ({ time, text }) => [String(time), `${figure(time - first)} s: ${text}`] as const,
-                ),
-              ]}
-              onChoose={(time) => {
-                chosen[name].value = time;
-                apply();
-              }}
-            />
-            <Icon name="down" />
-          </label>
+          <Select
+            key={name}
+            label={TEXT.eventOf(name)}
+            value={chosen[name].value}
+            options={[
+              ["", `${name}: ${TEXT.choose}`],
+              ...momentsOf(model, sides[name]).map(
+                ({ time, text }) => [String(time), `${figure(time - first)} s: ${text}`] as const,
+              ),
+            ]}
+            onChoose={(time) => {
+              chosen[name].value = time;
+              apply();
+            }}
+          />
         );
       })}
     </>

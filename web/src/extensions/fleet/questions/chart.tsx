@@ -2,8 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { type Axis, axisOf, figure, share } from "../../../charts/axes";
 import { Chart, chartClass, pointIn, useChart } from "../../../charts/chart";
-import { OptionList } from "../../../ui/choices";
-import { Icon } from "../../../ui/icons";
+import { Select } from "../../../ui/choices";
 import type { QueryAnswer } from "../../../wire/routes";
 import { countedBins, chartGroups, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
 import type { Questions } from "./state";
@@ -58,10 +57,10 @@ export function AnswerPlot({ state, answer }: Props) {
   return (
     <>
       <div class="answer-choices">
-        <Select label={TEXT.x} value={choice.x} all={positionsOf(columns)} nameOf={nameOf} onChange={set("x")} />
-        <Select label={TEXT.y} value={choice.y} all={numbersOf(columns)} nameOf={nameOf} onChange={set("y")} />
+        <AnswerSelect label={TEXT.x} value={choice.x} all={positionsOf(columns)} nameOf={nameOf} onChange={set("x")} />
+        <AnswerSelect label={TEXT.y} value={choice.y} all={numbersOf(columns)} nameOf={nameOf} onChange={set("y")} />
         {groups.length > 0 && (
-          <Select
+          <AnswerSelect
             label={TEXT.group}
             value={choice.group}
             all={[-1, ...groups]}
@@ -136,7 +135,7 @@ export function AnswerHistogram({ state, answer }: Props) {
   return (
     <>
       <div class="answer-choices">
-        <Select
+        <AnswerSelect
           label={TEXT.column}
           value={column}
           all={numbersOf(columns)}
@@ -193,14 +192,11 @@ interface SelectProps {
   readonly onChange: (at: number) => void;
 }
 
-function Select({ label, value, all, nameOf, onChange }: SelectProps) {
+function AnswerSelect({ label, value, all, nameOf, onChange }: SelectProps) {
   return (
     <label class="answer-choice">
       {label}
-      <span class="select">
-        <OptionList value={value} options={all.map((at) => [at, nameOf(at)])} onChoose={onChange} />
-        <Icon name="down" />
-      </span>
+      <Select value={value} options={all.map((at) => [at, nameOf(at)])} onChoose={onChange} />
     </label>
   );
 }

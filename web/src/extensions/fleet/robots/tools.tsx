@@ -1,6 +1,6 @@
 /** Above the robots: how many there are in each condition, and search, grouping and order. */
 import { useEffect, useRef } from "preact/hooks";
-import { OptionList, Segmented } from "../../../ui/choices";
+import { Segmented, Select } from "../../../ui/choices";
 import { number } from "../../../ui/format";
 import { IconButton } from "../../../ui/icon-button";
 import { Icon } from "../../../ui/icons";
@@ -77,29 +77,24 @@ export function Tools({ fleet }: Props) {
         />
         <kbd class="desk">/</kbd>
       </label>
-      <label class="select">
-        <span aria-hidden="true">{TEXT.grouping}</span>
-        <OptionList
-          label={TEXT.grouping}
-          value={place.grouping}
-          options={GROUPINGS.map((name) => [name, TEXT.groupings[name]])}
-          onChoose={(grouping) => fleet.choose({ grouping })}
-        />
-        <Icon name="down" />
-      </label>
-      <label class="select fleet-sort">
-        <span aria-hidden="true">{TEXT.sort}</span>
-        <OptionList
-          label={TEXT.sort}
-          value={place.sort}
-          options={COLUMNS.map(({ name, title }) => [name, title])}
-          onChoose={(name) => {
-            const column = columnNamed(name);
-            if (column) fleet.choose({ sort: column.name, descending: column.largestFirst });
-          }}
-        />
-        <Icon name="down" />
-      </label>
+      <Select
+        words={TEXT.grouping}
+        label={TEXT.grouping}
+        value={place.grouping}
+        options={GROUPINGS.map((name) => [name, TEXT.groupings[name]])}
+        onChoose={(grouping) => fleet.choose({ grouping })}
+      />
+      <Select
+        class="fleet-sort"
+        words={TEXT.sort}
+        label={TEXT.sort}
+        value={place.sort}
+        options={COLUMNS.map(({ name, title }) => [name, title])}
+        onChoose={(name) => {
+          const column = columnNamed(name);
+          if (column) fleet.choose({ sort: column.name, descending: column.largestFirst });
+        }}
+      />
       <IconButton
         icon={place.descending ? "down" : "up"}
         label={TEXT.ascending}
