@@ -151,7 +151,7 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
     { class: "frame" },
     choice.node,
     trust,
-    el("span", { class: "from", title: source.detail }, source.words),
+    el("span", { class: "from ellipsis", title: source.detail }, source.words),
   );
   const numsCell = el("div", { class: "numerals" }, top, list);
   host.append(horizonCell, bodyCell, numsCell);

@@ -17,6 +17,7 @@ export function CompletionList({ id, offer }: Props) {
           key={`${one.insert} ${one.label}`}
           id={optionId(id, k)}
           role="option"
+          class="ellipsis"
           tabIndex={-1}
           aria-selected={k === offer.at.value}
           onMouseDown={(event) => {

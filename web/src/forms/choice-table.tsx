@@ -92,7 +92,7 @@ export function ChoiceRow({ sheet, list, place, title, was, id, hot, load, full 
           </>
         )}
       </td>
-      <td class="previous-column">{was && <span class="previous">{was}</span>}</td>
+      <td class="previous-column ellipsis">{was && <span class="previous">{was}</span>}</td>
     </tr>
   );
 }

@@ -45,7 +45,7 @@ export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
       <div class="brand">
         <Logo />
         <span>imuscope</span>
-        <small class="desk">{location.hostname}</small>
+        <small class="desk ellipsis">{location.hostname}</small>
       </div>
       <nav class="nav" aria-label={TEXT.pages}>
         {pagesOf(app).map(({ name, title }) => (

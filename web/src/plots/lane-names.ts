@@ -21,7 +21,7 @@ import { TEXT } from "../texts/plots";
 export class LaneNames {
   lanes: readonly Lane[] = [];
   /** The explaining line; always there, so that nothing moves when its text changes. */
-  readonly say = el("p", { class: "lane-description", "aria-live": "polite" });
+  readonly say = el("p", { class: "lane-description ellipsis", "aria-live": "polite" });
   readonly #box: HTMLElement;
   readonly #list = el("div", { class: "lane-names" });
   /** Number of hidden lanes of interest; all may be requested. */
@@ -68,7 +68,7 @@ export class LaneNames {
     const names = [COMMON.loss, ...this.lanes.map(({ name }) => name)];
     this.#list.replaceChildren(
       ...names.map((name, k) => {
-        const button = el("button", { type: "button" }, name);
+        const button = el("button", { type: "button", class: "ellipsis" }, name);
         button.addEventListener("focus", () => this.#speak(k));
         button.addEventListener("blur", () => this.#speak(undefined));
         return button;
@@ -81,7 +81,7 @@ export class LaneNames {
   /** The row under the lanes: a button for the hidden ones. */
   #moreButton(): HTMLElement {
     const words = this.#all ? TEXT.fewerLanes : TEXT.moreLanes(this.#others);
-    const button = el("button", { type: "button", class: "all", "aria-expanded": String(this.#all) }, words);
+    const button = el("button", { type: "button", class: "all ellipsis", "aria-expanded": String(this.#all) }, words);
     button.addEventListener("click", () => {
       this.#all = !this.#all;
       this.#redo();

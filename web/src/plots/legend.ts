@@ -109,7 +109,7 @@ export class Legend {
   constructor(spec: PlotSpec, toggle: Toggle, { remove, menu }: LegendActions = {}) {
     this.#toggle = toggle;
     this.#menu = menu;
-    const head = el("b", {}, spec.title);
+    const head = el("b", { class: "ellipsis" }, spec.title);
     // quantities along the sensor's own axes need no frame name; motion does
     const named = spec.unit === "°" || spec.unit === "m/s" || NAMED.has(spec.frame);
     const frame = spec.frame === "" || !named ? "" : ` ${spec.frame}`;
@@ -131,7 +131,7 @@ export class Legend {
     let above: string | undefined;
     for (const { series, button } of this.#rows) {
       if (series.heading !== undefined && series.heading !== above)
-        this.root.append(el("span", { class: "series-heading", title: series.heading }, series.heading));
+        this.root.append(el("span", { class: "series-heading ellipsis", title: series.heading }, series.heading));
       above = series.heading;
       this.root.append(button);
     }
@@ -143,7 +143,7 @@ export class Legend {
   }
 
   #row(series: Series, isNamed: boolean): Row {
-    const letter = el("i", { class: series.colour, title: series.label }, isNamed ? "" : series.label);
+    const letter = el("i", { class: `${series.colour} ellipsis`, title: series.label }, isNamed ? "" : series.label);
     letter.prepend(el("span", { class: `line-sample ${lineKind(series)}`, "aria-hidden": "true" }));
     const value = new LiveText();
     const text = el("span", { class: "series-value" });

@@ -25,7 +25,7 @@ export function ViewerPanel({ label, heading = label, closeHint, onClose, addres
   return (
     <section class={props.class} ref={whole} aria-label={label}>
       <div class="head">
-        <h2>{heading}</h2>
+        <h2 class="ellipsis">{heading}</h2>
         <span class="grow" />
         {props.extra}
         {address && (

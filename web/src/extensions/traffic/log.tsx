@@ -164,7 +164,7 @@ function Entry({ entry, model, opened }: EntryProps) {
       <time>{clock(entry.time, 3)}</time>
       <Icon name={sent ? "right" : "left"} />
       <div>
-        <button type="button" class="log-entry-name" aria-expanded={open} onClick={toggle}>
+        <button type="button" class="log-entry-name ellipsis" aria-expanded={open} onClick={toggle}>
           <span class="visually-hidden">{sent ? TEXT.sentPrefix : TEXT.receivedPrefix}</span>
           <b>{entry.name || TEXT.bytes}</b>
         </button>
@@ -174,7 +174,7 @@ function Entry({ entry, model, opened }: EntryProps) {
             <span class="unit">ms</span>
           </span>
         )}
-        <span class={`mono ${open ? "whole" : ""}`}>
+        <span class={`mono ${open ? "whole" : "ellipsis"}`}>
           {spaced(entry.hex.replace("…", ""), open ? Infinity : BYTES_SHOWN)}
         </span>
         {entry.text !== "" && (

@@ -160,7 +160,9 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
       <ul class="recording-devices">
         {devices.map((device) => (
           <li key={device.id}>
-            <b title={deviceName(device)}>{deviceName(device)}</b>
+            <b class="ellipsis" title={deviceName(device)}>
+              {deviceName(device)}
+            </b>
             <span class="mid">
               {number(device.messages ?? undefined, 0)}
               <span class="unit">{TEXT.messagesUnit}</span>
