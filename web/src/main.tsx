@@ -40,23 +40,7 @@ startLastState(app, isLinked);
 watchRecorder(app);
 startKeyboard(app);
 
-// A refused WebSocket gives no reason; a plain request to the same server does. Where that is answered twice, the WebSocket alone fails.
-let answered = 0;
-effect(() => {
-  if (store.connection.value === "open") {
-    app.refusal.value = undefined;
-    answered = 0;
-  }
-  if (store.connection.value !== "closed") return;
-  void api.probe().then((outcome) => {
-    if (store.connection.peek() === "open") return;
-    answered = outcome.ok ? answered + 1 : 0;
-    const problem = outcome.ok ? undefined : outcome.problem;
-    const refused = problem && (isRefusal(problem) || problem.kind === "too-many-tokens");
-    app.refusal.value = refused ? problem : answered > 1 ? NO_SOCKET : undefined;
-  });
-});
-
+explainRefusals();
 store.start(socketUrl("/ws"));
 watchSampleInterval(framesDrawn, (seconds) => store.requestInterval(seconds));
 void loadPorts(app);
@@ -64,3 +48,22 @@ startExtensions(app);
 showLive(store, app.viewState);
 const root = document.getElementById("root");
 if (root) render(<Shell app={app} />, root);
+
+/** A refused WebSocket gives no reason; a plain request to the same server does. Where that is answered twice, the WebSocket alone fails. */
+function explainRefusals(): void {
+  let answered = 0;
+  effect(() => {
+    if (store.connection.value === "open") {
+      app.refusal.value = undefined;
+      answered = 0;
+    }
+    if (store.connection.value !== "closed") return;
+    void api.probe().then((outcome) => {
+      if (store.connection.peek() === "open") return;
+      answered = outcome.ok ? answered + 1 : 0;
+      const problem = outcome.ok ? undefined : outcome.problem;
+      const refused = problem && (isRefusal(problem) || problem.kind === "too-many-tokens");
+      app.refusal.value = refused ? problem : answered > 1 ? NO_SOCKET : undefined;
+    });
+  });
+}
