@@ -16,6 +16,7 @@ import pytest
 
 from tests.bench import fanout, serial_device
 from tests.fork_server import Child
+from tests.processes import is_running
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
@@ -31,22 +32,13 @@ child.wait()
 """
 
 
-def ended(pid: int) -> bool:
-    """Whether a process has ended, possibly without being collected by its parent."""
-    try:
-        with open(f"/proc/{pid}/stat") as stat:
-            return stat.read().rsplit(")", 1)[1].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
-
-
 def ends_with(starter: subprocess.Popen[str]) -> None:
     """Kill a process that started a server and printed its id: the server ends too."""
     assert starter.stdout
     child = int(starter.stdout.readline())
-    assert not ended(child)
+    assert is_running(child)
     starter.send_signal(signal.SIGKILL)
-    block_until(lambda: ended(child), "the server has ended")
+    block_until(lambda: not is_running(child), "the server has ended")
 
 
 @linux

@@ -30,9 +30,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from imuscope.server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL  # noqa: E402
-from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import options_of, percentile, report  # noqa: E402
 from tests.bench.serial_device import Feed, must_be_live  # noqa: E402
+from tests.processes import seconds_of  # noqa: E402
 from tests.server_process import ServerProcess, tied  # noqa: E402
 
 SETTLE_S = 3.0

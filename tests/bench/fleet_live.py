@@ -31,11 +31,11 @@ from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings
 from tests.bench.report import options_of, report
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
+from tests.processes import resident_mb, seconds_of
 from tests.server_process import ServerProcess
 from tests.timeouts import get, http_client
 
 PERIOD_S = 1.0
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def route(address: str) -> None:
@@ -50,21 +50,12 @@ class Process:
 
     def __init__(self, pid: int) -> None:
         self.pid = pid
-        self.began = time.monotonic(), self.cpu_s
-
-    @property
-    def cpu_s(self) -> float:
-        fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / TICKS
-
-    @property
-    def rss_mb(self) -> float:
-        return int(Path(f"/proc/{self.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+        self.began = time.monotonic(), seconds_of(pid)
 
     @property
     def load(self) -> float:
         """Share of a core since the last look."""
-        (at, cpu), self.began = self.began, (time.monotonic(), self.cpu_s)
+        (at, cpu), self.began = self.began, (time.monotonic(), seconds_of(self.pid))
         return (self.began[1] - cpu) / max(self.began[0] - at, 1e-9)
 
 
@@ -225,7 +216,7 @@ def steady(fleet: Fleet, page: Page, server: ServerProcess, router: int, seconds
     numbers = fleet.numbers
     page.asked_ms.clear()
     page.bytes.clear()
-    before = {name: round(one.rss_mb) for name, one in processes.items()}
+    before = {name: round(resident_mb(one.pid)) for name, one in processes.items()}
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         page.ask()
@@ -234,7 +225,7 @@ def steady(fleet: Fleet, page: Page, server: ServerProcess, router: int, seconds
     reports = max(1, (fleet.numbers - numbers) * len(fleet.robots))
     return {
         "core_share": {name: round(one.load, 3) for name, one in processes.items()},
-        "rss_mb": {name: [before[name], round(one.rss_mb)] for name, one in processes.items()},
+        "rss_mb": {name: [before[name], round(resident_mb(one.pid))] for name, one in processes.items()},
         "reports_per_s": round(reports / seconds),
         "bytes_per_report": round(received / reports),
         "page_answer_ms": [round(statistics.median(page.asked_ms), 1), round(max(page.asked_ms), 1)],

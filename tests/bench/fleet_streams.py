@@ -32,11 +32,11 @@ from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.route_rules import RouteRules
 from imuscope.server.wire import HEADER, SUBPROTOCOL
 from imuscope.server.wire.frames import OPCODE_SAMPLES
-from tests.bench.cpu import seconds_of
 from tests.bench.fanout import FanoutReader, bare
 from tests.bench.report import options_of, percentile, report
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
+from tests.processes import seconds_of
 from tests.server_process import ServerProcess
 from tests.timeouts import get
 

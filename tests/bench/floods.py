@@ -24,10 +24,10 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench.flood_latency import WITHIN_S, FloodLatency, lateness_s  # noqa: E402
-from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
 from tests.fault_injection.beside import Watched, watched  # noqa: E402
 from tests.fault_injection.floods import FLOODS  # noqa: E402
+from tests.processes import resident_mb  # noqa: E402
 
 
 def lasting(seconds: float) -> Callable[[], bool]:

@@ -37,10 +37,10 @@ sys.path.insert(0, str(ROOT))
 
 from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from tests import load_clients  # noqa: E402
-from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import Memory  # noqa: E402
 from tests.bench.report import options_of, percentile, report, status_of  # noqa: E402
 from tests.bench.serial_devices import Speakers, frames, heard_in, numbered  # noqa: E402
+from tests.processes import seconds_of  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
 EARLIER, EARLIER_S = "20260101T000000Z-earlier", 60  # the recording that is exported

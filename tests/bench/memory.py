@@ -5,21 +5,14 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests.processes import resident_mb
+
 EVERY_S = 5.0
 MAX_KEPT = 240  # points of a curve that is kept
-
-
-def resident_mb(pid: int) -> float:
-    """Resident memory of a process, 10⁶ bytes."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) * 1024 / 1e6
-    return float("nan")
 
 
 def curve(points: Sequence[tuple[float, float]], unit: str = "min") -> dict[str, Any]:

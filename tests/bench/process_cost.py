@@ -13,35 +13,21 @@ processes that have ended, what their parent was told of them.
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tests.checking.machine import descendants, memory_of
+from tests.processes import TICKS_PER_S, stat_of
+
 PROC = Path("/proc")
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-
-
-def descendants(pid: int) -> list[int]:
-    """The process and all that come of it."""
-    children: dict[int, list[int]] = {}
-    for folder in PROC.iterdir():
-        if folder.name.isdigit():
-            with contextlib.suppress(OSError):
-                parent = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
-                children.setdefault(parent, []).append(int(folder.name))
-    found, waiting = [], [pid]
-    while waiting:
-        found.append(waiting.pop())
-        waiting += children.get(found[-1], [])
-    return found
 
 
 def seconds_of(pid: int) -> float:
     """Processor time of one process and of its children that have ended, s; 0 if there is none."""
     try:
-        fields = (PROC / str(pid) / "stat").read_text().rsplit(")", 1)[1].split()
+        fields = stat_of(pid)
         own = time.clock_gettime((~pid << 3) | 2)  # CPUCLOCK_SCHED of that process
     except OSError:
         return 0.0
@@ -60,12 +46,7 @@ def switches_of(pid: int) -> dict[tuple[int, int], int]:
 
 def memory_mb(pid: int) -> float:
     """Memory of a process and its descendants, 10⁶ bytes; a page that several share counts once."""
-    total = 0
-    for one in descendants(pid):
-        with contextlib.suppress(OSError):
-            for line in (PROC / str(one) / "smaps_rollup").read_text().splitlines():
-                total += int(line.split()[1]) * 1024 if line.startswith("Pss:") else 0
-    return total / 1e6
+    return sum(map(memory_of, (pid, *descendants(pid)))) / 1e6
 
 
 @dataclass(slots=True)
@@ -86,13 +67,13 @@ class ProcessCost:
 def measured(pid: int) -> Iterator[ProcessCost]:
     """Measure a program during a block; the figures are there when it ends."""
     cost = ProcessCost()
-    before = descendants(pid)
+    before = [pid, *descendants(pid)]
     spent = sum(map(seconds_of, before))
     switched = {key: count for one in before for key, count in switches_of(one).items()}
     began = time.monotonic()
     yield cost
     elapsed = time.monotonic() - began
-    after = descendants(pid)
+    after = [pid, *descendants(pid)]
     cost.core_share = (sum(map(seconds_of, after)) - spent) / elapsed
     cost.processes = len(after)
     for one in after:

@@ -29,9 +29,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
 from tests.bench.tcp_device import TcpDevice  # noqa: E402
+from tests.processes import seconds_of  # noqa: E402
 from tests.server.recorder_harness import chunks, flowing, recorded  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 

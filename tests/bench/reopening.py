@@ -22,7 +22,6 @@ Budgets (design, section 9): first ≤ 4 s, started, again and pointed ≤ 0.3 s
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 import time
@@ -38,10 +37,10 @@ sys.path.insert(0, str(ROOT))
 from tests import chromium  # noqa: E402
 from tests.bench.opening import make  # noqa: E402
 from tests.bench.report import options_of, percentile, report  # noqa: E402
+from tests.processes import seconds_of  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
 NAME = "hour"
-TICK = os.sysconf("SC_CLK_TCK")
 
 # Does something, and tells after how many ms a frame was painted in which all marks held; and when each of them did.
 # A message that is posted in a frame comes when that has been painted. `hasPlot`: lines were drawn between the plots'
@@ -117,9 +116,8 @@ class ReopenedScene:
 
     def _used(self) -> tuple[float, float]:
         """CPU of the server's process and of the page's main thread, s."""
-        fields = Path(f"/proc/{self.server.process.pid}/stat").read_text().rpartition(")")[2].split()
         told = {one["name"]: one["value"] for one in self._cdp.send("Performance.getMetrics")["metrics"]}
-        return (int(fields[11]) + int(fields[12])) / TICK, told["TaskDuration"]
+        return seconds_of(self.server.process.pid), told["TaskDuration"]
 
     def did(self, script: str, argument: Any = None) -> dict[str, Any]:
         """Run one of the scripts; with what it took of both."""

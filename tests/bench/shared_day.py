@@ -34,11 +34,10 @@ sys.path.insert(0, str(ROOT))
 from imuscope.server.extensions.shares.holder.messages import MessageKind, MessageReader  # noqa: E402
 from imuscope.server.extensions.shares.holder.settings import HolderSettings  # noqa: E402
 from imuscope.server.extensions.shares.holder.shares import ShareAddress  # noqa: E402
-from tests.bench.cpu import seconds_of  # noqa: E402
-from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
 from tests.bench.shared_port import Terminal  # noqa: E402
 from tests.free_ports import free_port  # noqa: E402
+from tests.processes import resident_mb, seconds_of  # noqa: E402
 
 FRAME = struct.Struct("<IQ48x")  # a mark, and a number
 MARK = 0x5AA5C33C

@@ -35,9 +35,8 @@ sys.path.insert(0, str(ROOT))
 
 from imuscope.server.extensions.shares.holder.settings import HolderSettings  # noqa: E402
 from imuscope.server.extensions.shares.holder.shares import ShareAddress  # noqa: E402
-from tests.bench.cpu import seconds_of  # noqa: E402
-from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
+from tests.processes import resident_mb, seconds_of  # noqa: E402
 
 SIZE = 60  # bytes of a frame
 STAMP = struct.Struct("<q")

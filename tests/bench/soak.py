@@ -26,6 +26,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +36,11 @@ sys.path.insert(0, str(ROOT))
 from imuscope.server.config import Config  # noqa: E402
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
 from tests import load_clients  # noqa: E402
-from tests.bench.cpu import seconds_of  # noqa: E402
-from tests.bench.memory import curve, resident_mb  # noqa: E402
+from tests.bench.memory import curve  # noqa: E402
 from tests.bench.report import options_of, report, status_of  # noqa: E402
 from tests.bench.serial_devices import frames, numbered  # noqa: E402
+from tests.checking.machine import descendants  # noqa: E402
+from tests.processes import resident_mb, seconds_of  # noqa: E402
 from tests.server_process import tied  # noqa: E402
 
 RATE = 2000
@@ -249,25 +251,12 @@ async def page_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> 
 
 def renderers() -> list[int]:
     """Renderer processes of Chromium that this process started."""
-    parents, shows = {}, []
-    for folder in Path("/proc").iterdir():
-        if folder.name.isdigit():
-            try:
-                stat = (folder / "stat").read_text().rsplit(")", 1)[1].split()
-                parents[int(folder.name)] = int(stat[1])
-                if b"--type=renderer" in (folder / "cmdline").read_bytes():
-                    shows.append(int(folder.name))
-            except OSError:
-                continue
-
-    def ours(pid: int) -> bool:
-        while pid > 1:
-            if pid == os.getpid():
-                return True
-            pid = parents.get(pid, 0)
-        return False
-
-    return [pid for pid in shows if ours(pid)]
+    found = []
+    for pid in descendants(os.getpid()):
+        with suppress(OSError):
+            if b"--type=renderer" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                found.append(pid)
+    return found
 
 
 def main() -> int:

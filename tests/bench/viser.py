@@ -30,26 +30,15 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import options_of, percentile, report  # noqa: E402
+from tests.forked_workers import workers_of  # noqa: E402
+from tests.processes import seconds_of  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 from tests.viser_client import looking, turns  # noqa: E402
 
 RATE = 2000.0
 SETTLE_S = 3.0
 BUDGET = 0.10
-
-
-def viser_of(server: int) -> int:
-    """Viser's process of a server."""
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
-        except OSError:
-            continue  # gone meanwhile
-        if int(line.rpartition(")")[2].split()[1]) == server and "viser_worker" in command:
-            return int(stat.parent.name)
-    raise RuntimeError("viser does not run")
 
 
 class Viewer:
@@ -73,7 +62,7 @@ async def watched(url: str, viewers: int, server: int, seconds: float) -> dict[s
         tasks = [asyncio.create_task(viewer.look(url)) for viewer in group]
         stack.callback(lambda: [task.cancel() for task in tasks])
         await asyncio.sleep(SETTLE_S)
-        pid = viser_of(server)
+        [pid] = workers_of(server, "imuscope.server.extensions.viser.worker")
         begun, before, ours = time.monotonic(), seconds_of(pid), seconds_of(server)
         await asyncio.sleep(seconds)
         ended = time.monotonic()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import http.client
-import os
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.floods import RECORDING, Place
 from tests.fault_injection.recorded_files import recording
+from tests.processes import seconds_of
 from tests.server.recorder_harness import chunks
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
@@ -26,12 +26,6 @@ from tests.waiting import block_until
 RATE = 200.0  # of the other device, frames/s
 FRAMES = 10_000  # of the longer recording
 ANSWERS = 2  # during a flood: the first may have been asked for before it began
-
-
-def processor_s(pid: int) -> float:
-    """Processor time of a process so far, without those that it began."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
 class Beside:
@@ -60,13 +54,13 @@ class Beside:
     def _ask(self) -> None:
         try:
             while not self._stop.is_set():
-                before_s = processor_s(self._pid)
+                before_s = seconds_of(self._pid)
                 asking = http.client.HTTPConnection(self._address, timeout=PATIENCE_S)
                 asking.request("GET", "/healthz")
                 status = asking.getresponse().status
                 asking.close()
                 assert status == 200, status
-                self.most_s = max(self.most_s, processor_s(self._pid) - before_s)
+                self.most_s = max(self.most_s, seconds_of(self._pid) - before_s)
                 self.answers += 1
         except Exception as error:  # without an answer a flood would have no end
             self.failed = f"{type(error).__name__}: {error}"

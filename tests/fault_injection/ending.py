@@ -22,6 +22,7 @@ from imuscope.server.library.compaction_worker import uncompacted
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, recording
+from tests.processes import is_running
 from tests.server.recorder_harness import chunks
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, http_client
@@ -69,14 +70,6 @@ def children(pid: int) -> list[int]:
     return [int(one) for one in found]
 
 
-def is_there(pid: int) -> bool:
-    """Whether the process runs; one that has ended but was not collected does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
 def end(data: Path) -> float:
     """Start a server, give it everything to do, end it; seconds from the signal to its end."""
     folder = data / "recordings"
@@ -96,7 +89,7 @@ def end(data: Path) -> float:
             assert status == 0, server.log
             assert "Traceback" not in server.log, server.log
         sent = line.sent
-    block_until(lambda: not any(is_there(pid) for pid in begun), "what it had begun is gone")
+    block_until(lambda: not any(is_running(pid) for pid in begun), "what it had begun is gone")
     (made,) = (path for path in folder.glob("*.mcap") if path.stem != "long")
     with McapReader(made) as found:
         list(found.blocks())

@@ -30,7 +30,8 @@ from fastapi import FastAPI
 from imuscope.server import http_server
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import ENDLESS
-from tests.fault_injection.ending import children, end, is_there
+from tests.fault_injection.ending import children, end
+from tests.processes import is_running
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -196,4 +197,4 @@ def test_requests_under_way_end_with_the_server(tmp_path: Path) -> None:
             server.process.send_signal(signal.SIGTERM)
             assert server.process.wait(PATIENCE_S) == 0, server.log
         assert "Traceback" not in server.log, server.log
-    block_until(lambda: not any(is_there(one) for one in begun), "what it had begun is gone")
+    block_until(lambda: not any(is_running(one) for one in begun), "what it had begun is gone")

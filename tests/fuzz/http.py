@@ -36,6 +36,7 @@ from schemathesis import GenerationMode
 from schemathesis.checks import CHECKS, load_all_checks
 
 from tests.fuzz.cases import FINDINGS, BrokenError
+from tests.processes import resident_mb
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S  # a longer time counts as no answer
 from tests.waiting import block_until
@@ -97,7 +98,7 @@ class FuzzedServer:
         self.process = ServerProcess(*SIMULATORS, data=data, timeout_s=300)  # the first start ever compiles
         self.url = self.process.url
         self.session = requests.Session()
-        self._since = self._memory_mb()
+        self._since = resident_mb(self.process.process.pid)
         self._logged = 0
 
     def __enter__(self) -> FuzzedServer:
@@ -186,18 +187,9 @@ class FuzzedServer:
         fresh, self._logged = log[self._logged :], len(log)
         if "Traceback" in fresh:
             raise BrokenError("traceback", fresh[-3000:])
-        grown = self._memory_mb() - self._since
+        grown = resident_mb(self.process.process.pid) - self._since
         if grown > MAX_GROWN_MB:
             raise BrokenError("memory", f"it has grown by {grown:.0f} MB")
-
-    def _memory_mb(self) -> float:
-        """Resident, of the process itself."""
-        try:
-            status = Path(f"/proc/{self.process.process.pid}/status").read_text()
-        except OSError:
-            return 0.0
-        found = re.search(r"VmRSS:\s+(\d+)", status)
-        return int(found[1]) / 1024 if found else 0.0
 
 
 def check_error(response: requests.Response) -> None:

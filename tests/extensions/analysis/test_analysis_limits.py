@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import collections
-import contextlib
 import itertools
 import os
 import signal
@@ -22,6 +21,7 @@ from imuscope.server.extensions.analysis.limits import AnalysisLimits
 from imuscope.server.extensions.analysis.service import AnalysisService
 from tests.each_row import each_row
 from tests.forked_workers import started_afresh
+from tests.processes import is_running
 from tests.waiting import until
 
 TEXT = "text/plain"
@@ -95,12 +95,6 @@ def run(work: Callable[[AnalysisService], Awaitable[None]], limits: AnalysisLimi
     asyncio.run(main())
 
 
-def is_there(pid: int) -> bool:
-    with contextlib.suppress(OSError):
-        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
-    return False
-
-
 async def _process_in(file: Path) -> int:
     await until(lambda: file.exists() and file.read_text(), "the job to begin")
     return int(file.read_text())
@@ -130,7 +124,7 @@ def test_an_analysis_beyond_its_time_is_killed(tmp_path: Path) -> None:
         with pytest.raises(DomainError, match=r"longer than 0\.2 s"):
             await service.content("a", ready(NeverEnds(tmp_path / "process")))
         pid = int((tmp_path / "process").read_text() or 0) if (tmp_path / "process").exists() else 0
-        await until(lambda: not pid or not is_there(pid), "the process to end")
+        await until(lambda: not pid or not is_running(pid), "the process to end")
 
     run(work, AnalysisLimits(time_s=0.2))
 
@@ -140,7 +134,7 @@ def test_an_analysis_ends_with_its_client_though_it_holds_the_interpreter(tmp_pa
         asked = asyncio.create_task(service.content("a", ready(NeverEnds(tmp_path / "process"))))
         pid = await _process_in(tmp_path / "process")
         asked.cancel()
-        await until(lambda: not is_there(pid), "the process to end")
+        await until(lambda: not is_running(pid), "the process to end")
         assert service.queue.running == 0
 
     run(work)
@@ -173,7 +167,7 @@ def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
         pid = service.forks.pid
         assert pid is not None
         os.kill(pid, signal.SIGKILL)
-        await until(lambda: not is_there(pid), "its end")
+        await until(lambda: not is_running(pid), "its end")
         assert (await service.content("a", ready(Says("2")))).body == b"2"
         assert service.forks.pid != pid
 
@@ -245,4 +239,4 @@ async def test_closing_ends_the_jobs_under_way(tmp_path: Path) -> None:
     await forks.close()
     with pytest.raises(JobLostError):
         await job
-    await until(lambda: not is_there(pid), "the process to end")
+    await until(lambda: not is_running(pid), "the process to end")

@@ -33,6 +33,8 @@ from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire_codec import SampleFrame
 from tests.each_row import each_row
 from tests.extensions.rerun.rrd_tables import entities, numbers
+from tests.free_ports import free_port
+from tests.processes import resident_mb
 from tests.recordings.recorded_drive import drive
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connect, http_client
@@ -354,7 +356,7 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
         )
         elsewhere = rerun_remote.RemoteRerun(telemetry, address, again_s=0.1, stuck_s=1.0).process
         elsewhere.start()
-        highest, pids = 0, set[int]()
+        highest, pids = 0.0, set[int]()
         try:
             async with asyncio.timeout(120):
                 while len(pids) < 2:  # until it is begun again
@@ -367,24 +369,10 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
                         highest = max(highest, resident_mb(elsewhere.pid))
         finally:
             await elsewhere.close()
-        assert 0 < highest < 400, f"{highest} MB"
+        assert 0 < highest < 400, f"{highest:.0f} MB"
         texts = [event.text for event in telemetry.log if address in event.text]
         assert len(texts) == 1
         assert "does not accept data" in texts[0]
 
     with socket.create_server(("127.0.0.1", 0)) as hole:
         asyncio.run(look(f"rerun+http://127.0.0.1:{hole.getsockname()[1]}/proxy"))
-
-
-def resident_mb(pid: int) -> int:
-    """Memory of a process; 0 if it has ended."""
-    with contextlib.suppress(OSError, StopIteration):
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-        return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) // 1024
-    return 0
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
