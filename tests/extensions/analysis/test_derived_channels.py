@@ -51,10 +51,16 @@ class DerivedBench(LiveSignal):
         return self.telemetry.store.of(info.id).ring.read()
 
 
-def test_a_signal_begins_with_what_memory_holds_and_follows(tmp_path: Path) -> None:
+@pytest.fixture
+def bench(tmp_path: Path) -> DerivedBench:
+    """With a second of samples and a computed signal."""
     bench = DerivedBench(tmp_path)
     bench.send(100)
     bench.derived.put(bench.device, TOTAL)
+    return bench
+
+
+def test_a_signal_begins_with_what_memory_holds_and_follows(bench: DerivedBench) -> None:
     [info] = bench.channels()
     assert (info.unit, info.kind, info.message) == ("m/s²", "scalar", "expression")
     assert len(bench.rows()[0]) == 100
@@ -96,10 +102,7 @@ def test_a_definition_survives_a_restart_with_another_id_and_waits_for_samples(t
     assert again.derived.problem("4", "Total") is None
 
 
-def test_another_expression_replaces_the_channel_and_removal_ends_it(tmp_path: Path) -> None:
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
+def test_another_expression_replaces_the_channel_and_removal_ends_it(bench: DerivedBench, tmp_path: Path) -> None:
     bench.derived.put(bench.device, SignalDefinition("Total", "Acceleration > 3.5 m/s²"))
     [info] = bench.channels()
     assert (info.unit, [column.name for column in info.columns]) == ("", ["x", "y", "z"])
@@ -113,10 +116,7 @@ def test_another_expression_replaces_the_channel_and_removal_ends_it(tmp_path: P
     assert SignalDefinitions(tmp_path).of(bench.device) == ()
 
 
-def test_a_mistake_stores_nothing_and_leaves_the_signal_of_that_name(tmp_path: Path) -> None:
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
+def test_a_mistake_stores_nothing_and_leaves_the_signal_of_that_name(bench: DerivedBench, tmp_path: Path) -> None:
     with pytest.raises(ExpressionError, match="character 6"):
         bench.derived.put(bench.device, SignalDefinition("Total", "norm(Speed)"))
     for name in ("", "a/b", "a.b", " a", "x" * 61, "Acceleration"):
@@ -141,10 +141,7 @@ def test_a_new_rate_begins_anew_on_the_same_channel(tmp_path: Path) -> None:
     np.testing.assert_allclose(values, 3.0)
 
 
-def test_signals_use_each_other_and_follow(tmp_path: Path) -> None:
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
+def test_signals_use_each_other_and_follow(bench: DerivedBench) -> None:
     bench.derived.put(bench.device, SignalDefinition("Twice", "Total + Acceleration.x"))
     bench.derived.put(bench.device, SignalDefinition("Last", "mean(Twice, 100 ms)"))
     for _ in range(10):
@@ -156,10 +153,7 @@ def test_signals_use_each_other_and_follow(tmp_path: Path) -> None:
         np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
 
 
-def test_what_uses_a_signal_that_is_edited_begins_anew(tmp_path: Path) -> None:
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
+def test_what_uses_a_signal_that_is_edited_begins_anew(bench: DerivedBench) -> None:
     bench.derived.put(bench.device, SignalDefinition("Twice", "2 * Total"))
     bench.derived.put(bench.device, SignalDefinition("Four", "2 * Twice"))
     bench.derived.put(bench.device, SignalDefinition("Total", "Acceleration.x * 1 s"))
@@ -175,10 +169,7 @@ def test_what_uses_a_signal_that_is_edited_begins_anew(tmp_path: Path) -> None:
     assert [info.unit for info in bench.channels("Twice")] == ["m/s²"]
 
 
-def test_a_signal_that_would_use_itself_is_refused_with_the_way(tmp_path: Path) -> None:
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
+def test_a_signal_that_would_use_itself_is_refused_with_the_way(bench: DerivedBench, tmp_path: Path) -> None:
     bench.derived.put(bench.device, SignalDefinition("Mid", "2 * Total"))
     bench.derived.put(bench.device, SignalDefinition("End", "Mid / 2"))
     with pytest.raises(DomainError, match="“Total” uses “End” uses “Mid” uses “Total”"):
@@ -188,11 +179,8 @@ def test_a_signal_that_would_use_itself_is_refused_with_the_way(tmp_path: Path) 
     assert SignalDefinitions(tmp_path).of(bench.device)[0] == TOTAL
 
 
-def test_nothing_is_kept_of_the_signals_of_a_device_that_was_removed(tmp_path: Path) -> None:
+def test_nothing_is_kept_of_the_signals_of_a_device_that_was_removed(bench: DerivedBench) -> None:
     """The reason that a signal was not computed stayed, with what the attempt had looked at."""
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
     bench.derived.definitions.put(bench.device, SignalDefinition("Other", "norm(Nothing)"))
     bench.derived._sweep()
     assert bench.derived.problem("1", "Other") is not None
@@ -201,10 +189,7 @@ def test_nothing_is_kept_of_the_signals_of_a_device_that_was_removed(tmp_path: P
     assert not bench.derived._running
 
 
-def test_a_signal_that_others_use_is_not_removed(tmp_path: Path) -> None:
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
+def test_a_signal_that_others_use_is_not_removed(bench: DerivedBench) -> None:
     bench.derived.put(bench.device, SignalDefinition("Mid", "2 * Total"))
     bench.derived.put(bench.device, SignalDefinition("End", "Total / 2"))
     with pytest.raises(DomainError, match="Total cannot be removed: “Mid”, “End” use it") as caught:
@@ -253,10 +238,7 @@ def test_signals_of_two_devices_are_one_expression(tmp_path: Path) -> None:
     np.testing.assert_allclose(values[known], 3 - (1 + time[known] - 0.02 - BEGIN), atol=1e-5)
 
 
-def test_removing_the_device_ends_its_signals(tmp_path: Path) -> None:
-    bench = DerivedBench(tmp_path)
-    bench.send(100)
-    bench.derived.put(bench.device, TOTAL)
+def test_removing_the_device_ends_its_signals(bench: DerivedBench, tmp_path: Path) -> None:
     bench.telemetry.bus.remove_device("1")
     assert bench.telemetry.store.all == []
     assert SignalDefinitions(tmp_path).of(bench.device) == (TOTAL,)
