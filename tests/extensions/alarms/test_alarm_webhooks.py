@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import socket
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, cast
 
@@ -32,6 +27,7 @@ from imuscope.server.extensions.alarms.webhooks import (
 from imuscope.server.security_headers import WEBHOOK_HEADER
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
+from tests.extensions.alarms.webhook_receiver import Receiver, receiver, receiving
 from tests.free_ports import free_port
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
@@ -42,69 +38,7 @@ from tests.waiting import block_until, until
 QUICK = WebhookTiming(attempt_s=PATIENCE_S, first_pause_s=0.001, longest_pause_s=0.002, attempts=3)
 Told = list[tuple[str, str]]
 HERE = ("127.0.0.1",)
-
-
-class Receiver(ThreadingHTTPServer):
-    """An HTTP server that keeps what is posted.
-
-    Attributes:
-        answers: status of the next answers; 204 after them.
-        is_open: answers are sent only while it is set.
-    """
-
-    daemon_threads = True
-
-    def __init__(self) -> None:
-        super().__init__(("127.0.0.1", 0), Handler)
-        self.answers: list[int] = []
-        self.is_open = threading.Event()
-        self.is_open.set()
-        self.paths: list[str] = []
-        self.authorizations: list[str] = []
-        self.bodies: list[dict[str, Any]] = []
-        self._thread = threading.Thread(target=self.serve_forever, args=(0.01,))
-        self._thread.start()
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.server_address[1]}/hook?key=secret"
-
-    def end(self) -> None:
-        self.is_open.set()
-        self.shutdown()
-        self._thread.join()
-        self.server_close()
-
-
-class Handler(BaseHTTPRequestHandler):
-    def do_POST(self) -> None:
-        receiver = self.server
-        assert isinstance(receiver, Receiver)
-        body = json.loads(self.rfile.read(int(self.headers["content-length"])))
-        receiver.paths.append(self.path)
-        receiver.authorizations.append(self.headers["authorization"] or "")
-        receiver.bodies.append(body)
-        receiver.is_open.wait(PATIENCE_S)
-        self.send_response(receiver.answers.pop(0) if receiver.answers else 204)
-        self.end_headers()
-
-    def log_message(self, *_: object) -> None:
-        pass
-
-
-@contextmanager
-def receiving() -> Iterator[Receiver]:
-    receiver = Receiver()
-    try:
-        yield receiver
-    finally:
-        receiver.end()
-
-
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    with receiving() as receiver:
-        yield receiver
+__all__ = ["receiver"]  # a fixture
 
 
 async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver: Receiver) -> None:

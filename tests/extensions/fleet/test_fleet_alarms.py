@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import threading
-from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
@@ -22,6 +18,7 @@ from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 from tests.each_row import each_row
+from tests.extensions.alarms.webhook_receiver import Receiver, receiver
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
@@ -29,6 +26,7 @@ from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until, until
 
 NOW = 1_700_000_000.0
+__all__ = ["receiver"]  # a fixture
 LIMITS = FleetServerSettings(alarm_lost_s=60, alarm_loss_percent=1, alarm_disk_gb=2)
 
 
@@ -147,32 +145,10 @@ def test_a_robot_that_was_removed_has_no_alarm(tmp_path: Path) -> None:
     assert judged.alarms.with_alarms(robot()).alarms == []
 
 
-@pytest.fixture
-def hook() -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    bodies: list[dict[str, Any]] = []
-
-    class Receiver(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            bodies.append(json.loads(self.rfile.read(int(self.headers["content-length"]))))
-            self.send_response(204)
-            self.end_headers()
-
-        def log_message(self, format: str, *args: object) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Receiver)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_address[1]}/hook", bodies
-    server.shutdown()
-    server.server_close()
-
-
-def test_a_lost_robot_is_told_on_the_page_and_by_webhook(
-    tmp_path: Path, hook: tuple[str, list[dict[str, Any]]]
-) -> None:
-    url, bodies = hook
+def test_a_lost_robot_is_told_on_the_page_and_by_webhook(tmp_path: Path, receiver: Receiver) -> None:
+    bodies = receiver.bodies
     config = tmp_path / "fleet.toml"
-    config.write_text(f'[fleet_server]\nalarm_lost_s = 0.5\nalarm_webhook = "{url}"\n')
+    config.write_text(f'[fleet_server]\nalarm_lost_s = 0.5\nalarm_webhook = "{receiver.url}"\n')
     bus = f"tcp/127.0.0.1:{free_port()}"
     arguments = ("--listen", bus, "--config", str(config))
     with ServerProcess(data=tmp_path / "fleet", arguments=arguments, command="fleet") as server:
