@@ -31,10 +31,10 @@ from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from imuscope.protocols.idtp.frames import build
+from imuscope.protocols.nmea import sentence
 from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC
 from imuscope.server import wire
 from tests.bench.serial_device import frame
-from tests.protocols.nmea_sentences import sentence
 from tests.timeouts import PATIENCE_S, connect, http_client
 from tests.waiting import block_until
 

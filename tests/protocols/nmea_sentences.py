@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from imuscope.protocols.nmea import checksum
 from tests.protocols.vectornav_sentences import VECTORNAV
-
-
-def sentence(content: str) -> bytes:
-    raw = content.encode()
-    return b"$" + raw + b"*%02X\r\n" % checksum(raw)
-
 
 EXAMPLES: dict[str, tuple[str, dict[str, Any]]] = {
     **VECTORNAV,

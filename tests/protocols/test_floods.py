@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from imuscope.protocols import nmea, registry
+from imuscope.protocols.nmea import sentence
 from imuscope.protocols.xbus import binary_strings
 from tests.each_row import each_row
-from tests.protocols.nmea_sentences import sentence
 
 SIZE = 2 * 1024
 LARGER = {"longest ubx messages": 12 * 1024, "sentences and strings": 16 * 1024}  # than the longest; to be seen at all

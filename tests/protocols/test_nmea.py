@@ -9,9 +9,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from imuscope.protocols.nmea import LONGEST, SENTENCES, ParsedMessage, find_nmea
+from imuscope.protocols.nmea import LONGEST, SENTENCES, ParsedMessage, find_nmea, sentence
 from tests.each_row import each_row
-from tests.protocols.nmea_sentences import EXAMPLES, sentence
+from tests.protocols.nmea_sentences import EXAMPLES
 
 
 @each_row("name", EXAMPLES)

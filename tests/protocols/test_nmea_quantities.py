@@ -8,11 +8,10 @@ import pytest
 from imuscope.protocols import vectornav
 from imuscope.protocols.events import Text
 from imuscope.protocols.isb import sentences
-from imuscope.protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea
+from imuscope.protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea, sentence
 from imuscope.protocols.nmea_quantities import NmeaQuantities
 from imuscope.protocols.schema import Message
 from tests.each_row import each_row
-from tests.protocols.nmea_sentences import sentence
 from tests.protocols.vectornav_sentences import VECTORNAV
 
 

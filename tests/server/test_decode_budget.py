@@ -10,6 +10,7 @@ from typing import cast
 
 import pytest
 
+from imuscope.protocols.nmea import sentence
 from imuscope.server.devices import decode_budget
 from imuscope.server.devices.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, RoundRobin, Slices
 from imuscope.server.devices.event_reporter import TEXT_SORTS
@@ -24,7 +25,6 @@ from imuscope.server.wire import RecorderState
 from tests.each_row import each_row
 from tests.fault_injection.fault_harness import stage
 from tests.manual_clock import ManualClock
-from tests.protocols.nmea_sentences import sentence
 from tests.waiting import until
 
 

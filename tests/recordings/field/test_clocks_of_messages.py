@@ -21,6 +21,7 @@ from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
+from tests.oracles.foreign import ubx
 from tests.recordings.field.field_files import field_file
 
 IMU = """std_msgs/Header header
@@ -259,24 +260,7 @@ def sentences(seconds: list[float], date: str = "010126") -> bytes:
         clock = f"{int(second) // 3600 % 24:02}{int(second) // 60 % 60:02}{second % 60:05.2f}"
         lines.append(f"GNGGA,{clock},4800.0000,N,01100.0000,E,4,12,0.8,500.0,M,47.0,M,1.0,0001")
         lines.append(f"GNRMC,{clock},A,4800.0000,N,01100.0000,E,0.10,90.0,{date},,,R")
-    return b"".join(b"$%s*%02X\r\n" % (line.encode(), _checksum(line.encode())) for line in lines)
-
-
-def _checksum(data: bytes) -> int:
-    total = 0
-    for byte in data:
-        total ^= byte
-    return total
-
-
-def ubx(number: int, payload: bytes) -> bytes:
-    """A navigation message of a u-blox receiver."""
-    body = bytes([1, number]) + len(payload).to_bytes(2, "little") + payload
-    a = b = 0
-    for byte in body:
-        a = (a + byte) & 0xFF
-        b = (b + a) & 0xFF
-    return b"\xb5\x62" + body + bytes([a, b])
+    return b"".join(map(sentence, lines))
 
 
 def test_a_log_of_sentences_has_their_times(tmp_path: Path) -> None:
@@ -298,7 +282,7 @@ def test_a_log_of_navigation_messages_has_their_times(tmp_path: Path) -> None:
         date = (2026).to_bytes(2, "little") + bytes([1, 7, 11, 59, 42 + n // 10])
         nano = (n % 10 * 100_000_000).to_bytes(4, "little")
         solutions.append(
-            ubx(7, of_week + date + bytes([7, 0, 0, 0, 0]) + nano + bytes(72)) + ubx(5, of_week + bytes(28))
+            ubx(1, 7, of_week + date + bytes([7, 0, 0, 0, 0]) + nano + bytes(72)) + ubx(1, 5, of_week + bytes(28))
         )
     path.write_bytes(b"".join(solutions))
     store = opened(path, tmp_path)
@@ -349,7 +333,7 @@ def test_times_without_a_date_are_of_the_day_or_week_of_the_file(
     """A log ended when its file was last changed, at another time of day than its sentences say."""
     path = tmp_path / name
     lines = sentences([81_000.5 + n for n in range(20)]).splitlines(keepends=True)
-    frames = [ubx(5, (81_000_500 + 1000 * n).to_bytes(4, "little") + bytes(28)) for n in range(20)]
+    frames = [ubx(1, 5, (81_000_500 + 1000 * n).to_bytes(4, "little") + bytes(28)) for n in range(20)]
     path.write_bytes(b"".join(frames if messages == "ATT" else [line for line in lines if b"GGA" in line]))
     os.utime(path, (1_767_323_400, 1_767_323_400))  # 2026-01-02 03:10
     store = opened(path, tmp_path)
@@ -409,7 +393,7 @@ def test_frames_with_a_bad_checksum_are_named(name: str, words: str, tmp_path: P
     path = tmp_path / name
     match name:
         case "gnss.ubx":
-            data = b"".join(ubx(7, bytes([n, *bytes(91)]))[:-1] + b"\x01" for n in range(50))
+            data = b"".join(ubx(1, 7, bytes([n, *bytes(91)]))[:-1] + b"\x01" for n in range(50))
         case "mti.bin":
             data = b"".join(bytes([0xFA, 0xFF, 0x36, 5, 0x10, 0x20, 2, 0, n, 0]) for n in range(50))
         case _:
