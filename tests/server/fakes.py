@@ -40,6 +40,7 @@ class FakeLink(Link):
     """Bytes, and the end of them, come from the test; `sent` keeps what is written while it `listens`."""
 
     kind = "serial"
+    listens = False
 
     def __init__(self, source: str, settings: LinkSettings) -> None:
         super().__init__(source, settings)
@@ -47,7 +48,6 @@ class FakeLink(Link):
         self.capacity = 11_520.0
         self.refuses: list[LinkError] = []
         self.opened = 0
-        self.listens = False
         self.sent: list[bytes] = []
         self._queue: asyncio.Queue[Chunk | Exception] = asyncio.Queue()
 
@@ -79,6 +79,14 @@ class FakeLink(Link):
 
     def die(self, error: Exception) -> None:
         self._queue.put_nowait(error)
+
+
+class TwoWayLink(FakeLink):
+    listens = True
+
+
+class FakeFile(TwoWayLink):
+    kind = "file"
 
 
 class FakeLinks(dict[str, FakeLink]):

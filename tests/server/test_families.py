@@ -25,8 +25,8 @@ from imuscope.server.links.base import LinkError
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.faulty_line import FaultyLine
-from tests.server.fakes import FakeLink
-from tests.server.family_harness import FamilyHarness, FamilyWire, family
+from tests.server.fakes import FakeFile, FakeLink, TwoWayLink
+from tests.server.family_harness import FamilyHarness, family
 
 KEY = bytes(range(32))
 
@@ -34,7 +34,7 @@ KEY = bytes(range(32))
 @asynccontextmanager
 async def playing(
     reading: DecodeOptions = DecodeOptions(),  # noqa: B008
-    link: type[FakeLink] = FamilyWire,
+    link: type[FakeLink] = TwoWayLink,
 ) -> AsyncIterator[FamilyHarness]:
     async with family(reading, link) as stage:
         yield stage
@@ -55,7 +55,7 @@ async def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
         assert (stage.info.firmware, stage.info.status, stage.info.protection) == ("2.7.1", "live", "")
         [step] = stage.events("clock")
         assert step.text.startswith("The device has received the date")
-        assert stage.link.written == []  # it has identified itself
+        assert stage.link.sent == []  # it has identified itself
         health = stage.health
         assert (health.rejects_by, health.verified, health.unverified) == ({}, None, None)
         assert health.rate == pytest.approx(100, abs=3)
@@ -72,24 +72,20 @@ async def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
         await stage.run(device, 1)
-        assert stage.link.written == [PROTOCOLS["isb"].device.identify_request]
+        assert stage.link.sent == [PROTOCOLS["isb"].device.identify_request]
         assert stage.info.product == ""
-        stage.link.send(device.receive(stage.link.written[0], stage.clock.ns - stage._began))
+        stage.link.send(device.receive(stage.link.sent[0], stage.clock.ns - stage.began))
         await stage.run(device, 0.5)
-        assert (stage.info.name, stage.link.written) == ("IMX-5", [PROTOCOLS["isb"].device.identify_request])
+        assert (stage.info.name, stage.link.sent) == ("IMX-5", [PROTOCOLS["isb"].device.identify_request])
         stage.link.die(LinkError("gone", "gone.", "?"))
         await asyncio.sleep(0.001)
         stage.session.retry()
         await asyncio.sleep(0.001)
         await stage.run(device, 1)
-        assert len(stage.link.written) == 2
+        assert len(stage.link.sent) == 2
 
 
-class File(FamilyWire):
-    kind = "file"
-
-
-@each_row("link", [File, FakeLink])
+@each_row("link", [FakeFile, FakeLink])
 async def test_files_and_one_way_links_are_not_sent_an_identify_request(link: type[FakeLink]) -> None:
     """The `write` of FakeLink raises."""
     async with playing(link=link) as stage:
@@ -105,7 +101,7 @@ async def test_families_without_an_identify_request_are_sent_nothing() -> None:
     async with playing() as stage:
         await stage.run(XbusSimulator(measuring=True), 1)
         assert stage.info.status == "live"
-        assert stage.link.written == []
+        assert stage.link.sent == []
 
 
 @each_row("device", [IsbSimulator, IdtpSimulator, XbusSimulator])

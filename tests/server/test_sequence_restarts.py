@@ -6,10 +6,9 @@ import asyncio
 import json
 import socket
 import stat
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
+from collections.abc import Iterator
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,45 +18,30 @@ from imuscope.server.config import Config
 from imuscope.server.devices import protocol_set
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.sequence_store import MAX_DEVICES, SequenceStore, is_newer
-from imuscope.server.devices.session import Session
-from imuscope.server.links.base import LinkError, LinkSettings
-from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.links.base import LinkError
 from tests.decode_options import decode_options
 from tests.each_row import each_row
-from tests.server.fakes import FakeClock, FakeLink, FakeLinks
+from tests.server.fakes import FakeFile, FakeLink, FakeLinks
 from tests.server.in_process_server import InProcessServer
+from tests.server.session_harness import SessionHarness, started
 from tests.waiting import until
 
 KEY = bytes(range(32))
 SECURELY = decode_options("idtp", key=KEY)
 
 
-class RestartHarness:
+class RestartHarness(SessionHarness):
     """A session with the real IDTP decoder; time passes with the frames that are sent."""
 
-    def __init__(
-        self, reading: DecodeOptions = SECURELY, store: SequenceStore | None = None, kind: str = "serial"
-    ) -> None:
-        self.clock = FakeClock()
-        self.telemetry = Telemetry.create(self.clock)
-        self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
-        self.link.kind = kind  # type: ignore[assignment]
-        self.session = Session("1", self.link, self.telemetry.bus, protocol_set.all_protocols(), reading, store)
-
-    async def settle(self) -> None:
-        for _ in range(3):
-            await asyncio.sleep(0)
-        await asyncio.sleep(0.001)
-        self.session.access.decode()
+    def __init__(self, reading: DecodeOptions, store: SequenceStore | None, link: type[FakeLink]) -> None:
+        super().__init__(protocol_set.all_protocols(), reading, link=link, store=store)
 
     async def send(self, *frames: bytes, every: float = 0.01) -> None:
         """Frames at their rate, each decoded on arrival; of those that arrive at once, a hundred together."""
         together = 1 if every else 100
         for count, frame in enumerate(frames, 1):
             self.clock.move(every)
-            self.link.send(frame)
-            await asyncio.sleep(0)
-            await asyncio.sleep(0)
+            await self.receive(frame)
             if count % together == 0 or count == len(frames):
                 self.session.access.decode()
                 self.session.tick(self.clock())
@@ -72,10 +56,6 @@ class RestartHarness:
         await self.settle()
 
     @property
-    def info(self) -> Any:
-        return self.telemetry.bus.devices.latest["1"]
-
-    @property
     def samples(self) -> int:
         return sum(meter.total for meter in self.session._stats.messages.values())
 
@@ -84,15 +64,10 @@ class RestartHarness:
         return dict(self.session._stats.rejects_by)
 
 
-@asynccontextmanager
-async def playing(
-    reading: DecodeOptions = SECURELY, store: SequenceStore | None = None, kind: str = "serial"
-) -> AsyncIterator[RestartHarness]:
-    made = RestartHarness(reading, store, kind)
-    made.session.start()
-    await made.settle()
-    yield made
-    await made.session.close()
+def playing(
+    reading: DecodeOptions = SECURELY, store: SequenceStore | None = None, link: type[FakeLink] = FakeLink
+) -> AbstractAsyncContextManager[RestartHarness]:
+    return started(RestartHarness(reading, store, link))
 
 
 def frame(sequence: int, mode: int = SECURE, *, device: int = 102, stamp: int | None = None) -> bytes:
@@ -141,7 +116,7 @@ def test_another_key_is_another_device(tmp_path: Path) -> None:
 async def test_a_replay_is_not_a_replay_attack(tmp_path: Path) -> None:
     """A recording of Secure frames is accepted each time it is played, and stores no state."""
     store = SequenceStore(tmp_path)
-    async with playing(store=store, kind="file") as stage:
+    async with playing(store=store, link=FakeFile) as stage:
         await stage.send(*captured())
         await stage.reconnect()
         await stage.send(*captured())

@@ -24,9 +24,9 @@ from tests.server.session_harness import SessionHarness, playing
 
 async def test_samples_arrive_with_both_times() -> None:
     async with playing() as stage:
-        assert stage.status == "connecting"
+        assert stage.info.status == "connecting"
         await stage.send(*(sample(k, 100 + k) for k in range(20)))
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         arrival, time, force = stage.channel("Force").ring.read()
         assert force.tolist() == list(range(100, 120))
         assert arrival[1] - arrival[0] == pytest.approx(0.01, abs=1e-6)
@@ -86,7 +86,7 @@ async def test_a_dead_link_shows_at_once_and_comes_back() -> None:
             stage.session.retry()
             await stage.settle()
         await stage.send(*(sample(k) for k in range(5)))
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         assert {one.info.id for one in stage.telemetry.store.all} == ids  # the same channels go on
         assert [event.data["kind"] for event in stage.events("link")] == ["live", "gone", "back"]
         (gap,) = stage.events("gap")  # so that the page hatches the missed range
@@ -106,7 +106,7 @@ async def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) ->
 
     async def test(stage: SessionHarness) -> None:
         assert waits == [0.5, 1, 2, 4, 8, 10, 10, 10]
-        assert stage.status == "denied"
+        assert stage.info.status == "denied"
         (event,) = stage.events("link")  # reported once, not at every retry
         assert event.level == "error"
         assert len(stage.telemetry.bus.devices.latest["1"].attempts) <= device_state.MAX_ATTEMPTS
@@ -136,7 +136,7 @@ def test_halves_of_a_frame_of_any_family_may_come_half_a_second_apart(family: st
     frames = [frame for frame in SPEAKERS[family].everything() if len(frame) > 6][:25]
 
     async def delivered(within: float, between: float) -> tuple[int, dict[str, int], int]:
-        stage = SessionHarness(family, all_protocols())
+        stage = SessionHarness(all_protocols(), DecodeOptions(family))
         stage.session.start()
         await stage.settle()
         for frame in frames:
@@ -186,14 +186,14 @@ async def test_an_ended_file_waits_for_a_retry() -> None:
         assert stage.session.health(stage.clock()).rejects == 1  # incomplete data at the end are counted
         stage.session.retry()
         await stage.send(sample(0))
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         assert stage.link.opened == 2
 
 
 async def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
     async with playing(protocol="") as stage:
         await stage.send(*(sample(k) for k in range(10)))
-        assert stage.status == "connecting"
+        assert stage.info.status == "connecting"
         stage.clock.move(protocol_detection.GUESS_S)
         await stage.send(sample(10))
         device = stage.telemetry.bus.devices.latest["1"]
@@ -222,7 +222,7 @@ async def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(mo
         assert (guessed, told, stage.link.opened) == ([], [], 1)
         monkeypatch.undo()
         await stage.send(*(sample(k % 250) for k in range(protocol_detection.GUESS_BYTES // 4)), every=0.0005)
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         assert stage.channel("Count").ring.total == protocol_detection.GUESS_BYTES // 4
 
 
@@ -282,7 +282,7 @@ async def test_a_device_that_sends_only_sentences_is_live() -> None:
     """It stood as "connecting, no byte yet", beside a plot of its heading."""
     async with playing() as stage:
         await stage.send(b"$", b"$")
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         (heading,) = [column for column in stage.channel("HCHDM").info.columns if column.name == "value"]
         assert (heading.unit, heading.period) == ("°", 360)
 
@@ -404,7 +404,7 @@ async def test_a_failing_listener_does_not_affect_others(caplog: pytest.LogCaptu
         stage.session.listeners.listen(heard.append)
         await stage.send(sample(0), sample(1))
         assert len(heard) == 2
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         assert stage.events("device") == []
     assert caplog.text.count("RuntimeError: a listener that breaks") == 4  # two listeners, for each of two chunks
 

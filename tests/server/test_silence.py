@@ -15,22 +15,22 @@ async def test_a_link_whose_bytes_wait_is_not_silent(monkeypatch: pytest.MonkeyP
         await stage.settle(0.5)
         monkeypatch.setattr(type(stage.link), "backlog", 100)
         await stage.settle(1.0)
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         monkeypatch.setattr(type(stage.link), "backlog", 0)
         await stage.settle(0.5)
-        assert stage.status == "lost"
+        assert stage.info.status == "lost"
 
 
 async def test_a_silent_link_is_lost_within_a_second_and_back_with_the_next_sample() -> None:
     async with playing() as stage:
         await stage.send(*(sample(k) for k in range(10)))
         await stage.settle(0.5)
-        assert stage.status == "live"
+        assert stage.info.status == "live"
         await stage.settle(0.5)
-        assert stage.status == "lost"
+        assert stage.info.status == "lost"
         assert "No data from /dev/ttyFAKE" in stage.telemetry.bus.devices.latest["1"].message
         await stage.send(sample(11))
-        assert stage.status == "live"
+        assert stage.info.status == "live"
 
 
 async def test_a_slow_device_is_not_called_silent() -> None:
@@ -38,6 +38,6 @@ async def test_a_slow_device_is_not_called_silent() -> None:
         for k in range(5):
             await stage.send(sample(k))
             await stage.settle(2.0)
-            assert stage.status == "live"
+            assert stage.info.status == "live"
         await stage.settle(7.0)
-        assert stage.status == "lost"
+        assert stage.info.status == "lost"

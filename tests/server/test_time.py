@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager
 from typing import Any
 
 import numpy as np
@@ -33,21 +32,18 @@ from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.protocols.timing_model import EPOCH_NS, ModelDevice, Way, mapped, stream
 from tests.server.fakes import FakeClock, FakeLink
+from tests.server.session_harness import SessionHarness, started
 
 PPM = 50
 PERIOD_NS = 10e6 / (1 + PPM * 1e-6)  # of its samples, on the host's clock
 SPREAD_S, MS = 0.2e-3, 1e-3
 
 
-class TimeHarness:
+class TimeHarness(SessionHarness):
     """An MTi-630 at 100 Hz with a clock 50 ppm fast, its line, and a session that decodes ten times a second."""
 
     def __init__(self, faults: LineFaults) -> None:
-        self.clock = FakeClock()
-        self.telemetry = Telemetry.create(self.clock)
-        self.link: Any = FakeLink("/dev/ttySIM", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.telemetry.bus, all_protocols(), DecodeOptions(protocol="xbus"))
-        self.began = self.clock.ns
+        super().__init__(all_protocols(), DecodeOptions(protocol="xbus"))
         self.cable = SimulatedLine(faults, 0, "xbus")
         self.device = self._powered(0)
         self._samples = 0
@@ -74,18 +70,11 @@ class TimeHarness:
 
     async def _read(self, due: int) -> None:
         self.clock.ns = self.began + max(due, self.asleep_until)
-        self.link.send(self.cable.arrived(max(due, self.asleep_until)))
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-
-    @property
-    def health(self) -> wire.DeviceHealth:
-        return self.session.health(self.clock())
+        await self.receive(self.cable.arrived(max(due, self.asleep_until)))
 
     def times(self, since_s: float) -> NDArray[np.float64]:
         """Of the samples of a channel, as a page gets them."""
-        channel = next(one for one in self.telemetry.store.all if one.info.name == "Acceleration")
-        time = channel.ring.read()[1]
+        time = self.channel("Acceleration").ring.read()[1]
         return np.asarray(time[time > self.began / 1e9 + since_s])
 
     def off(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -94,13 +83,8 @@ class TimeHarness:
         return np.asarray(times - self.began / 1e9 - k * PERIOD_NS / 1e9)
 
 
-@asynccontextmanager
-async def playing(faults: LineFaults) -> AsyncIterator[TimeHarness]:
-    stage = TimeHarness(faults)
-    stage.session.start()
-    await asyncio.sleep(0.001)
-    yield stage
-    await stage.session.close()
+def playing(faults: LineFaults) -> AbstractAsyncContextManager[TimeHarness]:
+    return started(TimeHarness(faults))
 
 
 def check(stage: TimeHarness, since_s: float) -> wire.DeviceHealth:
