@@ -148,7 +148,13 @@ def go_to(page: Page, place: str) -> None:
 
 def drawn(page: Page) -> None:
     """Wait until the page has been drawn as it is now."""
-    page.evaluate("async () => { for (let n = 0; n < 2; n++) await new Promise(requestAnimationFrame); }")
+    page.evaluate("""async () => {
+      for (let n = 0; n < 2; n++) {
+        const frame = new Promise(requestAnimationFrame);
+        window.drawSoon?.();  // where the screen is slow
+        await frame;
+      }
+    }""")
 
 
 def reload(page: Page) -> None:

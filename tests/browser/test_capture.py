@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
+from tests.browser.page_checks import drawn
 from tests.chromium import until
 from tests.server_process import ServerProcess
 from tests.waiting import block_until
@@ -85,7 +86,7 @@ def pinned(page: Page, counter: int) -> tuple[int, dict[str, float], dict[str, f
 
     with suppress(AssertionError):  # the caller says which angle is wrong
         block_until(is_there, "the angles of that moment")  # the table is written a few times a second
-    page.evaluate("async () => { for (let n = 0; n < 2; n++) await new Promise(requestAnimationFrame); }")  # numerals
+    drawn(page)  # numerals
     return found["counter"], found["angles"], shown()
 
 
