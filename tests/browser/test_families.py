@@ -6,11 +6,11 @@ web/src/pages/live.test.tsx and dialogs.test.tsx; the server's tiles in tests/se
 
 from __future__ import annotations
 
-import struct
-import zlib
+import io
 from collections.abc import Callable
 from typing import Any
 
+from PIL import Image
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, serious, show, small_targets
@@ -21,18 +21,14 @@ TRACK = "document.querySelector('[data-panel=track]')"
 SUMMARY = f"{TRACK}?.querySelector('.track-summary')?.innerText ?? ''"
 
 
-def png(red: int, green: int, blue: int, size: int = 256) -> bytes:
-    """A square of one colour."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    rows = (b"\0" + bytes((red, green, blue)) * size) * size
-    head = struct.pack(">IIBBBBB", size, size, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+def png(colour: tuple[int, int, int]) -> bytes:
+    """A square tile of one colour."""
+    out = io.BytesIO()
+    Image.new("RGB", (256, 256), colour).save(out, "PNG")
+    return out.getvalue()
 
 
-MAGENTA = png(255, 0, 255)
+MAGENTA = png((255, 0, 255))
 COVERED = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
     let n = 0, of = 0;  // of every seventh pixel
     for (let k = 0; k < data.length; k += 28, of++) n += data[k] > 150 && data[k + 1] < 60 && data[k + 2] > 150;
