@@ -22,10 +22,8 @@ import contextlib
 import os
 import random
 import socket
-import subprocess
-import sys
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -33,8 +31,7 @@ import pytest
 from imuscope.server.devices.session import Session
 from tests.each_row import each_row
 from tests.fault_injection.fault_harness import FaultHarness, frames, stage, told
-from tests.links.link_fixtures import Pty, device, pty
-from tests.server_process import tied
+from tests.links.link_fixtures import Pty, device, program_with, pty
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
@@ -199,49 +196,18 @@ async def test_half_a_frame_while_the_server_was_held_up() -> None:
             assert here.events("link")[-1].data["kind"] != "silent"
 
 
-HOLDER = """
-import fcntl, os, sys, termios
-port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
-if "lock" in sys.argv:
-    fcntl.flock(port, fcntl.LOCK_EX)
-print("held", flush=True)
-sys.stdin.read()
-"""
-
-
-@contextlib.asynccontextmanager
-async def program_with(path: str, *how: str) -> AsyncIterator[subprocess.Popen[bytes]]:
-    """Another program that has a port open, until its input is closed."""
-    command = tied([sys.executable, "-c", HOLDER, path, *how])
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-        assert other.stdout
-        try:
-            assert await asyncio.to_thread(other.stdout.readline) == b"held\n"
-            yield other
-        finally:
-            other.kill()
-
-
-def end(other: subprocess.Popen[bytes]) -> None:
-    """End it as a person does."""
-    assert other.stdin
-    other.stdin.close()
-    other.wait(PATIENCE_S)
-
-
 async def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
-    with pty() as port:
-        async with program_with(port.path, "lock") as other:
-            port.let_go()
-            async with stage(f"serial://{port.path}?baud=115200") as here:
-                await until(lambda: "in use" in here.info.message, "it is told")
-                words, hint = told(here.info)
-                assert f"(process {other.pid})" in words
-                assert "--share" in hint
-                end(other)
-                await until(lambda: "open" in here.info.message, "it is opened without being asked")
-                port.write(frames(0, 20))
-                await until(lambda: here.samples == 20, "it streams")
+    with pty() as port, program_with(port.path, "O_RDWR", "lock") as other:
+        port.let_go()
+        async with stage(f"serial://{port.path}?baud=115200") as here:
+            await until(lambda: "in use" in here.info.message, "it is told")
+            words, hint = told(here.info)
+            assert f"(process {other.pid})" in words
+            assert "--share" in hint
+            other.communicate()
+            await until(lambda: "open" in here.info.message, "it is opened without being asked")
+            port.write(frames(0, 20))
+            await until(lambda: here.samples == 20, "it streams")
 
 
 async def test_a_port_that_another_program_opens_later_is_left_to_it() -> None:
@@ -251,13 +217,12 @@ async def test_a_port_that_another_program_opens_later_is_left_to_it() -> None:
             await until(lambda: "open" in here.info.message, "it is opened")
             port.write(frames(0, 20))
             await until(here.status("live"), "it streams")
-            async with program_with(port.path) as other:
+            with program_with(port.path, "O_RDWR") as other:
                 port.write(frames(30, 40))  # the other program took ten frames
                 await until(lambda: "in use" in here.info.message, "the port is left to the other program")
                 words, hint = told(here.info)
                 assert f"(process {other.pid})" in words
                 assert "--share" in hint
-                end(other)
             await until(lambda: here.info.is_open, "it is opened again")
             port.write(frames(50, 60))
             await until(lambda: here.samples == 40, "it streams again")

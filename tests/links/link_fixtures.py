@@ -9,6 +9,8 @@ import contextlib
 import gc
 import os
 import struct
+import subprocess
+import sys
 import threading
 import tty
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -21,6 +23,7 @@ from imuscope.server.links import Chunk, Link, LinkError, LinkSettings, steady_c
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
+from tests.server_process import tied
 from tests.timeouts import PATIENCE_S
 
 T = TypeVar("T")
@@ -166,3 +169,30 @@ def left_behind() -> tuple[int, list[str]]:
     gc.collect()  # what an earlier test in this process left open is closed now, not between two counts
     names = [thread.name for thread in threading.enumerate() if thread.name.startswith(("link ", "simulator "))]
     return len(list(Path("/proc/self/fd").iterdir())), names
+
+
+HAVING = """
+import fcntl, os, sys
+port = os.open(sys.argv[1], getattr(os, sys.argv[2]) | os.O_NOCTTY)
+if "lock" in sys.argv:
+    fcntl.flock(port, fcntl.LOCK_EX)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+@contextlib.contextmanager
+def program_with(path: str, *how: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Another program that has a port open, until the end of the block or of its input.
+
+    Args:
+        how: name of the mode of os.open(), and "lock" for one that locks it.
+    """
+    command = tied([sys.executable, "-c", HAVING, path, *how])
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == b"ready\n"
+        try:
+            yield program
+        finally:
+            program.communicate()

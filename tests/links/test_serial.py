@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import errno
 import os
-import subprocess
-import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +19,7 @@ from imuscope.server.links.base import LinkError
 from imuscope.server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
 from imuscope.server.terminals import may_be_terminal
 from tests.each_row import each_row
-from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
+from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, program_with, pty, settings
 
 
 async def test_bytes_arrive_whole_in_order_and_stamped() -> None:
@@ -148,29 +144,6 @@ async def test_a_port_in_use_names_its_owner() -> None:
             error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
             assert error.kind == "busy"
             assert "this server" in error.message
-
-
-HAVING = """
-import fcntl, os, sys
-port = os.open(sys.argv[1], getattr(os, sys.argv[2]) | os.O_NOCTTY)
-if "lock" in sys.argv:
-    fcntl.flock(port, fcntl.LOCK_EX)
-print("ready", flush=True)
-sys.stdin.read()
-"""
-
-
-@contextlib.contextmanager
-def program_with(path: str, *how: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Another program that has a port open."""
-    words = [sys.executable, "-c", HAVING, path, *how]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
-        assert program.stdout is not None
-        assert program.stdout.readline() == b"ready\n"
-        try:
-            yield program
-        finally:
-            program.communicate()
 
 
 @each_row("how", [("O_RDWR", "lock"), ("O_RDWR",), ("O_RDONLY",)])
