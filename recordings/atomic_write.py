@@ -40,18 +40,19 @@ def replace(temporary: Path, path: Path, *, durable: bool = True) -> None:
     """
     os.replace(temporary, path)
     if durable:
-        _sync(path.parent)
+        sync(path.parent)
 
 
 def remove(path: Path) -> None:
     """Remove `path`, durably."""
     path.unlink(missing_ok=True)
-    _sync(path.parent)
+    sync(path.parent)
 
 
-def _sync(folder: Path) -> None:
+def sync(path: Path) -> None:
+    """Bring a file or a folder to the disk, as far as that is possible."""
     try:
-        handle = os.open(folder, os.O_RDONLY)
+        handle = os.open(path, os.O_RDONLY)
     except OSError:
         return  # a file system whose folders cannot be opened has nothing to sync
     try:

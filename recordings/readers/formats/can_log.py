@@ -341,8 +341,4 @@ def _asc_date(head: bytes) -> int | None:
     return round(date.timestamp()) * SECOND_NS + fraction
 
 
-def _read(request: OpenRequest) -> CanLog:
-    return CanLog(request)
-
-
-register_reader(FileReader("can", "CAN log", (".asc",), _read, recognises=lambda head: form_of(head) is not None))
+register_reader(FileReader("can", "CAN log", (".asc",), CanLog, recognises=lambda head: form_of(head) is not None))

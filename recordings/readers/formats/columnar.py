@@ -5,6 +5,7 @@ Fields of structures and places of lists of one length are columns: gyro.x.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -157,14 +158,8 @@ def _arrow_reader(path: Path) -> AbstractContextManager[Any]:
     return reader
 
 
-def _open_parquet(request: OpenRequest) -> ArrowSource:
-    return _opened(request, "Parquet", _parquet)
-
-
-def _open_arrow(request: OpenRequest) -> ArrowSource:
-    return _opened(request, "Arrow", _arrow)
-
-
+_open_parquet = functools.partial(_opened, kind="Parquet", read=_parquet)
+_open_arrow = functools.partial(_opened, kind="Arrow", read=_arrow)
 register_reader(FileReader("parquet", "Parquet", (".parquet", ".pq"), _open_parquet, {0: (b"PAR1",)}, order=40))
 register_reader(FileReader("arrow", "Arrow", (".arrow", ".feather"), _open_arrow, {0: (b"ARROW1\0\0",)}, order=41))
 register_reader(FileReader("arrow-stream", "Arrow stream", (".arrows", ".ipc"), _open_arrow, order=42))

@@ -146,14 +146,7 @@ def _flat_name(name: str) -> str:
 
 def temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Callable[[], list[Path]]) -> Source:
     """The source of unpacked files, which are removed with it."""
-    try:
-        source = _opened(extract(), request, unpacked.path)
-    except BaseException:
-        unpacked.remove()
-        raise
-    unpacked.keep_for(source)
-    add_outer_damage(source, unpacked.damage)
-    return source
+    return unpacked.source(lambda: _opened(extract(), request, unpacked.path))
 
 
 def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:

@@ -8,13 +8,17 @@ from __future__ import annotations
 import os
 import shutil
 import weakref
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import Source, add_outer_damage
 from imuscope.recordings.temporary_folder import TemporaryFolder
+
+S = TypeVar("S", bound=Source)
 
 LARGEST = 4 << 30  # bytes of all files in an archive
 FREE_SHARE = 2  # of the free disk, 1/FREE_SHARE may be used
@@ -70,9 +74,16 @@ class UnpackedFolder:
         """Remove it with everything in it."""
         self._folder.remove()
 
-    def keep_for(self, source: object) -> None:
-        """Remove it when the source is gone, or the program ends."""
+    def source(self, make: Callable[[], S]) -> S:
+        """The source that `make` opens in the folder, which is removed with it, or when the program ends."""
+        try:
+            source = make()
+        except BaseException:
+            self.remove()
+            raise
         weakref.finalize(source, self.remove)
+        add_outer_damage(source, self.damage)
+        return source
 
     def rewrite(self, name: str, content: BinaryIO | Any, words: str) -> Path:
         """Write a damaged file again, as far as it can be read; returns its path.

@@ -97,11 +97,6 @@ class DatedBy:
     by: str
 
 
-def receiver(name: str) -> str:
-    """Source of the date, for a fix in a table."""
-    return f"the GNSS receiver in {name}"
-
-
 @dataclass(slots=True)
 class _Progress:
     """The last time of each table, and how often its clock goes back."""

@@ -15,6 +15,7 @@ format that the decompressor of liblzf 3.6 reads (lzf_d.c).
 from __future__ import annotations
 
 import io
+import math
 import re
 import warnings
 import zlib
@@ -190,9 +191,7 @@ def _array(content: _Content, item: Any, file: BinaryIO) -> Array:
         ValueError: they are damaged, too large or compressed in another way.
     """
     shape, kind, place = tuple(map(int, item.shape)), np.dtype(item.dtype), item.id
-    size = kind.itemsize
-    for length in shape:
-        size *= length
+    size = kind.itemsize * math.prod(shape)
     if place.layout_class == 1:
         begin = content.base + place.data_offset
         if begin + size > content.size:

@@ -5,6 +5,7 @@ Version 7.3 is HDF5 (hdf5.py). Objects (timetable, table) are left out: MATLAB k
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any
 
@@ -50,9 +51,7 @@ def _chosen(listed: list[tuple[str, tuple[int, ...], str]]) -> tuple[list[str], 
     """Variables that are loaded, and sentences on the others."""
     chosen, others, total = [], [], 0
     for name, shape, kind in listed:
-        size = 8
-        for length in shape:
-            size *= max(int(length), 0)
+        size = 8 * math.prod(max(int(length), 0) for length in shape)
         if kind not in (*NUMBERS, "struct") or total + size > LARGEST:
             others.append(f"{name} ({kind})")
             continue

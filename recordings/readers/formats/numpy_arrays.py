@@ -6,6 +6,7 @@ A structured array has named columns. Objects are never loaded: they can run pro
 from __future__ import annotations
 
 import io
+import math
 import zipfile
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -83,10 +84,7 @@ def _claimed(content: BinaryIO | Any) -> int:
         return -1
     if dtype.hasobject:
         return -1
-    size = dtype.itemsize
-    for length in shape:
-        size *= int(length)
-    return size
+    return int(dtype.itemsize * math.prod(map(int, shape)))
 
 
 register_reader(FileReader("npy", "NumPy array", (".npy",), _open_npy, {0: (MAGIC,)}, order=50))

@@ -10,7 +10,7 @@ Source: A. Geiger et al., "Vision meets robotics: the KITTI dataset", IJRR 32 (2
 
 from __future__ import annotations
 
-import os
+import io
 from pathlib import Path
 
 from imuscope.recordings.mcap_writer import RecordingError
@@ -47,17 +47,8 @@ def open_oxts_folder(folder: Path, options: TableOptions) -> CsvSource:
         )
         raise RecordingError(f"{folder.name} holds no packets of an OXTS receiver.", hint)
     unpacked = UnpackedFolder(folder / TIMES)
-    try:
-        table = unpacked.path / "oxts.csv"
-        table.write_text(f"time,{COLUMNS}\n" + "".join(rows), encoding="utf-8")
-        written = (folder / TIMES).stat().st_mtime
-        os.utime(table, (written, written))
-        source = CsvSource(table, options)
-    except BaseException:
-        unpacked.remove()
-        raise
-    unpacked.keep_for(source)
-    return source
+    text = f"time,{COLUMNS}\n" + "".join(rows)
+    return unpacked.source(lambda: CsvSource(unpacked.write("oxts.csv", io.BytesIO(text.encode())), options))
 
 
 def _packet(folder: Path, number: int) -> str:

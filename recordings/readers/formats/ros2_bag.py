@@ -27,9 +27,9 @@ from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.formats.bag_kernels import SIZE, START
 from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES, BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated
-from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.readers.registry import FileReader, register_reader
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.sources import ChunkBlock, add_outer_damage, damage_of
+from imuscope.recordings.sources import ChunkBlock, damage_of
 
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27
@@ -238,14 +238,7 @@ def _opened_file(path: Path) -> MessageFile:
         head = file.read(len(SQLITE))
     if head.startswith(ZSTD):
         unpacked = UnpackedFolder(path)
-        try:
-            source = _opened_file(decompressed(path, unpacked, path.stem, "zstd"))
-        except BaseException:
-            unpacked.remove()
-            raise
-        unpacked.keep_for(source)
-        add_outer_damage(source, unpacked.damage)
-        return source
+        return unpacked.source(lambda: _opened_file(decompressed(path, unpacked, path.stem, "zstd")))
     if head.startswith(MAGIC):
         return MessageSource(path)
     return Ros2Database(path)
@@ -285,8 +278,6 @@ def _definition(kind: str, idl: str) -> str:
         return ""
 
 
-def _open(request: OpenRequest) -> Ros2Database:
-    return Ros2Database(request.path)
-
-
-register_reader(FileReader("ros2-bag", "ROS 2 bag", (".db3",), _open, {0: (SQLITE,)}, order=20))
+register_reader(
+    FileReader("ros2-bag", "ROS 2 bag", (".db3",), lambda request: Ros2Database(request.path), {0: (SQLITE,)}, order=20)
+)

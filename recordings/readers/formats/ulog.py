@@ -34,7 +34,7 @@ from imuscope.recordings.readers.formats.flight_log import (
     LogColumn,
     LogTable,
 )
-from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.readers.registry import FileReader, register_reader
 from imuscope.recordings.regular_file import open_regular
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -251,8 +251,6 @@ def _columns(field: str, count: int | None) -> list[LogColumn]:
     return [LogColumn(f"{field}[{index}]", field, index, unit) for index in range(min(count, MOST_COLUMNS))]
 
 
-def _open(request: OpenRequest) -> Ulog:
-    return Ulog(request.path)
-
-
-register_reader(FileReader("ulog", "ULog", (".ulg", ".ulog"), _open, {0: (MAGIC,)}, order=30))
+register_reader(
+    FileReader("ulog", "ULog", (".ulg", ".ulog"), lambda request: Ulog(request.path), {0: (MAGIC,)}, order=30)
+)

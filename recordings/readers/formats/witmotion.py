@@ -79,12 +79,7 @@ def _frames(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
     starts = np.flatnonzero((windows[:, 0] == MARK) & (windows[:, 1] >> 4 == MARK >> 4))
     matches = windows[starts]
     starts = starts[matches[:, :SUM].sum(1, dtype=np.uint64).astype(np.uint8) == matches[:, SUM]]
-    whole, end = [], 0
-    for start in starts.tolist():  # one may begin inside of another by chance
-        if start >= end:
-            whole.append(start)
-            end = start + LENGTH
-    return np.asarray(windows[whole])
+    return np.asarray(windows[_apart(starts, LENGTH)])
 
 
 def _bluetooth_frames(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -95,12 +90,17 @@ def _bluetooth_frames(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
     is_mark = (windows[:, 0] == MARK) & ((windows[:, 1] == SAMPLE) | (windows[:, 1] == ANSWER))
     starts = np.flatnonzero(is_mark)
     beside = np.isin(starts + BLUETOOTH_LENGTH, starts) | np.isin(starts - BLUETOOTH_LENGTH, starts)
+    return np.asarray(windows[_apart(starts[beside], BLUETOOTH_LENGTH)])
+
+
+def _apart(starts: NDArray[np.int64], length: int) -> list[int]:
+    """Starts of frames, without those inside of another one, which are there by chance."""
     whole, end = [], 0
-    for start in starts[beside].tolist():
+    for start in starts.tolist():
         if start >= end:
             whole.append(start)
-            end = start + BLUETOOTH_LENGTH
-    return np.asarray(windows[whole])
+            end = start + length
+    return whole
 
 
 def is_bluetooth(head: bytes) -> bool:

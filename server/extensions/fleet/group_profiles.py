@@ -34,6 +34,7 @@ from imuscope.server.extensions.fleet.device_settings import (
 )
 from imuscope.server.extensions.fleet.operator_name import operator_name
 from imuscope.server.extensions.fleet.reports import ReportError, RobotDevice
+from imuscope.server.extensions.fleet.rollout_models import ProfileOrigin
 from imuscope.server.extensions.fleet.summaries import RobotSummary, SettingsState
 
 log = logging.getLogger("imuscope.fleet")
@@ -60,6 +61,11 @@ class GroupProfile(msgspec.Struct, frozen=True):
     by: str
     time: float
     settings: DeviceSettings
+
+    @property
+    def origin(self) -> ProfileOrigin:
+        """Robot, device and operator, as they are shown."""
+        return ProfileOrigin(robot=self.robot, device=self.device, by=self.by, time=self.time)
 
 
 class _ProfileFile(msgspec.Struct):
@@ -98,17 +104,16 @@ class GroupProfiles:
         self._requested_at: OrderedDict[str, float] = OrderedDict()
         self._differences: OrderedDict[tuple[str, str], Difference | None] = OrderedDict()
         self.problem = ""
-        with suppress(FileNotFoundError):
-            try:
-                stored = msgspec.json.decode(self._path.read_bytes(), type=_ProfileFile)
-            except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-                if isinstance(error, FileNotFoundError):
-                    raise
-                self.problem = f"The profiles of groups cannot be read, and are not applied: {error!s:.200}."
-                log.error("%s Repair or remove %s.", self.problem, self._path)
-            else:
-                for one in stored.profiles:
-                    self._profiles[one.group, one.settings.protocol, one.settings.product] = one
+        try:
+            stored = msgspec.json.decode(self._path.read_bytes(), type=_ProfileFile)
+        except FileNotFoundError:
+            return
+        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+            self.problem = f"The profiles of groups cannot be read, and are not applied: {error!s:.200}."
+            log.error("%s Repair or remove %s.", self.problem, self._path)
+            return
+        for one in stored.profiles:
+            self._profiles[one.group, one.settings.protocol, one.settings.product] = one
 
     def judged(self, robot: RobotSummary) -> RobotSummary:
         """A summary with how far the robot is from the profiles of its group. Unknown settings are requested later."""

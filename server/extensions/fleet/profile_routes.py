@@ -69,14 +69,13 @@ def device_of(server: FleetServer, robot: str, device: str) -> tuple[RobotSummar
 
 def _answer(device: RobotDevice, check: SettingsCheck) -> DeviceSettingsCheck:
     difference, profile = check.difference, check.profile
-    names = ("robot", "device", "by", "time")
     return DeviceSettingsCheck(
         device=device.id,
         name=device.name,
         state=check.state,
         why=check.why,
         read=device.settings_read,
-        profile=None if profile is None else ProfileOrigin(**{name: getattr(profile, name) for name in names}),
+        profile=None if profile is None else profile.origin,
         same=0 if difference is None else difference.same,
         rows=[
             SettingDifference(title=row.title, unit=row.unit, profile=row.right, robot=row.left)

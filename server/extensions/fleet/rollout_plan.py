@@ -19,7 +19,6 @@ from imuscope.server.extensions.fleet.reports import RobotDevice
 from imuscope.server.extensions.fleet.rollout_models import (
     DeviceLeftOut,
     PlannedDevice,
-    ProfileOrigin,
     RolloutChange,
     RolloutChanges,
 )
@@ -62,11 +61,6 @@ class GroupPlan:
     @property
     def target(self) -> DeviceSettings:
         return self.profile.settings
-
-    @property
-    def origin(self) -> ProfileOrigin:
-        one = self.profile
-        return ProfileOrigin(robot=one.robot, device=one.device, by=one.by, time=one.time)
 
 
 @dataclass(frozen=True, slots=True)

@@ -181,7 +181,7 @@ class Rollouts:
             id=plan.id,
             group=plan.profile.group,
             product=plan.target.product,
-            profile=plan.origin,
+            profile=plan.profile.origin,
             devices=[one.shown for one in plan.devices],
             changes=list(plan.changes),
             left_out=list(plan.left_out),
@@ -231,19 +231,13 @@ class Rollouts:
             group=plan.profile.group,
             product=plan.target.product,
             protocol=plan.target.protocol,
-            profile=plan.origin,
+            profile=plan.profile.origin,
             by=name,
             started=time.time(),
             watch_s=watch_s,
             waves=sizes,
             devices=[
-                RolloutDevice(
-                    robot=one.shown.robot,
-                    device=one.shown.device,
-                    name=one.shown.name,
-                    wave=number,
-                    change=one.shown.change,
-                )
+                RolloutDevice(**one.shown.model_dump(), wave=number)
                 for one, number in zip(plan.devices, numbers, strict=True)
             ],
             changes=list(plan.changes),

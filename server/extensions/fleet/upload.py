@@ -10,9 +10,7 @@ the identifier of the recording, which follows from its content. An object is th
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
 import re
 import unicodedata
 from collections.abc import Callable, Iterator
@@ -24,7 +22,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from imuscope.recordings import file_lock, sidecar
+from imuscope.recordings import atomic_write, file_lock, sidecar
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
@@ -202,7 +200,7 @@ def _put(store: StoreLocation, path: Path, key: str, expected: str | None) -> tu
         else:
             put(objects, key, path, chunk_size=PART_BYTES, max_concurrency=4)
         if store.folder is not None:
-            _sync(store.folder / key)
+            atomic_write.sync(store.folder / key)
         digest = hashlib.sha256()
         for piece in get(objects, key).stream(min_chunk_size=1 << 20):
             digest.update(piece)
@@ -219,12 +217,3 @@ def _paced(path: Path, rate: float) -> Iterator[bytes]:
         while piece := file.read(PACED_BYTES):
             pace.wait(len(piece))
             yield piece
-
-
-def _sync(path: Path) -> None:
-    with contextlib.suppress(OSError):
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

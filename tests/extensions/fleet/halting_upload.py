@@ -8,6 +8,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pyarrow as pa
@@ -62,7 +63,7 @@ def main() -> int:
         patch.setattr(delta_tables, "_create", halting_create)
         patch.setattr(delta_tables, "_append", halting_append)
         if place == "object":
-            patch.setattr(uploading, "_sync", halt)
+            patch.setattr(uploading, "atomic_write", SimpleNamespace(sync=halt))
         return imuscope(words)
 
 
