@@ -77,12 +77,10 @@ class RtcmFramer:
     """Whole messages from a stream of corrections in pieces of any size.
 
     Attributes:
-        skipped: bytes so far that belong to no message.
-        rejected: number of stretches of such bytes: each is at least one message lost or damaged.
+        rejected: number of stretches of bytes that belong to no message: each is at least one message lost or damaged.
     """
 
     def __init__(self) -> None:
-        self.skipped = 0
         self.rejected = 0
         self._rest = b""
         self._lost = False  # the last bytes belonged to no message
@@ -101,7 +99,6 @@ class RtcmFramer:
                 at += one.size
                 self._lost = False
                 continue
-            self.skipped += 1
             self.rejected += not self._lost
             self._lost = True
             at += 1

@@ -39,6 +39,7 @@ class DecodePipeline:
         decoder: of this connection or the last one; None before the first.
         doubting: the same, if its protocol has an option that a stream can contradict.
         detector: stores chunks while the protocol is unknown.
+        slices: how much is decoded at once.
     """
 
     def __init__(
@@ -62,8 +63,8 @@ class DecodePipeline:
         self.decoder: object = None
         self.doubting: Doubts | None = None
         self.detector = ProtocolDetector(protocol_set.guess)
-        self._slices = Slices()
-        link.flow.at_once = self._slices.size
+        self.slices = Slices()
+        link.flow.at_once = self.slices.size
         self._dirty = False  # there is something to decode or to detect
 
     @property
@@ -116,7 +117,7 @@ class DecodePipeline:
         size = CHUNK_COST * len(chunks)
         for chunk in chunks:
             size += len(chunk.data)
-        self._slices.add(size)
+        self.slices.add(size)
         self._dirty = True
         if self.stream is None:
             for chunk in chunks:
@@ -149,22 +150,10 @@ class DecodePipeline:
         """Whether there is something to decode or to detect."""
         return self._dirty
 
-    @property
-    def has_slice(self) -> bool:
-        """Whether a whole slice was put, which must be decoded first (server/devices/decode_budget.py)."""
-        return self._slices.is_full
-
-    async def wait_for_room(self) -> None:
-        """Wait until a whole slice that was put is decoded."""
-        await self._slices.wait_for_room()
-
-    def begin_slice(self) -> None:
-        self._slices.begin()
-
     def end_slice(self) -> None:
         """End the slice; the size of the next one follows from the time it took."""
-        self._slices.end()
-        self._link.flow.at_once = self._slices.size
+        self.slices.end()
+        self._link.flow.at_once = self.slices.size
 
     def decode(self, *, final: bool) -> None:
         """Decode the queued bytes. `final`: no more will arrive on this connection."""

@@ -232,7 +232,7 @@ class Session:
                 opened = False
                 while True:
                     self._on_chunks(await self._link.read())
-                    await self._pipeline.wait_for_room()
+                    await self._pipeline.slices.wait_for_room()
             except LinkError as error:
                 await self._link.close()
                 wait = self._explain(error)
@@ -316,8 +316,8 @@ class Session:
     def drain(self, *, final: bool = False) -> bool:
         """Decode a slice of received bytes in a turn. True if more is waiting."""
         pipeline = self._pipeline
-        pipeline.begin_slice()
-        if self._connection.is_open and not pipeline.has_slice:
+        pipeline.slices.begin()
+        if self._connection.is_open and not pipeline.slices.is_full:
             chunks = self._link.read_now(self._scheduler.interval_ns)
             if chunks:
                 self._scheduler.request()

@@ -90,7 +90,6 @@ class UnknownPayloadTracker:
         self._drained: dict[tuple[str, str, str, bool], list[Payloads]] = {}
         self._kinds: dict[tuple[str, bool], _PayloadKind] = {}
         self._plans: dict[int, tuple[Message, tuple[Field, ...]]] = {}
-        self.beyond = 0  # number of payloads of kinds above `MAX_KINDS`
 
     def __bool__(self) -> bool:
         return bool(self._kinds)
@@ -171,7 +170,6 @@ class UnknownPayloadTracker:
         kind = self._kinds.get((name, verified))
         if kind is None:
             if len(self._kinds) >= MAX_KINDS:
-                self.beyond += count
                 return
             number = one.id if one.id >= 0 else message.id
             kind = _PayloadKind(name, number, message.title or message.name, one.doc or message.doc, verified)

@@ -67,7 +67,7 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
         "silence": (session._silence.limit, session._silence._chunks, session._silence._interval),
         "diagnostics": list(session._diagnostics._recent),
         "tail": session.access.bytes_at(0, 1 << 20),
-        "backlog": session._pipeline._slices._used,
+        "backlog": session._pipeline.slices._used,
         "heard": heard,
     }
     await session.close()

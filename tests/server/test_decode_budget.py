@@ -215,7 +215,7 @@ async def test_a_flood_is_reported_and_turns_stay_short(monkeypatch: pytest.Monk
             for _ in range(1500):
                 sender.sendto(b"$GPGGA," * 190, link.address)
                 await asyncio.sleep(0)
-                longest = max(longest, made.session._pipeline._slices.size)
+                longest = max(longest, made.session._pipeline.slices.size)
         await until(lambda: made.info.notices[-1].startswith("Bytes arrive faster"), "a notice says so")
         await until(lambda: not turns.has_more and not link.backlog, "the rest is decoded")
         told = [event for event in made.events("link") if event.data.get("kind") == "left-out"]

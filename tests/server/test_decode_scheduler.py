@@ -63,7 +63,7 @@ def drains(clients: int, interval_s: float = 0.0, devices: int = 2) -> list[int]
         counts = [0] * devices
         for number, session in enumerate(made):
             count_drains(session, counts, number)
-            session._pipeline._slices._clock = lambda: 0.0  # nor does decoding take any time
+            session._pipeline.slices._clock = lambda: 0.0  # nor does decoding take any time
         sessions._scheduler._turns._clock = lambda: 0.0
         for k in range(250):
             clock.move(0.004)

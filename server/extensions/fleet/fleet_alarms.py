@@ -159,7 +159,6 @@ class FleetAlarms:
         self._url = settings.alarm_webhook
         self._conditions = {one.id: one for one in conditions_of(settings, has_profile)}
         self._machines: dict[tuple[str, str], AlarmMachine] = {}
-        self._groups: dict[str, str] = {}
         self.is_changed = False  # since `saved_text`
         self._is_failing = False
         for (robot, condition), saved in _stored(self._path):

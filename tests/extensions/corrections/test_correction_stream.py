@@ -391,7 +391,7 @@ def test_messages_are_whole_however_the_stream_is_cut() -> None:
         splitter = RtcmFramer()
         found = [one for at in range(0, len(STREAM), step) for one in splitter.feed(STREAM[at : at + step])]
         assert b"".join(bytes.fromhex(one.line) for one in found) == STREAM
-        assert (splitter.skipped, splitter.rejected) == (0, 0)
+        assert splitter.rejected == 0
     assert epoch_ms(1077, message(1077, 123_456)) == 123_456
     assert epoch_ms(1005, message(1005)) is None
 
