@@ -6,19 +6,13 @@ python -m imuscope.server.generate_docs --check    exit status 1 when one is sta
 
 from __future__ import annotations
 
-import asyncio
-import json
 import sys
-import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from starlette.types import ASGIApp, Message
-
-from imuscope.server.app import create_app
-from imuscope.server.auth import Access
-from imuscope.server.config import Config, allowed_values
+from imuscope.server.config import allowed_values
+from imuscope.server.generated_files import document, write
 from imuscope.server.reference.blocks import to_markdown
 from imuscope.server.reference.pages import PAGES
 
@@ -37,50 +31,5 @@ def documents(openapi: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
     yield guide, f"{text}{mark}\n\n| setting | allowed |\n|---|---|\n{rows}\n"
 
 
-def description() -> Mapping[str, Any]:
-    """The API's description, as served at /openapi.json."""
-    with tempfile.TemporaryDirectory() as data:
-        config = Config(data=Path(data))
-        description: Mapping[str, Any] = json.loads(
-            asyncio.run(_get(create_app(config, Access(config)), "/openapi.json"))
-        )
-    return description
-
-
-async def _get(app: ASGIApp, path: str) -> bytes:
-    """The body of the response to one request, without a server."""
-    scope = {
-        "type": "http",
-        "method": "GET",
-        "path": path,
-        "query_string": b"",
-        "headers": [(b"host", b"localhost")],
-        "client": ("127.0.0.1", 0),
-    }
-    body = bytearray()
-
-    async def receive() -> Message:
-        return {"type": "http.request", "body": b"", "more_body": False}
-
-    async def send(message: Message) -> None:
-        body.extend(message.get("body", b""))
-
-    await app(scope, receive, send)
-    return bytes(body)
-
-
-def main(arguments: list[str]) -> int:
-    """The command line."""
-    stale = 0
-    for path, text in documents(description()):
-        if "--check" not in arguments:
-            path.write_text(text, encoding="utf-8")
-            print(path)
-        elif not path.exists() or path.read_text(encoding="utf-8") != text:
-            print(f"{path} is stale: run python -m imuscope.server.generate_docs", file=sys.stderr)
-            stale = 1
-    return stale
-
-
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    raise SystemExit(write(documents(document()), sys.argv[1:], "generate_docs"))

@@ -12,14 +12,10 @@ a guess.
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
-from imuscope.server.app import create_app
-from imuscope.server.auth import Access, Guard
-from imuscope.server.config import Config
+from imuscope.server.generated_files import document
 
 Schema = Mapping[str, Any]
 Sources = Mapping[str, str]
@@ -32,17 +28,6 @@ SCALARS = {"string": "string", "integer": "number", "number": "number", "boolean
 DEFAULTED = """/** Of `T`, the fields that the server has defaults for may be left out. */
 export type Defaulted<T, K extends keyof T> = Omit<T, K> & { readonly [P in K]?: T[P] };
 """
-
-
-def document() -> dict[str, Any]:
-    """The OpenAPI document of the server."""
-    with tempfile.TemporaryDirectory() as folder:
-        config = Config(data=Path(folder))
-        guarded = create_app(config, Access(config))
-    assert isinstance(guarded, Guard)
-    application: Any = guarded.app
-    openapi: dict[str, Any] = application.openapi()
-    return openapi
 
 
 def typescript_type(schema: Schema) -> str:

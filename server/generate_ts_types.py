@@ -13,6 +13,7 @@ import re
 import sys
 
 from imuscope.server import generate_route_types
+from imuscope.server.generated_files import write
 from imuscope.server.reference.typescript import PAGE, TARGETS, generate
 
 ROUTES = PAGE / "wire" / "routes.ts"
@@ -30,18 +31,6 @@ def generate_routes() -> str:
     return generate_route_types.generate(sources)
 
 
-def main(arguments: list[str]) -> int:
-    stale = 0
-    for path, text in [*((target.path, generate(target)) for target in TARGETS), (ROUTES, generate_routes())]:
-        if "--check" not in arguments:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-            print(path)
-        elif not path.exists() or path.read_text(encoding="utf-8") != text:
-            print(f"{path} is stale: run python -m imuscope.server.generate_ts_types", file=sys.stderr)
-            stale = 1
-    return stale
-
-
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    files = [*((target.path, generate(target)) for target in TARGETS), (ROUTES, generate_routes())]
+    raise SystemExit(write(files, sys.argv[1:], "generate_ts_types"))

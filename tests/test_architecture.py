@@ -142,9 +142,10 @@ SERVER: dict[str, set[str]] = {
         ),
     },
     "cli": {"commands", "config", "devices", "diagnostics", "extension", "links", "logging_setup"},
-    "generate_docs": {"app", "auth", "config", "reference"},
-    "generate_route_types": {"app", "auth", "config"},
-    "generate_ts_types": {"generate_route_types", "reference"},
+    "generated_files": {"app", "auth", "config"},
+    "generate_docs": {"config", "generated_files", "reference"},
+    "generate_route_types": {"generated_files"},
+    "generate_ts_types": {"generate_route_types", "generated_files", "reference"},
 }
 SERVER["extensions"] = set(SERVER)  # one imports of another what it requires: test_without_extensions.py
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from imuscope.server import generate_docs, wire
+from imuscope.server import generated_files, wire
 from imuscope.server.version import VERSION
 from tests.each_row import each_row
 from tests.source_files import ROOT, python_files, text_of
@@ -57,7 +57,7 @@ def test_a_promise_names_the_version_that_is_said(name: str) -> None:
 
 
 def test_the_http_api_says_the_release_and_the_wire() -> None:
-    openapi = generate_docs.description()
+    openapi = generated_files.document()
     assert openapi["info"]["version"] == VERSION
     assert {"version", "wire"} <= set(openapi["components"]["schemas"]["Build"]["required"])
 

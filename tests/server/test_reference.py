@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.server import generate_docs
+from imuscope.server import generated_files
 from imuscope.server.config import Config
 from imuscope.server.reference.blocks import Code, Heading, Items, Paragraph, TableBlock, parse, to_html, to_markdown
 from imuscope.server.reference.pages import PAGES, ReferencePages
@@ -25,7 +25,7 @@ GENERATED = r"^(<!-- |/\*\* ).*Generated (from|by) .*do not edit"
 
 @pytest.fixture(scope="module")
 def openapi() -> Mapping[str, Any]:
-    return generate_docs.description()
+    return generated_files.document()
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server import generate_route_types, wire, wire_codec
+from imuscope.server import generate_route_types, generated_files, wire, wire_codec
 from imuscope.server.reference import typescript
 from tests.each_row import each_row
 
@@ -131,7 +131,7 @@ def test_types_of_the_page_are_not_stale(target: typescript.Target) -> None:
 
 def test_every_answer_in_json_has_a_schema() -> None:
     """Types of the page's HTTP clients need a response model for each route."""
-    for path, ways in generate_route_types.document()["paths"].items():
+    for path, ways in generated_files.document()["paths"].items():
         for method, operation in ways.items():
             for status, response in operation["responses"].items():
                 for kind, content in response.get("content", {}).items():

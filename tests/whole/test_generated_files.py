@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from imuscope.server import generate_docs, generate_route_types, generate_ts_types
+from imuscope.server import generate_docs, generate_ts_types, generated_files
 
 
 def test_files_are_not_stale() -> None:
     stale = [
         path.name
-        for path, text in generate_docs.documents(generate_route_types.document())
+        for path, text in generate_docs.documents(generated_files.document())
         if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
     assert stale == [], "run python -m imuscope.server.generate_docs"
