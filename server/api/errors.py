@@ -48,6 +48,13 @@ def unknown_device(device: str) -> DomainError:
     return DomainError("not-found", f"Device {device:.40} not found.", hint)
 
 
+def check_length(text: str | None, most: int, what: str) -> None:
+    """Raise DomainError for a text that is too long."""
+    if text is not None and len(text) > most:
+        words = f"{what} has {len(text)} characters; the maximum is {most}."
+        raise DomainError("bad-request", words, "Make it shorter.")
+
+
 KINDS = {404: "not-found", 405: "not-allowed", 413: "too-large", 415: "not-json"}
 
 

@@ -26,7 +26,6 @@ from imuscope.server.library.packets import (
     recorded_bytes,
     recorded_moment,
 )
-from imuscope.server.wire import ChannelInfo
 
 router = lazy_router(tags=["packets"])
 
@@ -67,7 +66,7 @@ async def live_frames(
     if channel is not None:
         stored = services.telemetry.store.get(channel)
         sample = live_moment(stored, time, base) if stored is not None else None
-        moment, names = _sample(sample, channel), _names(stored.info) if stored is not None else ()
+        moment, names = _sample(sample, channel), (stored.info.message, stored.info.name) if stored is not None else ()
     if not span[0] - 1_000_000_000 <= moment.arrival_ns <= span[1] + 1_000_000_000:
         words = f"The bytes from then are no longer in memory, which reaches back {(span[1] - span[0]) / 1e9:.0f} s."
         raise DomainError("not-found", words, "bytes_mb in the configuration makes it longer; a recording has all.")
@@ -154,10 +153,6 @@ def _sample(sample: SampleArrival | None, channel: int) -> SampleArrival:
             "not-found", f"Channel {channel} has no sample at that time.", "Choose a time within its plot."
         )
     return sample
-
-
-def _names(info: ChannelInfo) -> tuple[str, ...]:
-    return info.message, info.name
 
 
 def _available(view: PacketView | None) -> PacketView:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import responses
+from imuscope.server.api.errors import check_length, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import HeldBytes, MarkerRequest, SavedMemory, SaveMemoryRequest, StartRequest
@@ -16,13 +16,6 @@ MAX_TEXT = 2000
 MAX_TITLE = 200
 MAX_SECONDS = 86_400
 MAX_TIME = 9e9  # unix s
-
-
-def _bounded(text: str, most: int, what: str) -> None:
-    if len(text) > most:
-        raise DomainError(
-            "bad-request", f"{what} has {len(text)} characters; the maximum is {most}.", "Make it shorter."
-        )
 
 
 def _seconds(value: float, what: str) -> None:
@@ -39,7 +32,7 @@ async def get_recorder(services: TheServices) -> wire.RecorderState:
 @router.post("/api/recordings/start", responses=responses(404, 409, 422, 507))
 async def start(body: StartRequest, services: TheServices) -> wire.RecorderState:
     """Record these devices, or all of them, into a new file."""
-    _bounded(body.title, MAX_TITLE, "The title")
+    check_length(body.title, MAX_TITLE, "The title")
     _seconds(body.before_s, "before_s")
     try:
         return await services.recorder.start(body.devices, body.title, before_s=body.before_s)
@@ -62,7 +55,7 @@ async def get_memory(services: TheServices) -> list[HeldBytes]:
 @router.post("/api/recordings/save-memory", responses=responses(404, 422, 507))
 async def save_memory(body: SaveMemoryRequest, services: TheServices) -> SavedMemory:
     """Save the last bytes of these devices, or of all, from memory as a recording; answers when it is complete."""
-    _bounded(body.title, MAX_TITLE, "The title")
+    check_length(body.title, MAX_TITLE, "The title")
     t0 = body.t0
     if body.seconds is not None:
         _seconds(body.seconds, "seconds")
@@ -85,5 +78,5 @@ async def stop(services: TheServices) -> wire.RecorderState:
 @router.post("/api/recordings/mark", responses=responses(409, 422))
 async def mark(body: MarkerRequest, services: TheServices) -> wire.RecorderState:
     """Add a marker or a note to the running recording."""
-    _bounded(body.text, MAX_TEXT, "The text")
+    check_length(body.text, MAX_TEXT, "The text")
     return services.recorder.mark(body)

@@ -132,7 +132,7 @@ def get_window(  # not async, so in a thread: it may read from the disk, and liv
     infos = channels_of(store)
     numbers = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
     answers = [recorded(store, infos[number], t0, t1, width, base=base) for number in numbers]
-    exact = "1" if all(_is_whole(answer) for answer in answers) else "0"
+    exact = "1" if all(answer.exact for answer in answers) else "0"
     body = b"".join(frame_of(answer) for answer in answers)
     return Response(body, media_type=SAMPLES, headers={"x-exact": exact, "cache-control": "no-store"})
 
@@ -267,10 +267,6 @@ def _positions(info: wire.ChannelInfo, words: str) -> list[int] | None:
             there = ", ".join(names)
             raise DomainError("not-found", f"{info.name} has no column {word:.60}.", f"It has: {there:.400}.")
     return [names.index(word) for word in column_names] or None
-
-
-def _is_whole(answer: QueryResult) -> bool:
-    return answer.exact
 
 
 def _table(answer: QueryResult, format: Literal["arrow", "json"]) -> Response:

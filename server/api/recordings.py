@@ -19,7 +19,7 @@ from imuscope.recordings.library import LibraryEntry, NamingError
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import bytes_of, recording_errors, responses
+from imuscope.server.api.errors import bytes_of, check_length, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import EditRequest, MarkerRequest, RecordingInfo
@@ -110,13 +110,13 @@ async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> Non
 @router.patch("/{recording}", responses=responses(404, 409, 412, 422, 507))
 async def edit_recording(recording: str, body: EditRequest, services: TheServices) -> RecordingInfo:
     """Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id."""
-    _bounded(body.title, MAX_TITLE, "The title")
-    _bounded(body.file, MAX_TITLE, "The name")
-    _bounded(body.notes, MAX_NOTES, "The notes")
+    check_length(body.title, MAX_TITLE, "The title")
+    check_length(body.file, MAX_TITLE, "The name")
+    check_length(body.notes, MAX_NOTES, "The notes")
     if len(body.tags or ()) > MAX_TAGS:
         raise DomainError("bad-request", f"At most {MAX_TAGS} tags can be given.", "Notes hold any text.")
     for tag in body.tags or ():
-        _bounded(tag, MAX_TAG, "A tag")
+        check_length(tag, MAX_TAG, "A tag")
     tags = (
         None if body.tags is None else tuple(dict.fromkeys(" ".join(tag.split()) for tag in body.tags if tag.strip()))
     )
@@ -135,8 +135,8 @@ async def edit_recording(recording: str, body: EditRequest, services: TheService
 @router.post("/{recording}/markers", status_code=201, responses=responses(404, 409, 422, 507))
 async def add_marker(recording: str, body: MarkerRequest, services: TheServices, entry: OneEntry) -> MarkerInfo:
     """Add a marker or a note to a finished recording."""
-    _bounded(body.text, MAX_TEXT, "The text")
-    _bounded(body.device, MAX_TAG, "The device")
+    check_length(body.text, MAX_TEXT, "The text")
+    check_length(body.device, MAX_TAG, "The device")
     if services.catalogue.is_recording(entry):
         raise DomainError(
             "busy", "The recording is still running.", "Stop the recording first, or put a marker into it."
@@ -225,13 +225,6 @@ async def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> Stre
         words = f"The recording cannot be read: {(error.strerror or 'the disk failed').lower()}."
         raise DomainError("cannot-open", words, "Check that its file still exists.") from None
     return StreamingResponse(pieces, media_type=kind, headers=headers)
-
-
-def _bounded(text: str | None, most: int, what: str) -> None:
-    if text is not None and len(text) > most:
-        raise DomainError(
-            "bad-request", f"{what} has {len(text)} characters; the maximum is {most}.", "Make it shorter."
-        )
 
 
 async def _in_thread(recording: str, work: Callable[[], Changed]) -> Changed:

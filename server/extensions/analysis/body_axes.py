@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuscope.protocols.rotations import ENU_FROM, conjugate, euler_columns, product, quaternion_columns
+from imuscope.protocols.rotations import ENU_FROM, conjugate, euler_columns, product, quaternions
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals import Floats, ReadSamples, Signal, SignalColumn
 from imuscope.server.wire import ChannelInfo
@@ -25,14 +25,10 @@ def attitude_of(info: ChannelInfo, read: ReadSamples) -> tuple[Floats, Floats]:
     """Times and unit quaternions, (n, 4), of a channel that is an attitude."""
     pairs = [read(SignalColumn(info, at)) for at in range(len(info.columns))]
     time, columns = pairs[0][0], [values for _, values in pairs]
-    finite = np.isfinite(np.sum(columns, axis=0))
-    columns = [column[finite] for column in columns]
-    if info.kind == "euler":
-        scale = np.degrees(1) if info.columns[0].unit == "rad" else 1.0
-        return time[finite], np.stack(quaternion_columns([scale * column for column in columns]), -1)
-    rows = np.stack(columns, -1)
-    norms = np.linalg.norm(rows, axis=-1)
-    return time[finite][norms > 0], rows[norms > 0] / norms[norms > 0, np.newaxis]
+    scale = np.degrees(1) if info.kind == "euler" and info.columns[0].unit == "rad" else 1.0
+    rows = quaternions(info.kind, [scale * column for column in columns])
+    is_valid = np.isfinite(rows).all(axis=1)
+    return time[is_valid], rows[is_valid]
 
 
 def turned(a: SignalColumn, b: SignalColumn, q: Floats) -> Floats:
