@@ -6,9 +6,6 @@ test, so that nothing waits for a rollback that is due in minutes, and nothing h
 
 from __future__ import annotations
 
-import contextlib
-import socket
-import threading
 from contextlib import ExitStack
 from http import HTTPStatus
 from pathlib import Path
@@ -26,6 +23,7 @@ from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings,
 from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.links import open_link
+from tests.extensions.fleet.tcp_proxy import TcpProxy
 from tests.free_ports import free_port
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
@@ -39,42 +37,6 @@ QUATERNION = 0x2010
 LONG_S = 300.0
 """A time of watching that somebody at the robot ends."""
 BRIEF = RolloutTiming(poll_s=0.05, lost_s=0.1, watch_more_s=PATIENCE_S)
-
-
-class CutLine:
-    """A TCP relay that can be cut, and lets nobody through then."""
-
-    def __init__(self, port: int) -> None:
-        self._port = port
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port: int = self._listener.getsockname()[1]
-        self._open: list[socket.socket] = []
-        self._is_cut = False
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def cut(self) -> None:
-        """Cut the line for good."""
-        self._is_cut = True
-        for one in (self._listener, *self._open):
-            with contextlib.suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-            one.close()
-
-    def _accept(self) -> None:
-        with contextlib.suppress(OSError):
-            while not self._is_cut:
-                here, _ = self._listener.accept()
-                there = socket.create_connection(("127.0.0.1", self._port), PATIENCE_S)
-                self._open += [here, there]
-                for pair in ((here, there), (there, here)):
-                    threading.Thread(target=self._pass_on, args=pair, daemon=True).start()
-
-    def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
-        with contextlib.suppress(OSError):
-            while data := one.recv(65536):
-                other.sendall(data)
-        with contextlib.suppress(OSError):
-            other.shutdown(socket.SHUT_RDWR)
 
 
 class Robot(InProcessServer):
@@ -113,7 +75,7 @@ class RolloutFleet:
         self._folder, self._names, self._is_process = folder, names, is_process
         self._port = free_port()
         self.number = 1  # of the newest rollout
-        self.lines = {name: CutLine(self._port) for name in behind}
+        self.lines = {name: TcpProxy(self._port) for name in behind}
         self.robots: dict[str, Robot] = {}
         self._open = ExitStack()
         self._process: ServerProcess | None = None

@@ -19,8 +19,8 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet import bandwidth_proxy
 from imuscope.server.extensions.fleet.store import limited, location
 from imuscope.server.extensions.fleet.upload import upload
-from tests.extensions.fleet.faulty_proxy import FaultyProxy
 from tests.extensions.fleet.store_fixtures import Commands
+from tests.extensions.fleet.tcp_proxy import FaultyProxy
 from tests.free_ports import free_port
 from tests.manual_clock import SleptTime
 from tests.server_process import ROOT
