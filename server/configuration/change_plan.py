@@ -19,7 +19,6 @@ from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.risks import UNASKED, dangers_of_write
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import head_of, numbers
-from imuscope.server.devices.link_member import link_of, shares
 from imuscope.server.errors import DomainError
 
 SHARED = "Other devices share this line; they cannot be received at another baud rate than theirs."
@@ -142,7 +141,7 @@ def _read_only_fields(row: Setting) -> set[str]:
 def dangers_of(controller: DeviceController, row: Setting, values: Mapping[str, Any]) -> list[Risk]:
     """Risks of writing these values of a setting; empty if the device already has them."""
     risks = dangers_of_write(controller.driver, row, controller.values.get(row.name), values, controller.context)
-    if shares(controller.session) and any(one.caution == "cuts-line" for one in risks):
+    if controller.session.shares_link and any(one.caution == "cuts-line" for one in risks):
         risks.append(Risk("cuts-line", SHARED))
     return risks
 
@@ -231,7 +230,7 @@ def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     family = PROTOCOLS[controller.session.info.protocol]
-    listing = family.frames.listing(**link_of(controller.session).reading.settings(family.name))
+    listing = family.frames.listing(**controller.session.link_session.reading.settings(family.name))
     listing.feed(data)
     lines = listing.drain(stalled=True)
     if any("reject" in line for line in lines) or sum(line["size"] for line in lines) != len(data):

@@ -22,7 +22,7 @@ from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.snapshots import Snapshots
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.link_member import AnyDevice, LinkMember, link_of
+from imuscope.server.devices.link_member import LinkMember
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.links.base import LinkError
@@ -39,14 +39,14 @@ def driver_of(protocol: str) -> DeviceDriver | None:
     return row.configuration.driver if row is not None else None
 
 
-def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any] | None:
+def decode(protocol: str, frame: bytes, session: LinkMember) -> Mapping[str, Any] | None:
     """The first frame of some bytes as plain values; None if there is none."""
     from imuscope.protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
     if row is None:
         return None
-    listing = row.frames.listing(**link_of(session).reading.settings(row.name))
+    listing = row.frames.listing(**session.link_session.reading.settings(row.name))
     listing.feed(frame)
     return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
 
@@ -79,13 +79,17 @@ class ControllerRegistry:
         self.reader = SettingsReader(self.snapshots, self.rollbacks)
         self.jobs = Jobs(self.reader, self.rollbacks, timings)
         self._controllers: dict[str, DeviceController] = {}
-        sessions.on_added(self._added)
+        sessions.on_added(self._session_added)
 
     def _formerly(self, protocol: str, serial_number: str) -> Sequence[str]:
         driver = self._drivers(protocol)
         return driver.formerly(serial_number) if driver is not None else ()
 
-    def _added(self, session: AnyDevice) -> None:
+    def _session_added(self, session: Session) -> None:
+        self._added(LinkMember(session))
+        session.devices.created.add(lambda sender: self._added(LinkMember(session, sender)))
+
+    def _added(self, session: LinkMember) -> None:
         device = session.info.id
         controller = self._controllers[device] = DeviceController(
             session,
@@ -102,8 +106,6 @@ class ControllerRegistry:
 
         session.listeners.before_close(removed)
         controller.notify()
-        if isinstance(session, Session):
-            session.devices.created.add(lambda sender: self._added(LinkMember(session, sender)))
 
     def on_link_of(self, device: str) -> list[DeviceController]:
         """The controllers of a device and of the devices that share its link."""
@@ -128,8 +130,8 @@ class ControllerRegistry:
         return self._controllers[f"{session.info.id}.{record.device}" if record.device else session.info.id]
 
     def _session_at(self, source: str) -> Session:
-        same = (one.session for one in self._controllers.values() if one.session.info.source == source)
-        session = next((one for one in same if isinstance(one, Session)), None)
+        present = (one.session.link_session for one in self._controllers.values())
+        session = next((one for one in present if one.info.source == source), None)
         return session or self._sessions.at(source) or self._sessions.add(source)
 
     async def resume(self) -> None:

@@ -44,16 +44,7 @@ from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.traffic_log import TrafficLog
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.devices.device_demux import QuietReason
-from imuscope.server.devices.link_member import (
-    AnyDevice,
-    DevicePort,
-    address_of,
-    explain_silence,
-    link_of,
-    name_of,
-    state_of,
-    suppress_timeout,
-)
+from imuscope.server.devices.link_member import LinkMember
 from imuscope.server.errors import DomainError
 from imuscope.server.links.base import LinkError
 from imuscope.server.streaming.bus import TelemetryBus
@@ -103,7 +94,7 @@ class DeviceController:
     """Queue and state of one device.
 
     Args:
-        session: its link and decoder; for a device that shares a link, its part of the session.
+        session: its part of the session of its link.
         driver_of: the driver of a protocol, None if it has none.
         decode: decodes the first frame of some bytes of a protocol to plain values.
         siblings: the controllers of the other devices on its link.
@@ -113,10 +104,10 @@ class DeviceController:
 
     def __init__(
         self,
-        session: AnyDevice,
+        session: LinkMember,
         bus: TelemetryBus,
         driver_of: Callable[[str], DeviceDriver | None],
-        decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
+        decode: Callable[[str, bytes, LinkMember], Mapping[str, Any] | None],
         siblings: Callable[[str], Sequence[DeviceController]] = lambda device: (),
         *,
         timings: ConfigurationTimings,
@@ -134,8 +125,8 @@ class DeviceController:
             session.access.bytes_at,
         )
         is_stored = session.info.link not in ("simulator", "file")
-        self.put_back = PutBackTask(self, put_back, timings, device=name_of(session), is_stored=is_stored)
-        self.runner = Runner(DevicePort(session), self.log, timings.patience, self.put_back.keep)
+        self.put_back = PutBackTask(self, put_back, timings, device=session.name, is_stored=is_stored)
+        self.runner = Runner(session, self.log, timings.patience, self.put_back.keep)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
@@ -156,8 +147,8 @@ class DeviceController:
         self._stopping: asyncio.Task[None] | None = None
         self._is_closed = False
         self._next_job = 1
-        self._off = DevicePort(session).listen(self._on_traffic)
-        self._off_replaced = state_of(session).replaced.add(lambda before: self._forget())
+        self._off = session.listen(self._on_traffic)
+        self._off_replaced = session.state.replaced.add(lambda before: self._forget())
         session.listeners.before_close(self.close)
 
     # ── state ────────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -181,14 +172,14 @@ class DeviceController:
     @property
     def context(self) -> DeviceContext:
         """Identity of the device, as far as known."""
-        info, address = self.session.info, address_of(self.session)
+        info, address = self.session.info, self.session.address
         return DeviceContext(
             product=info.product or self.product,
             serial_number=info.serial_number or self.serial_number,
             firmware=info.firmware or self.firmware,
             baud=self.session.access.baud,
             device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
-            settings=link_of(self.session).reading.settings(info.protocol),
+            settings=self.session.link_session.reading.settings(info.protocol),
             at_rest=self.at_rest,
         )
 
@@ -322,7 +313,7 @@ class DeviceController:
     async def _do(self, task: QueuedJob) -> None:
         self._running = task
         task.job.state, task.job.started = "running", self.bus.now()
-        suppress_timeout(self.session, True)
+        self.session.suppress_timeout(True)
         self.notify()
         try:
             await task.work(task)
@@ -337,7 +328,7 @@ class DeviceController:
             self._finish(task, "failed", message, hint)
         finally:
             self._running = None
-            suppress_timeout(self.session, False)
+            self.session.suppress_timeout(False)
             self.put_back.transaction_ended()
             self.notify()
 
@@ -384,11 +375,11 @@ class DeviceController:
             command = self.driver.ends_rest
             self.explain_quiet(REST.format(state=AT_REST.lower()), REST_HINT.format(command=command), command)
         else:
-            explain_silence(self.session, None)
+            self.session.explain_silence(None)
 
     def explain_quiet(self, text: str, hint: str, resume: str = "") -> None:
         """Report why the device sends nothing from now on, and what makes it send again: `resume` is a command."""
-        explain_silence(self.session, QuietReason(text, hint, resume, self.bus.now()))
+        self.session.explain_silence(QuietReason(text, hint, resume, self.bus.now()))
 
     def step(self, task: QueuedJob, text: str) -> None:
         """Set the current step of a job."""

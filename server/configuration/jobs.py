@@ -36,7 +36,6 @@ from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
 from imuscope.server.configuration.value_format import field_at, title_at, value_at, words
-from imuscope.server.devices.link_member import address_of, link_of, name_of
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire_codec import to_json_safe
 
@@ -287,8 +286,8 @@ class Jobs:
             changes=changes[:MAX_WORDS],
             deadline=controller.bus.now() + 60 + seconds,
             seconds=seconds,
-            device=name_of(controller.session),
-            address=address_of(controller.session),
+            device=controller.session.name,
+            address=controller.session.address,
         )
 
     def _report(
@@ -388,7 +387,7 @@ class Jobs:
 
     def _unfinished(self, controller: DeviceController, known: DeviceContext) -> RollbackRecord | None:
         source = controller.session.info.source
-        device = name_of(controller.session)
+        device = controller.session.name
         records = [
             one
             for one in self._rollbacks.all()
@@ -404,7 +403,7 @@ class Jobs:
         async def work(task: QueuedJob) -> None:
             session = controller.session
             if session.info.protocol != record.protocol:
-                link = link_of(session)
+                link = session.link_session
                 await link.read_as(replace(link.reading, protocol=record.protocol))
             rollback = RollbackRun(controller, controller.driver, self._rollbacks, record, task, self._timings)
             if record.state == "unreachable":

@@ -27,7 +27,6 @@ from imuscope.recordings import atomic_write
 from imuscope.recordings.regular_file import read_regular
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.link_member import link_of
 from imuscope.server.links.base import LinkError
 from imuscope.server.tasks import end_tasks
 from imuscope.server.wire import Level
@@ -161,7 +160,7 @@ class PutBackTask:
         backoff = Backoff(self._timings.port_poll_s, LONGEST_S)
         while self._left:
             await asyncio.sleep(backoff.next())
-            if not link_of(self._controller.session).info.is_open:
+            if not self._controller.session.link_session.info.is_open:
                 backoff.reset()
                 continue
             async with self._controller.session.listeners.turn:

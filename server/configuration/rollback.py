@@ -46,7 +46,6 @@ from imuscope.server.configuration.device_controller import DeviceController, Jo
 from imuscope.server.configuration.sensor_check import is_same
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
-from imuscope.server.devices.link_member import suppress_timeout
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire import PendingRollback
 
@@ -270,7 +269,7 @@ class RollbackRun:
                 f"The device answers with the new settings ({titles}). Unless confirmed, the old settings are restored."
             )
         await self._report("pending", words)
-        suppress_timeout(controller.session, False)
+        controller.session.suppress_timeout(False)
         self._report_state("Keep these settings?")
         try:
             async with asyncio.timeout(record.seconds):
@@ -278,7 +277,7 @@ class RollbackRun:
         except TimeoutError:
             return False
         finally:
-            suppress_timeout(controller.session, True)
+            controller.session.suppress_timeout(True)
         return controller.is_change_confirmed
 
     def _source_hint(self) -> str:

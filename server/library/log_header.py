@@ -12,7 +12,6 @@ from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.family import LogHeader
 from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError
 from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
-from imuscope.server.devices.link_member import DevicePort
 from imuscope.server.links.base import LinkError
 
 
@@ -27,7 +26,7 @@ class LogHeaderRequest:
         self._controller = controller
         self._on_result = on_result
         self._requested = False
-        self._unsubscribe = DevicePort(controller.session).listen(self._on_bytes)
+        self._unsubscribe = controller.session.listen(self._on_bytes)
 
     def close(self) -> None:
         """Stop listening."""

@@ -36,7 +36,6 @@ from imuscope.server import wire, wire_codec
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.devices.byte_memory import LATEST_NS, ByteMemory, Follower, Take
-from imuscope.server.devices.link_member import address_of
 from imuscope.server.devices.session import Session
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.log_header import LogHeaderRequest
@@ -294,7 +293,7 @@ class RecordingSession:
             "product": known.product,
             "serial_number": known.serial_number,
             "firmware": known.firmware,
-            "address": address_of(controller.session),
+            "address": controller.session.address,
         }
         self.writer.snapshot(controller.device, wire_codec.to_json_safe(body), round(self._bus.now() * 1e9))
 
@@ -312,7 +311,7 @@ class RecordingSession:
             return
         self._written_signals[info.id] = signals
         controller = self._controller(info.id)
-        address = address_of(controller.session) if controller is not None else ""
+        address = controller.session.address if controller is not None else ""
         self.writer.computed_signals(info.id, {"signals": signals, "address": address}, round(self._bus.now() * 1e9))
 
     def _event(self, event: wire.EventInfo) -> None:

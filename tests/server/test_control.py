@@ -34,7 +34,7 @@ async def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
         assert (job.state, job.outcomes) == ("done", [])
 
         def rate() -> float:
-            return desk.session.health(here.telemetry.bus.now()).rate
+            return desk.session.link_session.health(here.telemetry.bus.now()).rate
 
         await until(lambda: 380 < rate() < 420, "400 samples/s")
         assert desk.values["OutputConfiguration"] == outputs(400)

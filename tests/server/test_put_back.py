@@ -19,7 +19,6 @@ from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.put_back import IS_BACK, PutBackStore
-from imuscope.server.devices.session import Session
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.reader_thread import ThreadedLink
 from imuscope.server.links.simulator import SimulatorThread
@@ -182,7 +181,7 @@ def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambd
     def on_event(event: Event) -> None:
         if isinstance(event, Reply) and event.message.name == answer:
             off()
-            link = desk.session.access.link if isinstance(desk.session, Session) else None
+            link = desk.session.access.link
             assert isinstance(link, ThreadedLink)
             link.fail(LinkError("gone", "The adapter was unplugged.", "Plug it in."))
             then()

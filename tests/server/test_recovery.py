@@ -21,7 +21,7 @@ def files(data: Path) -> list[Path]:
 
 
 def unplug(desk: DeviceController) -> None:
-    link = desk.session._link
+    link = desk.session.access.link
     assert isinstance(link, SimulatorLink)
     assert link._simulator is not None
     link._simulator.unplug()

@@ -209,7 +209,7 @@ async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: P
         desk.runner._patience = PATIENT  # from here on it answers
         restore = desk.add("Restore", here.desks.jobs.restore(desk))
         await until(lambda: is_called(desk), "it calls for a device that gets power")
-        link = desk.session._link
+        link = desk.session.access.link
         assert isinstance(link, SimulatorLink)
         assert link._simulator is not None
         link._simulator.unplug()

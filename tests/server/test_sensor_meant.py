@@ -54,7 +54,7 @@ async def swapped(tmp_path: Path) -> AsyncIterator[tuple[ControlHarness, DeviceC
             assert desk.session.info.key == f"xbus-{OLD}"
         await until(lambda: desk.session.info.status == "lost", "it is unplugged")
         async with plugged(SECOND, port):
-            desk.session.retry()  # type: ignore[union-attr]
+            desk.session.link_session.retry()
             await until(lambda: desk.session.info.status == "live", "another one streams")
             yield here, desk
 
@@ -102,7 +102,7 @@ async def test_a_request_may_name_a_device_by_its_key(tmp_path: Path) -> None:
             await here.read(desk)
         key = f"xbus-{NEW}"
         assert here.desks.get(key) is two
-        assert here.sessions.get(key) is two.session
+        assert here.sessions.get(key) is two.session.link_session
         assert wanted_sensor(key, two) == NEW
         assert sensor_of(two, two.device) == ""
         body = ApplyRequest({"OutputConfiguration": outputs(10)}, devices=[f"xbus-{OLD}"], confirmed=True)

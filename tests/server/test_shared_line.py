@@ -86,9 +86,9 @@ async def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path:
 
         async def wait(task: Any) -> None:
             await asyncio.sleep(0)
-            line = desks[0].session
+            line = desks[0].session.link_session
             far = here.telemetry.bus.now() + 60
-            line.tick(far)  # type: ignore[union-attr]
+            line.tick(far)
 
         for desk in desks:
             await over(desk.add("Wait", wait))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.link_member import AnyDevice, DevicePort
+from imuscope.server.devices.link_member import LinkMember
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.extensions.corrections.log import LogSink, ignore
 from imuscope.server.extensions.corrections.stream import CorrectionForwarder
@@ -27,7 +27,7 @@ class CorrectionManager:
         self._sessions = sessions
         self._streams: dict[str, CorrectionForwarder] = {}
 
-    def accepts(self, session: AnyDevice) -> bool:
+    def accepts(self, session: LinkMember) -> bool:
         """Whether the device has a receiver that accepts RTCM."""
         info = session.info
         row = PROTOCOLS.get(info.protocol)
@@ -37,12 +37,12 @@ class CorrectionManager:
             DeviceContext(product=info.product)
         )
 
-    def state(self, session: AnyDevice) -> Corrections:
+    def state(self, session: LinkMember) -> Corrections:
         """State of forwarding; the source is empty if nothing is forwarded."""
         stream = self._streams.get(session.info.id)
         return stream.state() if stream is not None else Corrections(source="")
 
-    async def begin(self, session: AnyDevice, source: str, log_sink: LogSink = ignore) -> None:
+    async def begin(self, session: LinkMember, source: str, log_sink: LogSink = ignore) -> None:
         """Forward a stream in place of the previous one.
 
         Args:
@@ -53,7 +53,7 @@ class CorrectionManager:
         """
         device = session.info.id
         before = self._streams.get(device)
-        self._streams[device] = CorrectionForwarder(DevicePort(session), source, lambda: self._exists(device), log_sink)
+        self._streams[device] = CorrectionForwarder(session, source, lambda: self._exists(device), log_sink)
         over = [] if before is None else [before]
         over += [self._streams.pop(one) for one in list(self._streams) if one != device and not self._exists(one)]
         for stream in over:  # last: another request may come while it closes
@@ -62,7 +62,7 @@ class CorrectionManager:
     def _exists(self, device: str) -> bool:
         return any(info.id == device for info in self._sessions.infos)
 
-    async def end(self, session: AnyDevice) -> Corrections:
+    async def end(self, session: LinkMember) -> Corrections:
         """Stop forwarding; returns the final state."""
         stream = self._streams.pop(session.info.id, None)
         if stream is None:

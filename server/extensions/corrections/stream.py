@@ -35,7 +35,6 @@ from imuscope.protocols.nmea import sentence
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.link_member import DevicePort, address_of
 from imuscope.server.devices.position_tracker import PositionTracker
 from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
 from imuscope.server.extensions.corrections.ntrip import (
@@ -69,6 +68,9 @@ class CorrectionTarget(Protocol):
 
     @property
     def info(self) -> DeviceInfo: ...
+
+    @property
+    def address(self) -> int | None: ...
 
     async def send(self, data: bytes) -> int | None: ...
 
@@ -403,7 +405,7 @@ class CorrectionForwarder:
 
     def _address(self) -> int | None:
         """Bus address of a device that shares its line."""
-        return address_of(self._session.device) if isinstance(self._session, DevicePort) else None
+        return self._session.address
 
     # -- the device ----------------------------------------------------------------------------------------------------
 

@@ -24,7 +24,6 @@ from imuscope.server.configuration.device_controller import ControlError, Device
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import plain_values
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
-from imuscope.server.devices.link_member import DevicePort
 
 MAX_LATEST = 5
 MOST_WORDS = 6  # changes that a sentence lists
@@ -78,7 +77,7 @@ class ClientChanges:
         self._ending: _Configuration | None = None  # its client is done, and answers are still being decoded
         self.latest: deque[SettingsChange] = deque(maxlen=MAX_LATEST)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._off = DevicePort(controller.session).listen(self._on_event)
+        self._off = controller.session.listen(self._on_event)
 
     def close(self) -> None:
         """Stop following the device."""

@@ -35,7 +35,6 @@ async def test_of_streams_that_are_set_at_once_one_is_forwarded(monkeypatch: pyt
     """Both were sent to the device, and one could not be ended any more."""
     SlowForwarder.all, SlowForwarder.may_close = [], asyncio.Event()
     monkeypatch.setattr(manager, "CorrectionForwarder", SlowForwarder)
-    monkeypatch.setattr(manager, "DevicePort", lambda session: session)
     session = cast(Any, SimpleNamespace(info=SimpleNamespace(id="1")))
     corrections = CorrectionManager(cast(Any, None))
     await corrections.begin(session, "tcp://base:1")
@@ -54,7 +53,6 @@ async def test_the_stream_of_a_device_that_was_removed_is_forgotten(monkeypatch:
     SlowForwarder.all, SlowForwarder.may_close = [], asyncio.Event()
     SlowForwarder.may_close.set()
     monkeypatch.setattr(manager, "CorrectionForwarder", SlowForwarder)
-    monkeypatch.setattr(manager, "DevicePort", lambda session: session)
     sessions = SimpleNamespace(infos=[])
     corrections = CorrectionManager(cast(Any, sessions))
     for device in ("1", "2", "3"):

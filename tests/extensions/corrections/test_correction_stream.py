@@ -43,6 +43,7 @@ class Receiver:
 
     def __init__(self, protocol: str, sim: Any = None) -> None:
         self.info = DeviceInfo("1", "device", "simulator", "simulator", "live", protocol=protocol)
+        self.address = None
         self.got = bytearray()
         self.listeners: list[Callable[[Event], None]] = []
         self.broken = False

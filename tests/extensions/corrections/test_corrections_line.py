@@ -7,7 +7,6 @@ from pathlib import Path
 
 from imuscope.protocols.events import Reply
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.devices.link_member import DevicePort
 from imuscope.server.extensions.corrections.manager import CorrectionManager
 from tests.server.control_harness import house
 from tests.server.correction_messages import NUMBERS, STREAM
@@ -24,7 +23,7 @@ async def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path
         first.session.listeners.on_sent(lambda data, time: sent.append(data))
         heard: list[tuple[DeviceController, str]] = []
         for desk in (first, further):
-            DevicePort(desk.session).listen(
+            desk.session.listen(
                 lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
             )
         corrections = CorrectionManager(here.sessions)
