@@ -83,7 +83,7 @@ def test_the_first_load_stays_within_its_budget() -> None:
     if not (page / ".sources").is_file():
         pytest.skip("the page has not been built: python web/build.py")
     frame = page / "index.html"
-    named = re.findall(r'(?:src|href)="/([^"]+)"', frame.read_text())
+    named = re.findall(r'(?:src|href)="\./([^"]+)"', frame.read_text())
     assert len(named) > 3
     first = [frame, *(page / name for name in named), *page.glob("assets/socket-worker-*.js")]
     every = [path for path in page.rglob("*") if path.is_file() and path.suffix not in {".gz", ".br"}]

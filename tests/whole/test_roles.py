@@ -47,7 +47,7 @@ ASKING = {
     *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
 }
 # Without a token: they hold nothing of the devices. /robots/NAME only leads to the fleet server's own page.
-OPEN = {"/healthz", "/{name:path}", "/docs", "/docs/{name}", "/robots/{robot}"}
+OPEN = {"/healthz", "/{name:path}", "/docs", "/docs/{name}", "/robots/{robot}", "/robots/{robot}/{name:path}"}
 # WebSockets, all of which only look; a scene's panel is dealt with in test_viewer_secrets.py.
 SOCKETS = {
     *("/ws", "/ws/scene/{recording}", "/viser", "/viser/{key}", "/rerun/live", "/foxglove", "/foxglove/"),
