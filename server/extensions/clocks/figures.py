@@ -31,6 +31,7 @@ MOST_ROWS = 4_000_000  # examined of one message: an hour at 1 kHz
 MOST_STEPS = 20  # listed of one clock
 BURST = 0.2  # of the usual step: samples that follow sooner came with the one before
 SAME = 0.05  # of a rate that is that of a unit
+EXACT = 0.001  # of one that is, by most of its steps
 LONG = 20.0  # usual steps: a longer one is none by which the unit is found
 RESTART = 0.1  # of a clock: one that goes back below that share of it has begun again
 STAMPS = (
@@ -201,12 +202,12 @@ def _unit_of(values: Floats, axis: Floats) -> tuple[float, str]:
     forward &= (steps <= LONG * np.median(steps[forward])) & (passed <= LONG * np.median(passed[forward]))
     if not forward.any():
         return 1.0, ""
-    ratio = float(passed[forward].sum() / steps[forward].sum())
+    whole = float(passed[forward].sum() / steps[forward].sum())  # the axis may be coarse
+    usual = float(np.median(passed[forward] / steps[forward]))  # or may have steps that this clock lacks
     for unit, factor in {**UNITS, **FINE}.items():
-        if abs(ratio / factor - 1) < SAME:
+        if abs(whole / factor - 1) < SAME or abs(usual / factor - 1) < EXACT:
             return factor, unit
-    ratio = float(np.median(passed[forward] / steps[forward]))
-    return ratio, f"{COUNTS} {ratio:.4g} s"
+    return usual, f"{COUNTS} {usual:.4g} s"
 
 
 def _figures(

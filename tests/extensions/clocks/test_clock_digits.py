@@ -11,6 +11,7 @@ import pytest
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_dates import utc_text
 from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.extensions.clocks import figures
 from imuscope.server.extensions.clocks.print_clocks import print_clocks
 from tests.each_row import each_row
 from tests.recordings.field.text_tables import EPOCH, N, read, table
@@ -112,3 +113,16 @@ def test_a_time_beyond_the_years_of_dates_is_printed(tmp_path: Path) -> None:
     print_clocks(path, DecodeOptions(), out, io.StringIO())
     assert "s since 1970" in out.getvalue()
     assert utc_text(1e11) == "1e+11 s since 1970"
+
+
+def test_the_unit_of_a_clock_is_found_beside_steps_of_the_axis() -> None:
+    """A host that stalls has its device's time corrected in steps, which the ticks of the device lack."""
+    ticks = np.arange(0.0, 40_000.0, 100.0)
+    axis = ticks * 1e-4
+    axis[100:] += 0.15
+    axis[200:] += 0.15
+    axis[300:] += 0.15
+    axis[350:] += 0.15
+    axis[150:] += 0.15
+    assert figures._unit_of(ticks, axis) == (1e-4, "100 µs")
+    assert figures._unit_of(ticks, axis * 1.3)[1].startswith("counts of")
