@@ -16,20 +16,21 @@ from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock
 
 
-class FakeSession:
+class FakeMember:
     """The part of the interface that `decode` uses."""
 
-    class reading:  # noqa: N801
-        @staticmethod
-        def settings(names: Any) -> dict[str, Any]:
-            return {}
+    class link_session:  # noqa: N801
+        class reading:  # noqa: N801
+            @staticmethod
+            def settings(names: Any) -> dict[str, Any]:
+                return {}
 
 
 def log(clock: FakeClock, stream: bytes = b"") -> TrafficLog:
     return TrafficLog(
         Telemetry.create(clock).bus,
         "1",
-        lambda frame: decode("xbus", frame, FakeSession()),  # type: ignore[arg-type]
+        lambda frame: decode("xbus", frame, FakeMember()),  # type: ignore[arg-type]
         PROTOCOLS["xbus"].configuration.driver.name_of,  # type: ignore[union-attr]
         lambda offset, size: stream[offset : offset + size],
     )

@@ -33,7 +33,7 @@ from imuscope.server.extensions.shares.holder.messages import (
 )
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
-from imuscope.server.extensions.shares.holder.socket_paths import cause_of_end, log_of, socket_of
+from imuscope.server.extensions.shares.holder.socket_paths import cause_of_end, log_of, socket_of, sockets_of
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
 from imuscope.server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
 from imuscope.server.links.serial import PARITIES, SerialLink, cannot_open, latency_notices
@@ -89,6 +89,7 @@ class SharedPortLink(ThreadedLink):
         self._offset_ns = 0  # from the monotonic clock to the clock of arrivals
         self._frames = "", ""
         self.holder_pid = 0
+        self._holder_socket = ""
         self._busy_with = 0  # process of the server that the holder has, if it refused this one
         self._sending = asyncio.Lock()
         self._last_message_s = 0.0
@@ -117,8 +118,8 @@ class SharedPortLink(ThreadedLink):
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         self._loop = asyncio.get_running_loop()
-        path = self._socket()
-        connection, first = await self._connected_at_last(path, progress)
+        connection, first = await self._connected_at_last(self._sockets(), progress)
+        self._holder_socket = connection.getpeername()
         self._connection = connection
         self._offset_ns = self.settings.now_ns() - time.monotonic_ns()
         self._take_state(first)
@@ -139,21 +140,23 @@ class SharedPortLink(ThreadedLink):
             await self.request("frames", module=self._frames[0], configuration=self._frames[1])
 
     async def _connected_at_last(
-        self, path: Path, progress: Progress | None
+        self, paths: Sequence[Path], progress: Progress | None
     ) -> tuple[socket.socket, Mapping[str, Any]]:
         """As `_connected`. A holder that ends, or still has an earlier connection of this server, gets the request
         again.
         """
         for _ in range(ATTEMPTS):
             try:
-                return await self._connected(path, progress)
+                return await self._connected(paths, progress)
             except (LinkError, ConnectionError) as error:
                 if isinstance(error, LinkError) and not self._busy_with == os.getpid():
                     raise
             await asyncio.sleep(ATTEMPT_S)
-        return await self._connected(path, progress)
+        return await self._connected(paths, progress)
 
-    async def _connected(self, path: Path, progress: Progress | None) -> tuple[socket.socket, Mapping[str, Any]]:
+    async def _connected(
+        self, paths: Sequence[Path], progress: Progress | None
+    ) -> tuple[socket.socket, Mapping[str, Any]]:
         """A connection to the holder, which is started if necessary, and its state.
 
         Raises:
@@ -161,10 +164,10 @@ class SharedPortLink(ThreadedLink):
             ConnectionError: the holder ended.
         """
         self._busy_with = 0
-        connection = await asyncio.to_thread(_connect, path)
+        connection = await asyncio.to_thread(_connect, *paths)
         if connection is None:
             await self._start_holder(progress)
-            connection = await asyncio.to_thread(_connect, path)
+            connection = await asyncio.to_thread(_connect, *paths)
         if connection is None:
             raise LinkError("gone", f"The holder of {self.source} does not answer.", "It is started again.")
         try:
@@ -176,9 +179,9 @@ class SharedPortLink(ThreadedLink):
             connection.close()
             raise LinkError("gone", f"The holder of {self.source} does not answer: {problem}.", "Retry.") from None
 
-    def _socket(self) -> Path:
+    def _sockets(self) -> list[Path]:
         try:
-            return socket_of(self.place)
+            return sockets_of(self.place)
         except OSError as error:
             raise LinkError("denied", f"{self.source} cannot be shared: {error}.", "Correct it, then retry.") from None
 
@@ -319,9 +322,8 @@ class SharedPortLink(ThreadedLink):
             self._requests.pop(number, None)
 
     def _ended(self) -> LinkError:
-        path = str(self._socket())
-        why = cause_of_end(path, self.holder_pid)
-        hint = f"It is started again; {log_of(path)} has the details." if why else "It is started again."
+        why = cause_of_end(self._holder_socket, self.holder_pid)
+        hint = f"It is started again; {log_of(self._holder_socket)} has the details." if why else "It is started again."
         return LinkError("gone", f"The holder of {self.source} ended{f': {why}' if why else ''}.", hint)
 
     def _does_not_answer(self) -> LinkError:
@@ -416,7 +418,7 @@ def place_of(link: SerialLink | TcpLink) -> str:
 def is_held(link: SerialLink | TcpLink) -> bool:
     """Whether a holder has the port of a link: it answers at its socket."""
     try:
-        connection = _connect(socket_of(place_of(link)))
+        connection = _connect(*sockets_of(place_of(link)))
     except OSError:
         return False
     if connection is not None:
@@ -435,15 +437,18 @@ def holder_settings(
     return HolderSettings(_source_of(link), str(socket_of(place_of(link))), tuple(shares), stay)
 
 
-def _connect(path: Path) -> socket.socket | None:
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    connection.settimeout(GREETING_S)
-    try:
-        connection.connect(str(path))
-    except OSError:
-        connection.close()
-        return None
-    return connection
+def _connect(*paths: Path) -> socket.socket | None:
+    """A connection to the first of these sockets at which a holder answers; None: at none."""
+    for path in paths:
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        connection.settimeout(GREETING_S)
+        try:
+            connection.connect(str(path))
+        except OSError:
+            connection.close()
+        else:
+            return connection
+    return None
 
 
 def _run_holder(settings: HolderSettings) -> None:

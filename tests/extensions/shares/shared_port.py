@@ -25,6 +25,7 @@ class DevicePort:
 
     def __init__(self) -> None:
         self._master, self._slave = os.openpty()
+        self._open = [self._slave, self._master]
         tty.setraw(self._slave)
         self.path = os.ttyname(self._slave)
         os.set_blocking(self._master, False)
@@ -47,10 +48,9 @@ class DevicePort:
         return not select.select((self._master,), (), (), 0)[0]
 
     def unplug(self) -> None:
-        """End the port; its reader finds it gone."""
-        for fd in (self._master, self._slave):
-            with contextlib.suppress(OSError):
-                os.close(fd)
+        """End the port; its reader finds it gone. Idempotent."""
+        while self._open:
+            os.close(self._open.pop())
 
 
 def read_exactly(fd: int, size: int) -> bytes:

@@ -15,8 +15,10 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.extensions.shares.holder.arbiter import QUIET_S
-from imuscope.server.extensions.shares.holder.socket_paths import socket_of
-from imuscope.server.extensions.shares.shared_port_link import ClientData, SharedPortLink, is_held
+from imuscope.server.extensions.shares.holder.process import Holder
+from imuscope.server.extensions.shares.holder.shares import ShareError
+from imuscope.server.extensions.shares.holder.socket_paths import port_link, socket_of
+from imuscope.server.extensions.shares.shared_port_link import ClientData, SharedPortLink, holder_settings, is_held
 from imuscope.server.links.base import LinkError
 from tests.each_row import each_row
 from tests.extensions.shares.shared_port import (
@@ -286,6 +288,39 @@ async def test_a_port_that_is_gone_hangs_up_its_clients_and_comes_back(port: Dev
     os.close(driver)
     await link.request("end")
     await link.close()
+    other.unplug()
+
+
+async def test_a_holder_is_found_by_every_path_of_its_port(port: DevicePort, tmp_path: Path) -> None:
+    """Given a path that udev makes; the adapter comes back under another number, and another gets the former one."""
+    plugged = tmp_path / "by-id"
+    plugged.symlink_to(port.path)
+    numbered, number = port.path, os.path.realpath(port.path)
+    port.path = str(plugged)
+    first = link_to(port, str(tmp_path / "imu0"))
+    await first.open()
+    await first.close()
+
+    port.path = numbered
+    by_number = link_to(port, str(tmp_path / "imu0"))
+    await by_number.open()
+    assert by_number.holder_pid == first.holder_pid
+    assert is_held(by_number.inner)
+    await by_number.close()
+    with pytest.raises(ShareError, match="another holder has this port"):
+        Holder(holder_settings(by_number.inner, ())).run(lambda: None, print)
+
+    other = DevicePort()
+    port.unplug()
+    plugged.unlink()
+    plugged.symlink_to(other.path)
+    await reopen(first)
+    assert first.holder_pid == by_number.holder_pid, "the holder went on"
+    assert not Path(port_link(number, first._holder_socket)).exists()
+    assert Path(port_link(other.path, first._holder_socket)).exists()
+    await first.request("end")
+    await first.close()
+    block_until(lambda: not os.path.lexists(port_link(other.path, first._holder_socket)), "the links are gone")
     other.unplug()
 
 

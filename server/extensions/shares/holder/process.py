@@ -28,6 +28,7 @@ from imuscope.server.extensions.shares.holder.server_session import ServerSide
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareError
 from imuscope.server.extensions.shares.holder.sharing import Sharing
+from imuscope.server.extensions.shares.holder.socket_paths import port_link
 
 TICK_S = 0.02
 LATE_S = 0.005  # after which a tick has a wake-up of its own: bytes that arrive until then take it along
@@ -74,7 +75,7 @@ class Holder:
             OSError: its socket cannot be created.
             ShareError: another holder has the port, or a share cannot be offered.
         """
-        self.server.listen()
+        self.server.listen(self._port_link())
         try:
             for share in self.sharing.shares:
                 self.sharing.offer(share)  # also if the port is not there: the problem is reported at once
@@ -139,11 +140,16 @@ class Holder:
         self._error = None
         self._backoff.reset()
         self._loop.watch(self.port.fd, READ, self._on_port)
+        self.server.name(self._port_link())
         self.sharing.offer_all()
+
+    def _port_link(self) -> str:
+        return port_link(self._settings.source.get("place", ""), self._settings.socket)
 
     def _lost_port(self, error: PortError) -> None:
         self._loop.forget(self.port.fd)
         self.port.close()
+        self.server.name("")  # another device may get its number
         self._error = error
         self._retry_at = time.monotonic() + self._backoff.next()
         self.sharing.withdraw_all()

@@ -22,6 +22,7 @@ from imuscope.server.extensions.shares.holder.shares import ShareError
 
 MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
 MOST_WAIT_S = 10.0
+TAKEN = "another holder has this port; end it first, or use its shares"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +58,15 @@ class ServerSide:
         self._path, self._about, self._loop = path, about, loop
         self._on_message, self._on_gone, self._state = on_message, on_gone, state
         self._accepting: socket.socket | None = None
+        self._link = ""
         self.connection: ServerConnection | None = None
         self.writes: list[WaitingWrite] = []
 
-    def listen(self) -> None:
+    def listen(self, link: str = "") -> None:
         """Be found from now on.
+
+        Args:
+            link: to the socket of another holder of the port, which was given another path of it; see port_link.
 
         Raises:
             ShareError: another holder has the port.
@@ -69,6 +74,8 @@ class ServerSide:
         folder = os.open(os.path.dirname(self._path), os.O_RDONLY | os.O_CLOEXEC)
         try:
             fcntl.flock(folder, fcntl.LOCK_EX)  # of two that begin at once, one would remove the socket of the other
+            if _answers(link):
+                raise ShareError(TAKEN)
             accepting = self._listening()
         finally:
             os.close(folder)
@@ -78,16 +85,11 @@ class ServerSide:
     def _listening(self) -> socket.socket:
         """A socket at the path; ShareError as `listen`."""
         path = self._path
+        if _answers(path):
+            raise ShareError(TAKEN)
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path)  # of a holder that was killed
         accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        if os.path.exists(path):
-            accepting.setblocking(False)
-            refused = accepting.connect_ex(path)
-            accepting.close()
-            if refused in (0, errno.EAGAIN):  # EAGAIN: it is there, and busy
-                raise ShareError("another holder has this port; end it first, or use its shares")
-            with contextlib.suppress(FileNotFoundError):  # it has just ended
-                os.unlink(path)  # of a holder that was killed
-            accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         before = os.umask(0o177)
         try:
             accepting.bind(path)
@@ -96,6 +98,18 @@ class ServerSide:
         accepting.listen(1)
         accepting.setblocking(False)
         return accepting
+
+    def name(self, link: str) -> None:
+        """Be found by this link to the socket too, and by none before; "": by none."""
+        with contextlib.suppress(OSError):
+            if self._link and os.readlink(self._link) == self._path:
+                os.unlink(self._link)
+        self._link = link
+        if link:
+            with contextlib.suppress(OSError):
+                if os.path.lexists(link):
+                    os.unlink(link)  # of a holder that was killed, or of a port that had this number before
+                os.symlink(self._path, link)
 
     def _on_connects(self, _: int) -> None:
         assert self._accepting is not None
@@ -204,7 +218,15 @@ class ServerSide:
     def close(self) -> None:
         """End everything."""
         self.disconnect()
+        self.name("")
         if self._accepting is not None:
             with contextlib.suppress(OSError):
                 os.unlink(self._path)  # first: then it cannot be that of a holder that begins
             self._accepting.close()
+
+
+def _answers(path: str) -> bool:
+    """Whether a holder listens at a path."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asked:
+        asked.setblocking(False)
+        return os.path.exists(path) and asked.connect_ex(path) in (0, errno.EAGAIN)  # EAGAIN: it is there, and busy

@@ -3,6 +3,10 @@
 $XDG_RUNTIME_DIR/imuscope/   of a user who is logged in, or as a service sets it
 /run/imuscope/               of root
 /tmp/imuscope-UID/           else
+
+    0123456789abcdef.sock    the socket, by the path that the holder was given: it stays when an adapter comes back
+                             under another number
+    %dev%ttyUSB0.sock        a link to it, by the port that this path leads to now: other paths of the port find it
 """
 
 from __future__ import annotations
@@ -40,7 +44,7 @@ def runtime_folder() -> Path:
 
 
 def socket_of(place: str, folder: Path | None = None) -> Path:
-    """The socket of the holder of a port: different paths of one port have the same.
+    """The socket of a holder that was given this place.
 
     Args:
         place: path of a serial port, or "tcp://host:port".
@@ -48,8 +52,23 @@ def socket_of(place: str, folder: Path | None = None) -> Path:
     """
     import hashlib
 
-    name = place if "://" in place else os.path.realpath(place)
+    name = place if "://" in place else os.path.abspath(place)
     return (folder or runtime_folder()) / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.sock"
+
+
+def port_link(place: str, path: str) -> str:
+    """The link to the socket `path` by the port that a place leads to now; "" for a port of the network."""
+    if not place:
+        return ""
+    return os.path.join(os.path.dirname(path), f"{os.path.realpath(place).replace('/', '%')}.sock")
+
+
+def sockets_of(place: str) -> list[Path]:
+    """Where the holder of a port may be found, whichever path of the port it was given. OSError as `runtime_folder`."""
+    first = socket_of(place)
+    if "://" in place:
+        return [first]
+    return [first, Path(port_link(place, str(first))), socket_of(os.path.realpath(place))]
 
 
 def log_of(path: str) -> str:
