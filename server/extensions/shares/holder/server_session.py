@@ -22,7 +22,7 @@ from imuscope.server.extensions.shares.holder.shares import ShareError
 
 MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
 MOST_WAIT_S = 10.0
-TAKEN = "another holder has this port; end it first, or use its shares"
+OTHER_HOLDER = "another holder has this port; end it first, or use its shares"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class ServerSide:
         try:
             fcntl.flock(folder, fcntl.LOCK_EX)  # of two that begin at once, one would remove the socket of the other
             if _answers(link):
-                raise ShareError(TAKEN)
+                raise ShareError(OTHER_HOLDER)
             accepting = self._listening()
         finally:
             os.close(folder)
@@ -86,7 +86,7 @@ class ServerSide:
         """A socket at the path; ShareError as `listen`."""
         path = self._path
         if _answers(path):
-            raise ShareError(TAKEN)
+            raise ShareError(OTHER_HOLDER)
         with contextlib.suppress(FileNotFoundError):
             os.unlink(path)  # of a holder that was killed
         accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -227,6 +227,6 @@ class ServerSide:
 
 def _answers(path: str) -> bool:
     """Whether a holder listens at a path."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asked:
-        asked.setblocking(False)
-        return os.path.exists(path) and asked.connect_ex(path) in (0, errno.EAGAIN)  # EAGAIN: it is there, and busy
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.setblocking(False)
+        return os.path.exists(path) and probe.connect_ex(path) in (0, errno.EAGAIN)  # EAGAIN: it is there, and busy

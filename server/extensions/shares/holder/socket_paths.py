@@ -64,7 +64,7 @@ def port_link(place: str, path: str) -> str:
 
 
 def sockets_of(place: str) -> list[Path]:
-    """Where the holder of a port may be found, whichever path of the port it was given. OSError as `runtime_folder`."""
+    """Sockets at which the holder of a port may listen, by any path of the port. OSError as `runtime_folder`."""
     first = socket_of(place)
     if "://" in place:
         return [first]
