@@ -1,4 +1,5 @@
 # imuscope in a container: built with nothing but Python, run without root, without a home, with a read-only root.
+# The same file builds for x86-64 and, on such a machine or by emulation, for 64-bit ARM: --platform linux/arm64.
 #
 #   docker build -t imuscope --build-arg COMMIT="$(git rev-parse --short=8 HEAD)" .
 #   docker run --rm --read-only --tmpfs /tmp -v imuscope:/data --hostname "$(hostname)" -p 8080:8080 \
