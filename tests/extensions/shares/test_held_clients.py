@@ -28,7 +28,7 @@ from imuscope.server.extensions.shares.holder.process import Holder
 from imuscope.server.extensions.shares.holder.share_kinds import MOST_TCP_CLIENTS, UNREAD
 from imuscope.server.extensions.shares.holder.shares import ShareError
 from imuscope.server.extensions.shares.holder.socket_paths import log_of, socket_of
-from imuscope.server.extensions.shares.shared_port_link import ROOT, SharedPortLink, holder_settings
+from imuscope.server.extensions.shares.shared_port_link import ROOT, SharedPortLink, holder_settings, is_held
 from imuscope.server.links.base import LinkError
 from imuscope.server.processes import programs_with
 from tests.extensions.shares.shared_port import (
@@ -310,6 +310,7 @@ def test_the_next_terminal_of_a_number_is_not_taken_for_the_port(port: DevicePor
         finally:
             await former.close()
             os.kill(former.holder_pid, signal.SIGTERM)
+            block_until(lambda: not is_held(former.inner), "the next port of this number has a holder of its own")
 
     # Another test beside this one may get the number first; then there is nothing to see.
     assert any(asyncio.run(check()) for _ in range(20))
