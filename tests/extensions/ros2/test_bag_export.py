@@ -131,7 +131,7 @@ def test_a_bag_is_downloaded_as_a_zip(tmp_path: Path) -> None:
             return one if one["state"] not in ("waiting", "running") else None
 
         state = block_until(done, "the export is finished")
-        assert state["file"] == "A-drive-rosbag2-mcap.zip", state
+        assert state["file"] == "A-drive-rosbag2-mcap.zip", (state["message"], state["hint"])
         data = client.get(f"/api/recordings/exports/{job}/file").content
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         assert archive.namelist() == ["A-drive.rosbag2/A-drive.rosbag2.mcap", "A-drive.rosbag2/metadata.yaml"]
