@@ -49,7 +49,7 @@ from tests.checking.stress import stress  # noqa: E402
 PYTHON = sys.executable
 QUICK_S = 45.0  # seconds of tests in the quick part
 STRESS_RUNS = 20
-WORKERS = 8  # of pytest: two cores, and tests that wait for half of their time
+WORKERS = 6  # of pytest: two cores, and tests that wait for half of their time
 
 
 def _node() -> str:
