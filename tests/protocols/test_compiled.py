@@ -139,7 +139,7 @@ def test_wrong_arguments_are_errors(native: ModuleType) -> None:
 
 
 def test_machine_code_of_another_source_is_not_used(package: Path, tmp_path: Path) -> None:
-    shutil.copytree(package / PACKAGE, tmp_path / PACKAGE)
+    shutil.copytree(package / PACKAGE, tmp_path / PACKAGE, ignore=shutil.ignore_patterns("__pycache__"))
     source = tmp_path / PACKAGE / "examples.py"
     source.write_text(source.read_text().replace("FACTOR = 3", "FACTOR = 4"))
     probe = (
