@@ -194,8 +194,7 @@ class ExportJobs:
             async with self._slot:
                 published.state = "running"
                 self._publish()
-                await self._columns.opened(published.recording)
-                files = await self._run(job, title)
+                files = await self._written(job, title)
                 job.file = await asyncio.to_thread(one_file, files, job.folder, f"{job.work.stem}-{published.format}")
                 published.state, published.progress, published.size = "done", 1.0, job.file.stat().st_size
                 published.file = job.file.name
@@ -220,6 +219,20 @@ class ExportJobs:
             if published.state == "failed":
                 shutil.rmtree(job.folder, ignore_errors=True)
             self._publish()
+
+    async def _written(self, job: _Job, title: str) -> list[Path]:
+        """Write the export; again if the server has compacted the recording since the first attempt began."""
+        recording = job.published.recording
+        await self._columns.opened(recording)
+        store = self._columns.store_of(recording)
+        try:
+            return await self._run(job, title)
+        except RecordingError:
+            if self._columns.store_of(recording) == store:
+                raise
+        await self._columns.opened(recording)
+        await asyncio.to_thread(shutil.rmtree, job.folder, ignore_errors=True)
+        return await self._run(job, title)
 
     async def _run(self, job: _Job, title: str) -> list[Path]:
         """Write the export in a subprocess."""
