@@ -78,7 +78,7 @@ def test_the_result_of_the_last_export_goes_after_a_day(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(ExportJobs, "_run", written)
     catalogue: Any = SimpleNamespace(info=lambda recording: SimpleNamespace(recording=False, title="drive"))
-    columns: Any = SimpleNamespace(opened=opened)
+    columns: Any = SimpleNamespace(opened=opened, store_of=lambda recording: tmp_path)
 
     async def main() -> None:
         jobs = ExportJobs(Telemetry.create(lambda: 0.0).bus, catalogue, columns, tmp_path)
