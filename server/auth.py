@@ -36,10 +36,8 @@ import re
 import secrets
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 from urllib.parse import parse_qs, quote, urlencode, urlsplit
-
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from imuscope.server.config import Config, is_loopback
 from imuscope.server.errors import DomainError, status_of
@@ -47,6 +45,9 @@ from imuscope.server.login_throttle import UNGUESSABLE, LoginThrottle
 from imuscope.server.previous_names import path_of
 from imuscope.server.route_rules import SAFE_METHODS, RouteRules
 from imuscope.server.security_headers import WEBHOOK_HEADER, with_defaults
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Receive, Scope, Send
 
 log = logging.getLogger("imuscope.auth")
 

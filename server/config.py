@@ -61,7 +61,16 @@ from imuscope.server.devices.decode_options import (
 )
 from imuscope.server.extension_settings import ExtensionSettings, extension_settings, shipped_owner
 from imuscope.server.logging_setup import LEVELS, STYLES
-from imuscope.server.setting_types import Form, allowed_by, empty_or, one_of, refusal_of, zero_or
+from imuscope.server.setting_types import (
+    Form,
+    allowed_by,
+    empty_or,
+    is_allowed,
+    is_of_type,
+    one_of,
+    refusal_of,
+    zero_or,
+)
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
@@ -329,8 +338,6 @@ def _chosen(default: T, settings: Mapping[str, Any]) -> T:
 
 def _typed(default: T, settings: Any, table: str = "") -> T:
     """`default` with these settings, each allowed and strictly of its type: neither text nor true is a number."""
-    from pydantic import TypeAdapter, ValidationError  # here, so that commands without a server start faster
-
     types, annotated = (get_type_hints(type(default), include_extras=extras) for extras in (False, True))
     changes = {}
     for name, value in settings.items():
@@ -340,15 +347,14 @@ def _typed(default: T, settings: Any, table: str = "") -> T:
             value = _typed(types[name](), value, f"{name}.")
         elif types[name] is Path and isinstance(value, str):
             value = Path(value)
-        try:
-            checked = _as_tuples(value)
-            changes[name] = TypeAdapter(annotated[name]).validate_python(checked, strict=True)
-        except ValidationError as error:
-            if error.errors()[0]["type"].startswith(("greater", "less", "predicate")):
-                shown = "" if name in SECRETS else f" {value!r}" if isinstance(value, str) else f" {value:g}"
-                raise ConfigError(f"{table}{name}{shown} {refusal_of(annotated[name])}.") from None
+        checked = _as_tuples(value)
+        if not is_of_type(checked, types[name]):
             shown = "…" if name in SECRETS else repr(value)  # as written
-            raise ConfigError(f"{table}{name} must be {_type_text(types[name])}, not {shown}.") from None
+            raise ConfigError(f"{table}{name} must be {_type_text(types[name])}, not {shown}.")
+        if not is_allowed(checked, annotated[name]):
+            shown = "" if name in SECRETS else f" {value!r}" if isinstance(value, str) else f" {value:g}"
+            raise ConfigError(f"{table}{name}{shown} {refusal_of(annotated[name])}.")
+        changes[name] = checked
     return replace(default, **changes)
 
 

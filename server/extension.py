@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import functools
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
@@ -25,6 +25,7 @@ from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
 from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.server.capabilities import AbsentExtension
 from imuscope.server.extension_settings import settings_problems
+from imuscope.server.parts import ServicePart, start
 
 if TYPE_CHECKING:
     from fastapi import APIRouter
@@ -117,6 +118,8 @@ class Extension:
         title: display name.
         parts: module with a function `parts(services)` that yields its long-lived objects (server/parts.py); "" if it
             has none.
+        page_parts: the same for objects that only requests use, which are made with the routes: a robot that nobody
+            looks at has neither.
         routes: modules with a `router`, in the order in which their routes are matched.
         places: paths of its routes outside /api and /ws, which need a token as these do: "/viser".
         read_only_posts: routes whose POST requests carry values and change nothing, so that a view token may send them:
@@ -134,6 +137,7 @@ class Extension:
     name: str
     title: str
     parts: str = ""
+    page_parts: str = ""
     routes: tuple[str, ...] = ()
     places: tuple[str, ...] = ()
     read_only_posts: tuple[str, ...] = ()
@@ -172,19 +176,35 @@ class Extension:
         """Findings for `imuscope doctor`."""
         return [*_named(self.diagnoses)(config)] if self.diagnoses else []
 
-    def install(self, services: Services) -> list[APIRouter]:
-        """Add its parts to a server; returns its routes.
+    def install(self, services: Services) -> None:
+        """Add its parts to a server.
 
         Raises:
             ValueError: a route of another package can be used without a token.
         """
-        rules = services.access.routes
-        rules.add(self.places, self.read_only_posts)
+        services.access.routes.add(self.places, self.read_only_posts)
+        if self.package:  # now, so that what is wrong with it is reported at the start
+            self.routers(services)
+        services.parts.add(self._made(self.parts, services))
+
+    def make_page_parts(self, services: Services) -> list[ServicePart]:
+        """Add its objects that only requests use to a server; returns them."""
+        return services.parts.add(self._made(self.page_parts, services))
+
+    @staticmethod
+    def _made(module: str, services: Services) -> Iterable[ServicePart]:
+        return import_module(module).parts(services) if module else ()
+
+    def routers(self, services: Services) -> list[APIRouter]:
+        """Its routes, which are imported for it.
+
+        Raises:
+            ValueError: a route of another package can be used without a token.
+        """
         routers = [import_module(name).router for name in self.routes]
         for route in (route for router in routers for route in router.routes if self.package):
-            if not rules.is_protected(route.path):
+            if not services.access.routes.is_protected(route.path):
                 raise ValueError(f"its route {route.path} needs no token; put it below /api, or name it in `places`")
-        services.parts.add(import_module(self.parts).parts(services) if self.parts else ())
         return routers
 
 
@@ -268,14 +288,26 @@ def load_extensions(
     return tuple(ordered.values()), wrong, absent
 
 
-def install_extensions(services: Services) -> list[APIRouter]:
-    """Add the parts of all extensions to a server that is not started; returns their routes."""
+def install_extensions(services: Services) -> None:
+    """Add the parts of all extensions to a server that is not started."""
     services.telemetry.clients.capabilities.absent = [
         AbsentExtension(one.name, one.title, installation_of(one.extra)) for one in absent_extensions()
     ]
+    for extension in extensions():
+        attempt(extension, functools.partial(extension.install, services))
+
+
+async def start_page_parts(services: Services) -> None:
+    """Make and start the objects that only requests use, of all extensions."""
+    for extension in extensions():
+        await start(attempt(extension, functools.partial(extension.make_page_parts, services)) or ())
+
+
+def extension_routers(services: Services) -> list[APIRouter]:
+    """The routes of all extensions of a server."""
     routers: list[APIRouter] = []
     for extension in extensions():
-        routers += attempt(extension, functools.partial(extension.install, services)) or ()
+        routers += attempt(extension, functools.partial(extension.routers, services)) or ()
     return routers
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.server.app import create_app
+from imuscope.server.application import Application
 from imuscope.server.auth import Access, Guard
 from imuscope.server.config import Config
 
@@ -19,9 +20,8 @@ def document() -> dict[str, Any]:
         config = Config(data=Path(folder))
         guarded = create_app(config, Access(config))
     assert isinstance(guarded, Guard)
-    application: Any = guarded.app
-    openapi: dict[str, Any] = application.openapi()
-    return openapi
+    assert isinstance(guarded.app, Application)
+    return guarded.app.framework().openapi()
 
 
 def write(files: Iterable[tuple[Path, str]], arguments: list[str], module: str) -> int:

@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import h11
 import uvicorn
-from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
@@ -36,6 +35,7 @@ from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
 
+from imuscope.recordings.freed_memory import share_one_heap
 from imuscope.server import shutdown as ending
 from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits, connections_of
@@ -46,6 +46,8 @@ from imuscope.server.heartbeat import next_beat
 from imuscope.server.wire import Problem
 
 if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
     from imuscope.server.tls import CertificateManager
 
 log = logging.getLogger("imuscope.serving")
@@ -410,6 +412,7 @@ def run(
     serving = server(app, on_ready, keeper)
     ending.ShutdownDeadline(end_signals())
     sys.setswitchinterval(SWITCH_S)
+    share_one_heap()
     raise_limit()
     gc.freeze()  # imported objects stay: exclude them from garbage collection while devices stream
     gc.enable()

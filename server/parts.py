@@ -7,12 +7,13 @@ import inspect
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TypeVar
-
-from starlette.types import ASGIApp
+from typing import TYPE_CHECKING, TypeVar
 
 from imuscope.server.errors import DomainError
 from imuscope.server.prometheus_text import PrometheusText
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp
 
 T = TypeVar("T")
 
@@ -33,7 +34,7 @@ class ServicePart:
         name: in words, for the log: "viser".
         service: the object, which routes of the extension find by its type.
         close: frees everything; the end of the server waits a second for it.
-        start: called once the sources are open.
+        start: called once the sources are open; of a part for requests, at the first of them.
         before_recorder: called before the recorder ends, by a part that starts and stops recordings.
         sends: it sends to devices, so that it is closed before them.
         metrics: adds its figures to the page for Prometheus.
@@ -58,8 +59,8 @@ class Parts:
     def __init__(self) -> None:
         self._all: list[ServicePart] = []
 
-    def add(self, parts: Iterable[ServicePart]) -> None:
-        """Add the parts of an extension, before the server is started.
+    def add(self, parts: Iterable[ServicePart]) -> list[ServicePart]:
+        """Add the parts of an extension; returns them.
 
         Raises:
             ValueError: a name is taken; none is added.
@@ -69,6 +70,7 @@ class Parts:
         if duplicates := [name for name, count in names.items() if count > 1]:
             raise ValueError(f"there is a part {duplicates[0]!r} already")
         self._all += new
+        return new
 
     def __iter__(self) -> Iterator[ServicePart]:
         return iter(self._all)
@@ -115,8 +117,13 @@ class Parts:
         await asyncio.gather(*(part.close() for part in self._all if part.sends))
 
     async def start(self) -> None:
-        """Start all parts, one after the other."""
-        for part in self._all:
-            started = part.start()
-            if inspect.isawaitable(started):
-                await started
+        """Start all parts."""
+        await start(self._all)
+
+
+async def start(parts: Iterable[ServicePart]) -> None:
+    """Start parts, one after the other."""
+    for part in parts:
+        started = part.start()
+        if inspect.isawaitable(started):
+            await started

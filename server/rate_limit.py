@@ -21,14 +21,16 @@ import math
 import re
 import time
 from collections.abc import AsyncIterator, Callable
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
-
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from imuscope.server.auth import refuse
 from imuscope.server.errors import DomainError
 from imuscope.server.limiters import TokenBuckets
 from imuscope.server.login_throttle import client_group
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Receive, Scope, Send
 
 PER_S = 200.0
 AT_ONCE = 1000.0

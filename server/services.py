@@ -42,7 +42,6 @@ from imuscope.server.links.simulated_device import default_sources
 from imuscope.server.metrics import Metrics
 from imuscope.server.page_files import Files
 from imuscope.server.parts import Parts
-from imuscope.server.reference.pages import ReferencePages
 from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.timings import ViewerTimings
@@ -73,7 +72,6 @@ class Services:
     exports: ExportJobs
     tiles: TileSource
     page_files: Files
-    reference: ReferencePages
     timings: ViewerTimings
     folder_lock: DataFolderLock
     workspaces: WorkspaceStore
@@ -176,7 +174,6 @@ def build_services(
         exports=ExportJobs(bus, catalogue, columns, config.data),
         tiles=TileSource(config.map),
         page_files=page_files,
-        reference=ReferencePages(),
         timings=timings,
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),

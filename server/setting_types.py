@@ -1,4 +1,4 @@
-"""Types of settings that say which values are allowed: standard annotations, which pydantic checks.
+"""Types of settings that say which values are allowed, in standard annotations.
 
     rollback_s: Annotated[float, Interval(ge=1, le=600), Unit("s")] = 20.0
     log_format: Annotated[str, one_of("text", "json")] = "text"
@@ -9,11 +9,11 @@ Errors and the table of the guide take their words from here.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
-from annotated_types import Interval, Predicate, Unit
+from annotated_types import Ge, GroupedMetadata, Gt, Interval, Le, Lt, Predicate, Unit
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,48 @@ def one_of(*names: str) -> Form:
 def empty_or(is_allowed: Callable[[str], object], words: str) -> Form:
     """Nothing, or a text of a certain form."""
     return Form(lambda text: not text or bool(is_allowed(text)), words)
+
+
+def is_of_type(value: object, kind: Any) -> bool:
+    """Whether a value is of the type of a setting, strictly: neither text nor true is a number."""
+    if kind in (int, float):
+        return isinstance(value, (int, kind)) and not isinstance(value, bool)
+    origin, args = get_origin(kind), get_args(kind)
+    if origin is tuple:
+        return isinstance(value, tuple) and all(is_of_type(one, args[0]) for one in value)
+    if origin is dict:
+        return isinstance(value, Mapping) and all(
+            is_of_type(name, args[0]) and is_of_type(one, args[1]) for name, one in value.items()
+        )
+    return isinstance(value, kind)
+
+
+def is_allowed(value: Any, annotated: Any) -> bool:
+    """Whether a value of its type is one that the annotations of the setting allow."""
+    return all(_holds(value, one) for one in _constraints(get_args(annotated)[1:]))
+
+
+def _constraints(annotations: Iterable[object]) -> Iterator[object]:
+    for one in annotations:
+        if isinstance(one, GroupedMetadata):
+            yield from _constraints(one)
+        else:
+            yield one
+
+
+def _holds(value: Any, constraint: object) -> bool:
+    match constraint:
+        case Gt():
+            return bool(value > constraint.gt)
+        case Ge():
+            return bool(value >= constraint.ge)
+        case Lt():
+            return bool(value < constraint.lt)
+        case Le():
+            return bool(value <= constraint.le)
+        case Predicate():
+            return bool(constraint.func(value))
+    return True
 
 
 def refusal_of(annotated: Any) -> str:

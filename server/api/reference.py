@@ -35,7 +35,7 @@ def get_page(request: Request, services: TheServices, name: str = "") -> Respons
     around = template.data.decode() if template else PLAIN
     title = PAGES[name].title if name else "Reference"
     text = around.replace("<title>Reference", f"<title>{title}")
-    text = text.replace(PLACE, services.reference.html(name, request.app.openapi))
+    text = text.replace(PLACE, request.app.state.reference.html(name, request.app.openapi))
     body = _ON_SERVER.sub(r'\1="../' if name else r'\1="./', text).encode()
     headers = {**HEADERS, "cache-control": "no-cache", "etag": f'"{hashlib.sha256(body).hexdigest()[:24]}"'}
     if headers["etag"] in request.headers.get("if-none-match", ""):

@@ -11,8 +11,8 @@ from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.lazy_routes import lazy_router
+from imuscope.server.api.status_pages import health, metrics_page
 from imuscope.server.auth import Role
-from imuscope.server.metrics import Sources
 from imuscope.server.prometheus_text import CONTENT_TYPE
 from imuscope.server.version import VERSION
 from imuscope.server.wire import SUBPROTOCOL
@@ -64,9 +64,7 @@ async def get_build(request: Request, services: TheServices) -> Build:
 @router.get("/healthz")
 async def get_health(services: TheServices) -> HealthStatus:
     """Health check. Needs no token; contains no device data but the number of devices."""
-    return HealthStatus(
-        devices=len(services.telemetry.bus.devices.latest), browsers=services.telemetry.clients.browsers
-    )
+    return HealthStatus(**health(services))
 
 
 @router.get("/metrics", response_class=Response, responses=FIGURES)
@@ -74,14 +72,4 @@ async def get_metrics(services: TheServices) -> Response:
     """Metrics in the text format of Prometheus (server/metrics.py). They contain device data, so requests from other
     machines need a bearer token; a view token is sufficient.
     """
-    telemetry = services.telemetry
-    sources = Sources(
-        telemetry.bus,
-        telemetry.clients.statistics,
-        services.sessions.all,
-        services.recorder.state,
-        services.exports.jobs,
-        services.config.data,
-        services.parts.metrics,
-    )
-    return Response(services.metrics.text(sources), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})
+    return Response(metrics_page(services), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})

@@ -26,6 +26,7 @@ from websockets.typing import Subprotocol
 from imuscope.server.auth import refuse
 from imuscope.server.errors import DomainError
 from imuscope.server.integrations.shared_secret import SecretEndpoint
+from imuscope.server.integrations.viewer_process import ViewError
 from imuscope.server.tasks import end_tasks
 
 OPEN_S = 10.0
@@ -56,13 +57,6 @@ class Page:
     kind: str  # content type
     encoding: str  # content encoding, "" for none
     body: bytes
-
-
-class ViewError(DomainError):
-    """A viewer that is not running."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__("no-view", message, hint)
 
 
 async def fetch(endpoint: SecretEndpoint, path: str, *, most: int, gzip: bool) -> Page:

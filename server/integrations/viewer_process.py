@@ -33,6 +33,7 @@ from typing import Any
 
 from imuscope.server import wire
 from imuscope.server.backoff import Backoff
+from imuscope.server.errors import DomainError
 from imuscope.server.heartbeat import UNWATCHED_S
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.send_queue import SendQueue
@@ -47,6 +48,13 @@ STOP_S = 0.8  # from the end of its input until it is killed; it has no data tha
 LAST_LINES = 6  # lines of its standard error that are reported after a crash
 
 log = logging.getLogger("imuscope.views")
+
+
+class ViewError(DomainError):
+    """A viewer that is not running."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__("no-view", message, hint)
 
 
 class ViewerProcess:

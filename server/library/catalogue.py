@@ -20,8 +20,6 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any
 
-from starlette.concurrency import run_in_threadpool
-
 from imuscope.recordings.library import Library, LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import MarkerInfo
@@ -174,12 +172,11 @@ class Catalogue:
 
     def start(self) -> None:
         """Start watching the folder."""
-        self._cache(self._warm(), "warming the library")
         self._watcher = asyncio.get_running_loop().create_task(self._watch(), name="library")
 
-    async def _warm(self) -> None:
-        """Prepare what the first view of the library needs: 0.1 s of imports, and of reading sources."""
-        await run_in_threadpool(self._columns.warm)  # also starts the thread pool used by routes
+    def prepare(self) -> None:
+        """Prepare in the background what the first view of the library needs: 0.1 s of a processor."""
+        self._cache(asyncio.to_thread(self._columns.warm), "preparing the library")
 
     async def close(self) -> None:
         """Stop watching the folder."""

@@ -55,7 +55,7 @@ class InProcessServer:
             brought=brought,
             has_devices=has_devices,
         )
-        self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
+        self.services: Services = self._app.app.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)
         port = self._listener.getsockname()[1]
         self.url = f"http://127.0.0.1:{port}"

@@ -80,8 +80,10 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Guard:
 def routes(guarded: Guard) -> list[Any]:
     """Every route of the application, including undocumented ones."""
     application: Any = guarded.app
-    found = list(_leaves(application.routes))
-    documented = {(path, method.upper()) for path, ways in application.openapi()["paths"].items() for method in ways}
+    found = list(_leaves(application.framework().routes))
+    documented = {
+        (path, method.upper()) for path, ways in application.framework().openapi()["paths"].items() for method in ways
+    }
     assert documented <= {(route.path, method) for route in found for method in getattr(route, "methods", None) or ()}
     return found
 

@@ -6,6 +6,7 @@
     machine.py       codes ─> ok, pending, raised, cleared, missing; pure
     recording_trigger.py   raised alarms ─> recordings that begin before the limit was crossed
     webhooks.py      changes of alarms ─> POST to an address, in the background
+    stored.py        without a stored alarm, the service is made for the first request
     service.py       samples of the bus ─> machines ─> events; acknowledgement
     alarm_file.py    definitions and states in the data folder
 
@@ -19,7 +20,8 @@ from imuscope.server.extension import Extension
 EXTENSION = Extension(
     "alarms",
     "Alarms",
-    parts="imuscope.server.extensions.alarms.service",
+    parts="imuscope.server.extensions.alarms.stored",
+    page_parts="imuscope.server.extensions.alarms.service",
     routes=("imuscope.server.extensions.alarms.routes",),
     read_only_posts=("/api/alarms/check", "/api/alarms/preview"),
     jobs=("imuscope.server.extensions.alarms.preview",),

@@ -23,7 +23,7 @@ from imuscope.server.extensions.alarms.conditions import Rows, checked
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from imuscope.server.extensions.alarms.instance import AlarmInstance, AlarmState, compiled
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
-from imuscope.server.extensions.alarms.settings import AlarmSettings
+from imuscope.server.extensions.alarms.settings import FILE, AlarmSettings
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url, shown_url
 from imuscope.server.extensions.analysis.channel_rates import ChannelRates, have_changed
 from imuscope.server.extensions.analysis.live_expression import RateUnknownError
@@ -37,7 +37,6 @@ from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.alarms")
 
-FILE = "alarms.json"
 TURN_S = 0.1
 SAVE_EVERY = 10  # turns
 RATES_EVERY = 5  # turns
@@ -442,10 +441,16 @@ class AlarmService:
 
 def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
+    if services.parts.find(AlarmService) is None:  # no alarm was stored at the start
+        yield alarm_part(services)
+
+
+def alarm_part(services: Services) -> ServicePart:
+    """The alarms of a server."""
     telemetry, config = services.telemetry, services.config
     hosts = config.of(AlarmSettings).webhook_hosts
     alarms = AlarmService(telemetry.bus, telemetry.store, config.data, services.recorder, hosts)
-    yield ServicePart(
+    return ServicePart(
         "the alarms",
         alarms,
         alarms.close,

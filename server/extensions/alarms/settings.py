@@ -7,6 +7,8 @@ from typing import ClassVar
 
 from imuscope.server.extension_settings import ExtensionSettings
 
+FILE = "alarms.json"  # in the data folder
+
 
 @dataclass(frozen=True, slots=True)
 class AlarmSettings(ExtensionSettings):

@@ -8,7 +8,8 @@ from imuscope.server.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "analysis",
     "Analysis",
-    parts="imuscope.server.extensions.analysis.service",
+    parts="imuscope.server.extensions.analysis.derived_channels",
+    page_parts="imuscope.server.extensions.analysis.service",
     routes=(
         "imuscope.server.extensions.analysis.routes",
         "imuscope.server.extensions.analysis.comparison_routes",

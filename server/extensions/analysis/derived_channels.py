@@ -10,9 +10,9 @@ others of their device, but never themselves: what a signal publishes reaches th
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,14 @@ from imuscope.server.extensions.analysis.live_streams import Piece
 from imuscope.server.extensions.analysis.quantities import Quantity
 from imuscope.server.extensions.analysis.signal_order import cycle_of, used_by
 from imuscope.server.library.signal_definitions import SignalDefinition, SignalDefinitions
+from imuscope.server.parts import ServicePart
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
+
+if TYPE_CHECKING:
+    from imuscope.server.services import Services
 
 log = logging.getLogger("imuscope.signals")
 
@@ -292,3 +296,10 @@ def channel_of(device: str, definition: SignalDefinition, value: Quantity) -> Ch
         doc=f"Computed: {definition.expression}",
         group="Computed",
     )
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    definitions, telemetry = services.recorder.signals, services.telemetry
+    assert definitions is not None  # that of a server has them
+    yield ServicePart("computed signals", DerivedChannels(telemetry.bus, telemetry.store, definitions))

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 from imuscope.recordings.resource_limits import memory_of_one
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.derived_channels import DerivedChannels
 from imuscope.server.extensions.analysis.fork_server import ForkServer, JobLostError
 from imuscope.server.extensions.analysis.jobs import AnalysisJob, Content
 from imuscope.server.extensions.analysis.limits import LESS, AnalysisLimits
@@ -135,6 +134,3 @@ def parts(services: Services) -> Iterator[ServicePart]:
     limits = AnalysisLimits(settings.analysis_mb, settings.analysis_s)
     analyses = AnalysisService(limits, lambda: telemetry.clients.browsers > 0)
     yield ServicePart("an analysis", analyses, analyses.close, viewed=analyses.viewed)
-    definitions = services.recorder.signals
-    assert definitions is not None  # that of a server has them
-    yield ServicePart("computed signals", DerivedChannels(telemetry.bus, telemetry.store, definitions))

@@ -5,7 +5,7 @@ from imuscope.server.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "calibration",
     "Calibration",
-    parts="imuscope.server.extensions.calibration.session",
+    page_parts="imuscope.server.extensions.calibration.session",
     routes=("imuscope.server.extensions.calibration.routes",),
     read_only_posts=("/api/calibration/{kind}",),
     commands=(

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import msgspec
-from starlette.types import ASGIApp, Message
 
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
@@ -52,6 +51,7 @@ from imuscope.server.tasks import end_tasks
 
 if TYPE_CHECKING:
     import zenoh
+    from starlette.types import ASGIApp, Message
 
 log = logging.getLogger("imuscope.fleet")
 

@@ -1,16 +1,13 @@
-"""Long-lived objects of the fleet: a robot in its fleet, its uploads, questions, and the fleet server."""
+"""Long-lived objects of the fleet: a robot in its fleet, its uploads, questions, and the fleet server.
+
+Those of a robot and of a fleet server are imported where they are configured: most servers are neither.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from imuscope.server.extensions.alarms.service import AlarmService
-from imuscope.server.extensions.fleet.active_alarms import active_alarms
-from imuscope.server.extensions.fleet.fleet_server import FleetServer
-from imuscope.server.extensions.fleet.known_settings import KnownSettings
-from imuscope.server.extensions.fleet.publisher import FleetPublisher
 from imuscope.server.extensions.fleet.query_service import QueryService
-from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.uploads import UploadService
 from imuscope.server.parts import ServicePart
@@ -31,11 +28,37 @@ def parts(services: Services) -> Iterator[ServicePart]:
 
     yield ServicePart("an upload", uploads, uploads.close, start_uploads, metrics=uploads.add_metrics)
     yield ServicePart("questions", QueryService(config.of(FleetTables).store))
-    alarms = services.parts.get(AlarmService)
+    if config.of(FleetTables).fleet.router:
+        yield _publisher(services)
+    if services.brought:
+        yield from _fleet_server(services.brought)
+
+
+def _publisher(services: Services) -> ServicePart:
+    """A robot in its fleet."""
+    from imuscope.server.extensions.alarms.service import AlarmService
+    from imuscope.server.extensions.fleet.active_alarms import active_alarms
+    from imuscope.server.extensions.fleet.known_settings import KnownSettings
+    from imuscope.server.extensions.fleet.publisher import FleetPublisher
+    from imuscope.server.extensions.fleet.reports import ReportedAlarm
+
+    config = services.config
+
+    def alarms() -> list[ReportedAlarm]:
+        service = services.parts.find(AlarmService)  # without a stored alarm, it is made when someone looks
+        return [] if service is None else active_alarms(service)
+
     known = KnownSettings(config.data / "fleet", services.controllers.get)
-    publisher = FleetPublisher(services.telemetry, config, services.access.routes, lambda: active_alarms(alarms), known)
-    yield ServicePart("the fleet", publisher, publisher.close, publisher.start, serves=publisher.pages.serve)
-    for one in services.brought:
+    publisher = FleetPublisher(services.telemetry, config, services.access.routes, alarms, known)
+    return ServicePart("the fleet", publisher, publisher.close, publisher.start, serves=publisher.pages.serve)
+
+
+def _fleet_server(brought: tuple[object, ...]) -> Iterator[ServicePart]:
+    """A fleet server, which its command has made."""
+    from imuscope.server.extensions.fleet.fleet_server import FleetServer
+    from imuscope.server.extensions.fleet.robots import Robots
+
+    for one in brought:
         if isinstance(one, FleetServer):
             yield ServicePart("the fleet server", one, one.close, one.start, metrics=one.add_metrics)
             yield ServicePart("robots", one.robots)

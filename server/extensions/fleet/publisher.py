@@ -14,8 +14,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import os
-import platform
 import shutil
 import threading
 import time
@@ -23,25 +21,18 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from imuscope.server import wire
-from imuscope.server.config import Config, ConfigError
-from imuscope.server.devices.decode_options import secret_text
+from imuscope.server.config import Config
 from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.bus import (
-    BusCredentials,
-    FleetBusError,
-    client_settings,
-    is_loopback_address,
-    open_bus,
-)
+from imuscope.server.extensions.fleet.bus import FleetBusError, client_settings, open_bus
 from imuscope.server.extensions.fleet.device_figures import DeviceFigures, clipped
-from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
 from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.extensions.fleet.journal import ANSWER_BYTES, FOLDER, Journal
 from imuscope.server.extensions.fleet.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
+from imuscope.server.extensions.fleet.robot_settings import allowed_pages, credentials_of, robot_name
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.status_summary import summary_of
-from imuscope.server.extensions.fleet.summaries import PagesAllowed, RobotSummary, with_hysteresis
+from imuscope.server.extensions.fleet.summaries import RobotSummary, with_hysteresis
 from imuscope.server.limiters import TokenBucket
 from imuscope.server.route_rules import RouteRules
 from imuscope.server.streaming.telemetry import Telemetry
@@ -64,10 +55,6 @@ KINDS = ("link", "device", "alarm", "marker", "command", "clock")
 """Events that are reported; gaps and rejects are in the figures."""
 
 
-class FleetSettingsError(ConfigError):
-    """Settings of a robot that cannot join a fleet."""
-
-
 def report_budget(rate: float, now: float) -> TokenBucket:
     """Bytes that may be sent.
 
@@ -76,55 +63,6 @@ def report_budget(rate: float, now: float) -> TokenBucket:
         now: monotonic, s.
     """
     return TokenBucket(rate, rate * BURST_S if rate else float("inf"), now)
-
-
-def robot_name(settings: FleetSettings) -> str:
-    """Name of this robot.
-
-    Raises:
-        FleetSettingsError: it is not valid.
-    """
-    name = settings.name or platform.node().partition(".")[0]
-    if not keys.is_robot_name(name):
-        raise FleetSettingsError(
-            f"{name!r:.120} is not a valid name of a robot. "
-            f"Give --fleet-name, or name in [fleet], with {keys.NAME_RULE}."
-        )
-    return name
-
-
-def credentials_of(settings: FleetSettings) -> BusCredentials:
-    """Credentials that the robot shows to the router.
-
-    Raises:
-        FleetSettingsError: user without password, or a file is missing.
-        DecodeOptionError: the file of the password cannot be read.
-    """
-    if bool(settings.user) != bool(settings.password):
-        raise FleetSettingsError("fleet.user and fleet.password belong together: give both, or none.")
-    if bool(settings.certificate) != bool(settings.key):
-        raise FleetSettingsError("fleet.certificate and fleet.key belong together: give both, or none.")
-    for name in ("ca", "certificate", "key"):
-        path = getattr(settings, name)
-        if path and not os.access(path, os.R_OK):
-            raise FleetSettingsError(f"fleet.{name} {path!r} cannot be read.")
-    password = secret_text(settings.password, "fleet.password") if settings.password else ""
-    return BusCredentials(settings.user, password, settings.ca, settings.certificate, settings.key)
-
-
-def allowed_pages(settings: FleetSettings) -> PagesAllowed:
-    """Rights of the fleet server at the pages of this robot.
-
-    Raises:
-        FleetSettingsError: it may command over a line that others can write to.
-    """
-    router = settings.router
-    if settings.pages == "control" and not (router.startswith("tls/") or is_loopback_address(router)):
-        raise FleetSettingsError(
-            f'fleet.pages = "control" lets the fleet server command this robot, but {router} is reached without TLS, '
-            'where others on the network could pose as it: use a router at tls/HOST:PORT, or pages = "view".'
-        )
-    return "control" if settings.pages == "control" else "view" if settings.pages == "view" else "off"
 
 
 class FleetPublisher:
@@ -154,9 +92,7 @@ class FleetPublisher:
         self._known_settings = settings
         self._figures = DeviceFigures(telemetry.bus, telemetry.store)
         self.journal = Journal(folder=config.data / FOLDER)
-        self.name, self._credentials = "", BusCredentials()
-        if self.is_enabled:
-            self.name, self._credentials = robot_name(self._settings), credentials_of(self._settings)
+        self.name, self._credentials = robot_name(self._settings), credentials_of(self._settings)
         rate = self._settings.limit_kb_s * 1000
         self._budget = report_budget(rate, time.monotonic())
         self._reserved = rate * BURST_S * RESERVED
@@ -175,14 +111,8 @@ class FleetPublisher:
         self._ticks = 0
         self._measure_at = 0.0
 
-    @property
-    def is_enabled(self) -> bool:
-        return bool(self._settings.router)
-
     def start(self) -> None:
-        """Join in the background, if configured."""
-        if not self.is_enabled:
-            return
+        """Join in the background."""
         self._unsubscribe = self._bus.events.subscribe(self._on_event)
         self.journal.start()
         loop = asyncio.get_running_loop()

@@ -27,7 +27,7 @@ from imuscope.recordings.library import LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
-from imuscope.server.extensions.fleet.publisher import robot_name
+from imuscope.server.extensions.fleet.robot_settings import robot_name
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.upload_cleanup import edits_of, next_to_go
 from imuscope.server.extensions.fleet.upload_log import UploadLog, UploadOutcome

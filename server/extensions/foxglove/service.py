@@ -21,9 +21,8 @@ from typing import Any
 from imuscope.server.auth import Access
 from imuscope.server.backoff import Backoff
 from imuscope.server.extensions.foxglove.settings import FoxgloveSettings
-from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
-from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
+from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess, ViewError
 from imuscope.server.parts import ServicePart
 from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry

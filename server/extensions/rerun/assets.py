@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from imuscope.recordings.atomic_write import write_atomic
-from imuscope.server.integrations.proxy import ViewError
+from imuscope.server.integrations.viewer_process import ViewError
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
 LEVEL = 6  # of compression: 9 takes three times as long for 1 % less

@@ -25,8 +25,7 @@ from typing import Any
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.remote import RemoteRerun
 from imuscope.server.extensions.rerun.settings import RerunSettings
-from imuscope.server.integrations.proxy import ViewError
-from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.integrations.viewer_process import ViewerProcess, ViewError
 from imuscope.server.parts import ServicePart
 from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry

@@ -14,9 +14,7 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any
-
-from pydantic import Field
+from typing import Any
 
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.transactions import Values
@@ -47,12 +45,12 @@ class SettingsChange:
     """Changes of a client to the settings of the device."""
 
     client: str
-    time: Annotated[float, Field(description="unix s")]
+    time: float = field(metadata={"description": "unix s"})
     rows: tuple[ChangedValue, ...]
-    unread: Annotated[
-        tuple[str, ...], Field(description="titles of settings that it may have changed, and were not read since")
-    ]
-    snapshot: Annotated[str, Field(description="name of the snapshot after it; empty if there is none")]
+    unread: tuple[str, ...] = field(
+        metadata={"description": "titles of settings that it may have changed, and were not read since"}
+    )
+    snapshot: str = field(metadata={"description": "name of the snapshot after it; empty if there is none"})
 
 
 @dataclass(slots=True)

@@ -7,7 +7,7 @@ EXTENSION = Extension(
     "3D scene (viser)",
     modules=("viser", "msgspec"),
     extra="viewers",
-    parts="imuscope.server.extensions.viser.service",
+    page_parts="imuscope.server.extensions.viser.service",
     routes=("imuscope.server.extensions.viser.routes",),
     places=("/viser",),
 )

@@ -27,9 +27,8 @@ from typing import Any
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.viser.playout_buffer import MESSAGES_PER_S
 from imuscope.server.extensions.viser.replay_sync import ReplayFollower
-from imuscope.server.integrations.proxy import ViewError
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
-from imuscope.server.integrations.viewer_process import ViewerProcess
+from imuscope.server.integrations.viewer_process import ViewerProcess, ViewError
 from imuscope.server.parts import ServicePart
 from imuscope.server.services import Services
 from imuscope.server.streaming.telemetry import Telemetry

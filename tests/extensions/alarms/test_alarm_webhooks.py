@@ -13,8 +13,8 @@ from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.alarm_file import AlarmFile
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
-from imuscope.server.extensions.alarms.service import FILE, AlarmService
-from imuscope.server.extensions.alarms.settings import AlarmSettings
+from imuscope.server.extensions.alarms.service import AlarmService
+from imuscope.server.extensions.alarms.settings import FILE, AlarmSettings
 from imuscope.server.extensions.alarms.webhooks import (
     MAX_QUEUE,
     UndeliveredError,

@@ -27,7 +27,7 @@ from websockets.exceptions import ConnectionClosed
 from imuscope.server import wire
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.extensions.rerun.service import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
-from imuscope.server.integrations.proxy import ViewError
+from imuscope.server.integrations.viewer_process import ViewError
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire_codec import SampleFrame

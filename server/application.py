@@ -1,0 +1,89 @@
+"""The application: services from the start, routes at the first request.
+
+A robot that nobody looks at needs no routes: they, their framework and their models take a tenth of the memory of a
+server. They are imported in a thread while the first request waits; devices are decoded and recorded as before. What
+programs that watch over a server ask for is answered without them.
+
+    PreviousPaths ─> Heads ─> RateLimiter ─> /healthz, /metrics, or the routes (server/api/framework.py)
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import traceback
+from typing import TYPE_CHECKING
+
+from imuscope.server.api.status_pages import health, metrics_page
+from imuscope.server.extension import start_page_parts
+from imuscope.server.previous_names import PreviousPaths
+from imuscope.server.prometheus_text import CONTENT_TYPE
+from imuscope.server.rate_limit import RateLimiter
+from imuscope.server.security_headers import Heads
+from imuscope.server.services import Services
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from starlette.types import ASGIApp, Receive, Scope, Send
+
+
+class Application:
+    """ASGI application of a server, without its guard."""
+
+    def __init__(self, services: Services) -> None:
+        self.services = services
+        self._bounded = PreviousPaths(Heads(RateLimiter(self._answer)))
+        self._routes: asyncio.Future[FastAPI] | None = None
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        answer: ASGIApp = self._live if scope["type"] == "lifespan" else self._bounded
+        await answer(scope, receive, send)
+
+    def framework(self) -> FastAPI:
+        """All routes; imports what they need, which takes a while."""
+        from imuscope.server.api.framework import build_framework
+
+        return build_framework(self.services)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if self._routes is None and scope["type"] == "http" and scope["method"] == "GET":
+            if scope["path"] == "/healthz":
+                await send_text(send, "application/json", json.dumps(health(self.services), separators=(",", ":")))
+                return
+            if scope["path"] == "/metrics":
+                await send_text(send, CONTENT_TYPE, metrics_page(self.services))
+                return
+        if self._routes is None:
+            self._routes = asyncio.ensure_future(self._open())
+        routes = await asyncio.shield(self._routes)  # other requests wait for it, too
+        await routes(scope, receive, send)
+
+    async def _open(self) -> FastAPI:
+        framework = await asyncio.to_thread(self.framework)
+        await start_page_parts(self.services)
+        self.services.catalogue.prepare()
+        return framework
+
+    async def _live(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Run the services from the start of the server to its end."""
+        phase = "startup"
+        await receive()
+        try:
+            async with self.services.running():
+                self.services.parts.serve(self)
+                await send({"type": "lifespan.startup.complete"})
+                await receive()
+                phase = "shutdown"
+        except BaseException:
+            await send({"type": f"lifespan.{phase}.failed", "message": traceback.format_exc()})
+            raise
+        await send({"type": "lifespan.shutdown.complete"})
+
+
+async def send_text(send: Send, kind: str, text: str) -> None:
+    """Answer with a text of a media type, which is not to be stored."""
+    body = text.encode()
+    head = {"content-type": kind, "content-length": str(len(body)), "cache-control": "no-store"}
+    headers = [(name.encode(), value.encode()) for name, value in head.items()]
+    await send({"type": "http.response.start", "status": 200, "headers": headers})
+    await send({"type": "http.response.body", "body": body})

@@ -1,0 +1,17 @@
+"""Alarms of a server that starts: those that are stored. Without any, the first request makes their service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from imuscope.server.extensions.alarms.settings import FILE
+from imuscope.server.parts import ServicePart
+from imuscope.server.services import Services
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    if (services.config.data / FILE).exists():
+        from imuscope.server.extensions.alarms.service import alarm_part
+
+        yield alarm_part(services)
