@@ -29,6 +29,6 @@ def share_one_heap() -> None:
 
 
 def _set(name: int, value: int) -> None:
-    """Where the C library has no such setting: nothing."""
+    """Set it, where the C library has such a setting."""
     with contextlib.suppress(AttributeError, OSError):
         ctypes.CDLL(None).mallopt(name, value)

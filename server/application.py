@@ -1,8 +1,8 @@
 """The application: services from the start, routes at the first request.
 
-A robot that nobody looks at needs no routes: they, their framework and their models take a tenth of the memory of a
-server. They are imported in a thread while the first request waits; devices are decoded and recorded as before. What
-programs that watch over a server ask for is answered without them.
+A robot without viewers needs no routes: they, their framework and their models take a quarter of the memory of a
+server. They are imported in a thread while the first request waits; devices are decoded and recorded as before. Pages
+for programs that watch over a server (server/api/status_pages.py) are answered without them.
 
     PreviousPaths ─> Heads ─> RateLimiter ─> /healthz, /metrics, or the routes (server/api/framework.py)
 """
@@ -33,7 +33,8 @@ class Application:
     def __init__(self, services: Services) -> None:
         self.services = services
         self._bounded = PreviousPaths(Heads(RateLimiter(self._answer)))
-        self._routes: asyncio.Future[FastAPI] | None = None
+        self._routes: FastAPI | None = None
+        self._opening: asyncio.Future[FastAPI] | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         answer: ASGIApp = self._live if scope["type"] == "lifespan" else self._bounded
@@ -54,9 +55,10 @@ class Application:
                 await send_text(send, CONTENT_TYPE, metrics_page(self.services))
                 return
         if self._routes is None:
-            self._routes = asyncio.ensure_future(self._open())
-        routes = await asyncio.shield(self._routes)  # other requests wait for it, too
-        await routes(scope, receive, send)
+            if self._opening is None:
+                self._opening = asyncio.ensure_future(self._open())
+            self._routes = await asyncio.shield(self._opening)  # other requests wait for it, too
+        await self._routes(scope, receive, send)
 
     async def _open(self) -> FastAPI:
         framework = await asyncio.to_thread(self.framework)

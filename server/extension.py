@@ -118,8 +118,7 @@ class Extension:
         title: display name.
         parts: module with a function `parts(services)` that yields its long-lived objects (server/parts.py); "" if it
             has none.
-        page_parts: the same for objects that only requests use, which are made with the routes: a robot that nobody
-            looks at has neither.
+        page_parts: the same for objects that only requests use; they are made with the routes, at the first request.
         routes: modules with a `router`, in the order in which their routes are matched.
         places: paths of its routes outside /api and /ws, which need a token as these do: "/viser".
         read_only_posts: routes whose POST requests carry values and change nothing, so that a view token may send them:
@@ -183,7 +182,7 @@ class Extension:
             ValueError: a route of another package can be used without a token.
         """
         services.access.routes.add(self.places, self.read_only_posts)
-        if self.package:  # now, so that what is wrong with it is reported at the start
+        if self.package:  # now, so that its problems are reported at the start
             self.routers(services)
         services.parts.add(self._made(self.parts, services))
 

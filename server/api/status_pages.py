@@ -1,4 +1,4 @@
-"""What programs that watch over a server ask for: a health check, and metrics for Prometheus."""
+"""Pages for programs that watch over a server: a health check, and metrics for Prometheus."""
 
 from __future__ import annotations
 

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated, Any
 
 import pytest
+from annotated_types import Ge, Interval, Lt
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
 
 from imuscope.server.config import Config, ConfigError, is_loopback, load
+from imuscope.server.setting_types import is_allowed, is_of_type, one_of, zero_or
 from tests.each_row import each_row
 
 
@@ -84,3 +90,39 @@ def test_loopback(host: str) -> None:
 @each_row("host", ["0.0.0.0", "::", "", "192.0.2.1", "robot.local", "localhost.example"])
 def test_not_loopback(host: str) -> None:
     assert not is_loopback(host)
+
+
+SETTINGS: dict[Any, Any] = {
+    int: Annotated[int, Interval(ge=0, le=9)],
+    float: Annotated[float, zero_or(0.5, 9, "s")],
+    str: Annotated[str, one_of("a", "b")],
+    bool: bool,
+    tuple[str, ...]: tuple[str, ...],
+    dict[str, str]: dict[str, str],
+    dict[str, tuple[str, ...]]: Annotated[dict[str, tuple[str, ...]], "no constraint"],
+}
+VALUES = st.one_of(
+    st.booleans(),
+    st.integers(-2, 12),
+    st.floats(-1, 12),
+    st.sampled_from(["a", "b", "", None, float("nan"), float("inf"), (), ("a",), (1,)]),
+    st.dictionaries(st.sampled_from(["a", "b"]), st.one_of(st.just("a"), st.just(1), st.just(("a",)), st.just((1,)))),
+)
+
+
+@given(st.sampled_from(sorted(SETTINGS, key=str)), VALUES)
+def test_values_are_judged_as_pydantic_does(kind: Any, value: object) -> None:
+    annotated = SETTINGS[kind]
+    try:
+        TypeAdapter(annotated).validate_python(value, strict=True)
+    except ValidationError:
+        assert not (is_of_type(value, kind) and is_allowed(value, annotated))
+    else:
+        assert is_of_type(value, kind)
+        assert is_allowed(value, annotated)
+
+
+def test_constraints_of_plug_ins_are_checked() -> None:
+    assert is_allowed(3, Annotated[int, Ge(3), Lt(4)])
+    assert not is_allowed(4, Annotated[int, Ge(3), Lt(4)])
+    assert not is_allowed(2, Annotated[int, Ge(3), Lt(4)])

@@ -196,7 +196,6 @@ def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     imported = modules | {name.partition(".")[0] for name in modules}
     assert "numpy" in imported, done.stderr
     heavy = {"viser", "foxglove", "rerun", "rerun_bindings", "pyarrow", "trimesh", "scipy", "pandas", "PIL"}
-    heavy |= {"fastapi", "starlette", "pydantic"}  # the routes, for which a robot that nobody looks at has no use
     heavy |= {"rosbags", "zenoh", "xxhash"}  # ROS 2, and the bus of a fleet
     heavy |= {"numpy.ma", "numpy.random", "imuscope.recordings.readers.formats.flight_log"}
     heavy |= {"imuscope.server.extensions.analysis.methods.allan"}
