@@ -35,7 +35,6 @@ from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
 
-from imuscope.recordings.freed_memory import share_one_heap
 from imuscope.server import shutdown as ending
 from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits, connections_of
@@ -412,7 +411,6 @@ def run(
     serving = server(app, on_ready, keeper)
     ending.ShutdownDeadline(end_signals())
     sys.setswitchinterval(SWITCH_S)
-    share_one_heap()
     raise_limit()
     gc.freeze()  # imported objects stay: exclude them from garbage collection while devices stream
     gc.enable()

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from imuscope.recordings.freed_memory import share_one_heap
 from imuscope.recordings.resource_limits import history_room
 from imuscope.server import logging_setup
 from imuscope.server.commands.common import (
@@ -57,6 +58,7 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
         ConfigError, DecodeOptionError: invalid options.
     """
     started = time.monotonic()
+    share_one_heap()
     from imuscope.server import http_server
     from imuscope.server.auth import Access
 
