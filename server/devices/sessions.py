@@ -19,7 +19,7 @@ from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sequence_store import EVERY_S, SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
-from imuscope.server.heartbeat import UNWATCHED_S, beat
+from imuscope.server.heartbeat import UNWATCHED_S, beat, next_beat
 from imuscope.server.links.base import Link, LinkError, LinkSettings
 from imuscope.server.links.replay import split_devices
 from imuscope.server.links.source_url import SourceUrl
@@ -218,7 +218,7 @@ class Sessions:
             else:
                 self._has_sessions.clear()
                 with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(IDLE_TICK_S):
+                    async with asyncio.timeout_at(next_beat(asyncio.get_running_loop().time(), IDLE_TICK_S)):
                         await self._has_sessions.wait()
             self.tick()
 

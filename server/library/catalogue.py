@@ -23,6 +23,7 @@ from typing import Any
 from imuscope.recordings.library import Library, LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import MarkerInfo
+from imuscope.server.heartbeat import beat
 from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.streaming.bus import TelemetryBus
@@ -185,7 +186,7 @@ class Catalogue:
 
     async def _watch(self) -> None:
         while True:
-            await asyncio.sleep(CHECK_INTERVAL_S)
+            await beat(CHECK_INTERVAL_S)
             if not self._clients.browsers:
                 continue
             try:

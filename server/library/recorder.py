@@ -41,6 +41,7 @@ from imuscope.server.devices.device_state import short_source
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.errors import DomainError
+from imuscope.server.heartbeat import beat
 from imuscope.server.library.api_models import MarkerRequest, SavedMemory
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.recording_session import RecordingSession
@@ -435,7 +436,7 @@ class Recorder:
     async def _watch(self, now: RecordingSession) -> None:
         updates, shift_ns = 0, now.writer.shift_ns
         while self._now is now:
-            await asyncio.sleep(POLL_S)
+            await beat(POLL_S)
             updates += 1
             if not now.writer.running:
                 await self._end(now)
