@@ -10,6 +10,7 @@ for programs that watch over a server (server/api/status_pages.py) are answered 
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import traceback
 from typing import TYPE_CHECKING
@@ -64,6 +65,8 @@ class Application:
         framework = await asyncio.to_thread(self.framework)
         await start_page_parts(self.services)
         self.services.catalogue.prepare()
+        if gc.get_freeze_count():  # imported objects stay, as those of the start (server/http_server.py)
+            gc.freeze()
         return framework
 
     async def _live(self, scope: Scope, receive: Receive, send: Send) -> None:
