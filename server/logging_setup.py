@@ -1,6 +1,6 @@
 """Logging to standard error, one line per event.
 
-    text         2026-11-21 08:31:02.114 warning [1] /dev/ttyUSB0 is gone. Was it unplugged? …
+    text         2026-11-21 08:31:02.114Z warning [1] /dev/ttyUSB0 is gone. Was it unplugged? …
     journal      the same without the time, which the journal adds, and with systemd's level prefix: <4>[1] …
     json         {"time":"2026-11-21T08:31:02.114Z","level":"warning","event":"link","device":"1","message":"…",…}
 
@@ -93,8 +93,8 @@ class TextFormatter(_Formatter):
             text += "\n" + self.formatException(record.exc_info)
         if self._for_journal:
             return f"<{_PRIORITY.get(record.levelno, 5)}>{text}"
-        clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))  # noqa: TID251 - as other logs of the machine
-        return f"{clock}.{int(record.msecs):03d} {record.levelname.lower():<7} {text}"
+        clock = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(record.created))
+        return f"{clock}.{int(record.msecs):03d}Z {record.levelname.lower():<7} {text}"
 
 
 class JsonFormatter(_Formatter):

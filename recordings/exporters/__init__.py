@@ -67,7 +67,8 @@ def export(format: str, request: ExportRequest, out: Path, step: ExportStep = la
 
 
 def _export_error(error: OSError, out: Path) -> RecordingError:
-    error_text = disk_error(error, out)
+    file = error.filename if isinstance(error.filename, str) else out  # one that it reads, perhaps
+    error_text = disk_error(error, Path(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RecordingError(error_text.message, "Free some space, or export a shorter stretch.")
     return error_text

@@ -56,8 +56,9 @@ def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
     except TooLong:
         report_to_parent(message="The export exceeds the time limit.", hint="Export a shorter time range.")
         return 1
-    except (OSError, ValueError, KeyError):
-        report_to_parent(message="The recording changed while it was exported.", hint="Export it again.")
+    except OSError as error:
+        words = f"{error.strerror or error}: {Path(error.filename or '').name}".rstrip(": ")
+        report_to_parent(message=f"The export failed. {words}.", hint="Export it again.")
         return 1
     report_to_parent(files=[str(file) for file in files])
     return 0

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +33,7 @@ def test_a_recording_that_is_compacted_during_its_export_is_exported_again(
         attempts.append(1)
         if len(attempts) == 1:
             os.utime(path, (1e9, 1e9))
-            raise RecordingError("The recording changed while it was exported.", "Export it again.")
+            raise RecordingError("The export failed.", "The log has details.")
         return await write(jobs, job, title)
 
     monkeypatch.setattr(ExportJobs, "_run", rewritten)
@@ -44,3 +47,21 @@ def test_a_recording_that_is_compacted_during_its_export_is_exported_again(
         state = block_until(done, "the export is finished")
     assert state["state"] == "done", state["message"]
     assert len(attempts) == 2
+
+
+def test_an_export_that_fails_names_the_file_and_guesses_no_cause(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "imuscope.server.library.export_worker"],
+        input=json.dumps(
+            {
+                **{"format": "csv", "store": str(tmp_path / "gone"), "source": str(tmp_path / "a.mcap"), "title": "a"},
+                **{"t0": None, "t1": None, "channels": None, "device": "", "base": 0.0, "out": str(tmp_path / "a.csv")},
+            }
+        ),
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+    )
+    *_, line = done.stdout.splitlines()
+    assert (done.returncode, json.loads(line)["message"].partition(".")[0]) == (1, "The export failed")
+    assert "changed" not in line

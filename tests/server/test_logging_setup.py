@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,19 @@ def test_a_line_cannot_be_forged() -> None:
     told = logging_setup.JsonFormatter([]).format(record("gone\n}"))
     assert "\n" not in told
     assert json.loads(told)["message"] == "gone\n}"
+
+
+def test_times_are_utc_and_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page and files have UTC: a line of the log has to be found by the time of an event there."""
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    try:
+        made = record("here")
+        made.created, made.msecs = 1_800_000_000.25, 250.0
+        assert logging_setup.TextFormatter([]).format(made) == "2027-01-15 08:00:00.250Z warning here"
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 def test_journal_lines_have_levels_and_no_time() -> None:
