@@ -39,6 +39,7 @@ log = logging.getLogger("imuscope.exports")
 FOLDER = "exports"
 LAST_DATE = 253_402_300_800.0  # the year 10000
 MAX_RESULTS = 50
+SHARE = 4  # results take at most 1/SHARE of the disk space that is free without them; the newest stays in any case
 KEPT_S = 86_400.0
 MAX_WAITING = 20
 PROGRESS_INTERVAL_S = 0.25  # between two progress reports
@@ -198,6 +199,7 @@ class ExportJobs:
                 job.file = await asyncio.to_thread(one_file, files, job.folder, f"{job.work.stem}-{published.format}")
                 published.state, published.progress, published.size = "done", 1.0, job.file.stat().st_size
                 published.file = job.file.name
+                self._make_room()
         except asyncio.CancelledError:
             published.state = "cancelled"
             shutil.rmtree(job.folder, ignore_errors=True)
@@ -286,8 +288,22 @@ class ExportJobs:
         late = asyncio.get_running_loop().time() - KEPT_S
         too_many = len(over) - MAX_RESULTS
         for job in [job for place, (job, ended_at) in enumerate(over) if place < too_many or ended_at < late]:
-            if self._jobs.pop(job.published.id, None) is not None:
-                shutil.rmtree(job.folder, ignore_errors=True)
+            self._forget(job)
+
+    def _make_room(self) -> None:
+        """Delete the oldest results until the rest leaves enough space for recordings."""
+        results = [job for job in self._jobs.values() if job.published.state == "done"]
+        total = sum(job.published.size for job in results)
+        room = (shutil.disk_usage(self._folder).free + total) // SHARE
+        for job in results[:-1]:
+            if total <= room:
+                return
+            total -= job.published.size
+            self._forget(job)
+
+    def _forget(self, job: _Job) -> None:
+        if self._jobs.pop(job.published.id, None) is not None:
+            shutil.rmtree(job.folder, ignore_errors=True)
 
 
 def file_stem(title: str, t0: float | None, t1: float | None) -> str:

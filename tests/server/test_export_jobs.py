@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.config import Config
+from imuscope.server.library import export_jobs
 from imuscope.server.library.export_jobs import ExportJobs
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
@@ -47,6 +49,35 @@ def test_a_recording_that_is_compacted_during_its_export_is_exported_again(
         state = block_until(done, "the export is finished")
     assert state["state"] == "done", state["message"]
     assert len(attempts) == 2
+
+
+def test_results_leave_space_for_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "recordings" / "a.mcap"
+    path.parent.mkdir()
+    drive(path, seconds=1.0)
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+
+        def exported() -> list[int]:
+            """Ids of the results after one more export, newest first."""
+            number = running.client.post("/api/recordings/a/exports", json={"format": "csv"}).json()["id"]
+
+            def done() -> list[dict[str, Any]] | None:
+                rows = running.client.get("/api/recordings/exports").json()
+                return rows if rows[0]["id"] == number and rows[0]["state"] == "done" else None
+
+            rows = block_until(done, "the export is finished")
+            sizes.append(rows[0]["size"])
+            return [one["id"] for one in rows]
+
+        sizes: list[int] = []
+        assert exported() == [1]
+        assert exported() == [2, 1]
+        usage = shutil.disk_usage(tmp_path)
+        full = usage._replace(free=sizes[0] * (export_jobs.SHARE - 2))
+        monkeypatch.setattr(export_jobs.shutil, "disk_usage", lambda folder: full)  # type: ignore[attr-defined]
+        assert exported() == [3], "two of them would take more than their share"
+        folders = {one.name.rpartition("-")[2] for one in (tmp_path / "exports").iterdir()}
+        assert folders == {"3"}
 
 
 def test_an_export_that_fails_names_the_file_and_guesses_no_cause(tmp_path: Path) -> None:
