@@ -8,12 +8,14 @@ import re
 import subprocess
 import sys
 import tarfile
+import urllib.error
 import urllib.request
 import zipfile
 from pathlib import Path
 
 import pytest
 
+from imuscope.server.reference.pages import PAGES
 from imuscope.server.version import COMMIT_FILE, VERSION
 from tests.server_process import tied
 from tests.source_files import ROOT
@@ -98,6 +100,22 @@ def test_it_starts_beside_others_of_the_same_names(
                 assert [one["source"] for one in json.load(answer)] == ["sim:xbus"]
             with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
                 assert b"<html" in answer.read()
+            assert failing_reads(url) == []
         finally:
             process.terminate()
     assert process.returncode == 0
+
+
+def failing_reads(url: str) -> list[str]:
+    """Pages and routes without parameters that fail. Regression: the reference looked for the folders of a clone."""
+    with urllib.request.urlopen(f"{url}openapi.json", timeout=PATIENCE_S) as answer:
+        paths = [path for path, methods in json.load(answer)["paths"].items() if "get" in methods and "{" not in path]
+    assert "/api/build" in paths
+    wrong = []
+    for path in (*paths, "/licenses.txt", "/docs", *(f"/docs/{name}" for name in PAGES)):
+        try:
+            urllib.request.urlopen(f"{url}{path[1:]}", timeout=PATIENCE_S).close()
+        except urllib.error.HTTPError as error:
+            if error.code >= 500:
+                wrong.append(f"{path}: {error.code}")
+    return wrong

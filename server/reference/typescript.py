@@ -26,6 +26,7 @@ import ast
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from types import EllipsisType, ModuleType
 
@@ -181,7 +182,7 @@ def _borrowed_records(tree: ast.Module) -> Iterator[tuple[ast.ClassDef, list[str
     """Records of the packages below the server that are sent as they are, and the lines of their files."""
     for node in tree.body:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(BORROWED):
-            source = (PAGE.parents[1] / str(node.module).replace(".", "/")).with_suffix(".py").read_text("utf-8")
+            source = Path(str(import_module(str(node.module)).__file__)).read_text("utf-8")
             names = {alias.name for alias in node.names}
             for record in ast.parse(source).body:
                 if isinstance(record, ast.ClassDef) and record.name in names:
