@@ -12,10 +12,13 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
+import logging
 import traceback
 from typing import TYPE_CHECKING
 
 from imuscope.server.api.status_pages import health, metrics_page
+from imuscope.server.auth import refuse
+from imuscope.server.errors import DomainError
 from imuscope.server.extension import start_page_parts
 from imuscope.server.previous_names import PreviousPaths
 from imuscope.server.prometheus_text import CONTENT_TYPE
@@ -26,6 +29,9 @@ from imuscope.server.services import Services
 if TYPE_CHECKING:
     from fastapi import FastAPI
     from starlette.types import ASGIApp, Receive, Scope, Send
+
+
+log = logging.getLogger("imuscope.api")
 
 
 class Application:
@@ -58,12 +64,21 @@ class Application:
         if self._routes is None:
             if self._opening is None:
                 self._opening = asyncio.ensure_future(self._open())
-            self._routes = await asyncio.shield(self._opening)  # other requests wait for it, too
+            try:
+                self._routes = await asyncio.shield(self._opening)  # other requests wait for it, too
+            except Exception as error:
+                words = f"The pages cannot be served: {type(error).__name__}. Devices are decoded and recorded."
+                await refuse(scope, receive, send, DomainError("fault", words, "The log has details."))
+                return
         await self._routes(scope, receive, send)
 
     async def _open(self) -> FastAPI:
-        framework = await asyncio.to_thread(self.framework)
-        await start_page_parts(self.services)
+        try:
+            framework = await asyncio.to_thread(self.framework)
+            await start_page_parts(self.services)
+        except Exception:
+            log.exception("the routes cannot be built")
+            raise
         self.services.catalogue.prepare()
         if gc.get_freeze_count():  # imported objects stay, as those of the start (server/http_server.py)
             gc.freeze()

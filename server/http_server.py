@@ -163,8 +163,9 @@ def _over_tls(keeper: CertificateManager) -> type[asyncio.Protocol]:
 
 def _is_ours(record: logging.LogRecord) -> bool:
     """Whether uvicorn's message is not a duplicate of ours, nor about a normal cancellation."""
-    is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
-    return record.msg != "Invalid HTTP request received." and not is_cancelled
+    error = record.exc_info[1] if record.exc_info is not None else None
+    is_known = isinstance(error, asyncio.CancelledError) or getattr(error, "is_logged", False)
+    return record.msg != "Invalid HTTP request received." and not is_known
 
 
 def raise_limit() -> None:

@@ -114,7 +114,7 @@ SERVER: dict[str, set[str]] = {
             "workspaces",
         ),
     },
-    "application": {"api", "extension", "previous_names", "rate_limit", "security_headers", "services"},
+    "application": {"api", "auth", "extension", "previous_names", "rate_limit", "security_headers", "services"},
     "app": {
         *("application", "auth", "config", "devices", "extension", "links", "page_files", "services", "timings"),
     },

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -117,6 +117,8 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def _(request: Request, error: Exception) -> Response:
         log.exception("%s %s failed", request.method, request.url.path, exc_info=error)
+        with suppress(AttributeError):
+            error.is_logged = True  # type: ignore[attr-defined] # uvicorn, which it is raised to, need not do it again
         return problem(
             500, "fault", "Internal error in imuscope; no change is known to have been made.", "The log has details."
         )

@@ -15,10 +15,12 @@ from imuscope.server.application import Application
 from imuscope.server.auth import Access
 from imuscope.server.config import Config
 from imuscope.server.extension import extensions
+from imuscope.server.reference.pages import ReferencePages
 from imuscope.server.services import Services
 from tests.server.asgi_client import ask
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
+from tests.server.problems import assert_problem
 from tests.server_process import ServerProcess
 from tests.timeouts import http_client
 
@@ -71,15 +73,27 @@ def test_requests_at_once_build_the_routes_once(monkeypatch: pytest.MonkeyPatch)
     assert len(built) == 1
 
 
-def test_routes_that_cannot_be_built_leave_the_devices_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_routes_that_cannot_be_built_leave_the_devices_alone(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     def build(services: Services) -> FastAPI:
         raise ImportError("no such module")
 
     monkeypatch.setattr(framework, "build_framework", build)
     with InProcessServer(Config(sources=("/dev/one",)), FakeLink) as running:
-        assert [running.client.get("/api/devices").status_code for _ in range(2)] == [500, 500]
+        for _ in range(2):
+            assert_problem(running.client.get("/api/devices"), 500, "fault")
         assert running.client.get("/healthz").json()["devices"] == 1
         assert len(running.services.sessions.all) == 1
+    assert sum(one.exc_info is not None for one in caplog.records) == 1
+
+
+def test_a_failing_route_is_logged_once(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    """Regression: the same traceback came from us and from uvicorn."""
+    with InProcessServer(Config(sources=("/dev/one",)), FakeLink) as running:
+        monkeypatch.setattr(ReferencePages, "html", lambda *_: 1 / 0)
+        assert_problem(running.client.get("/docs/websocket"), 500, "fault")
+    assert [one.getMessage() for one in caplog.records if one.exc_info] == ["GET /docs/websocket failed"]
 
 
 def test_objects_for_requests_are_made_at_the_first(tmp_path: Path) -> None:
