@@ -40,8 +40,8 @@ def signals(minutes: float) -> list[Signal]:
     time_of = 1.76e9 + np.arange(n) / RATE
     draws = [np.random.default_rng(seed).normal(0, 0.3 if seed < 3 else 0.02, n) for seed in range(AXES)]
     draws[5] += G
-    sensors = [Samples(time_of, np.stack(axes, axis=1)) for axes in (draws[:3], draws[3:])]
-    beside = Companions(*sensors)
+    gyroscope, accelerometer = (Samples(time_of, np.stack(axes, axis=1)) for axes in (draws[:3], draws[3:]))
+    beside = Companions(gyroscope, accelerometer)
     warmth = time_of[::10], np.random.default_rng(AXES).normal(40, 0.05, len(time_of[::10]))
     units = ["°/s"] * 3 + ["m/s²"] * 3
     return [

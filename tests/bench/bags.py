@@ -62,7 +62,7 @@ def with_rosbags(path: Path) -> int:
             rate: Any = bag.deserialize(raw, connection.msgtype).angular_velocity  # type: ignore[attr-defined]
             rows.append((when, rate.x, rate.y, rate.z))
     times, *columns = zip(*rows, strict=True)
-    return pa.table([times, *columns], names=["time", "x", "y", "z"]).num_rows
+    return int(pa.table([times, *columns], names=["time", "x", "y", "z"]).num_rows)
 
 
 def main() -> None:

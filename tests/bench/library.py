@@ -67,7 +67,7 @@ def write(path: Path, minutes: float) -> int:
             struct.pack_into("<iI", template, 4, *divmod(at, 1_000_000_000))
             struct.pack_into("<d", template, 12 + 8, 0.001 * k)
             writer.add_message(channel, at, bytes(template), at, k & 0xFFFF)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     return count
 
 
@@ -82,13 +82,13 @@ def with_mcap(path: Path) -> int:
         rate = value.angular_velocity
         rows.append((stamp.sec + stamp.nanosec * 1e-9, rate.x, rate.y, rate.z))
     times, *columns = zip(*rows, strict=True)
-    return pa.table([times, *columns], names=["time", "x", "y", "z"]).num_rows
+    return int(pa.table([times, *columns], names=["time", "x", "y", "z"]).num_rows)
 
 
 def with_imuscope(path: Path) -> int:
     with imuscope.open(path) as recording:
         [signal] = [one for one in recording if "angular_velocity" in one.name and len(one.columns) == 3]
-        return signal.to_arrow().num_rows
+        return int(signal.to_arrow().num_rows)
 
 
 def main() -> None:

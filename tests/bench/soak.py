@@ -142,7 +142,7 @@ class Soaked:
         self.url = self.process.stdout.readline().strip()
         if not self.url:
             raise RuntimeError("the server did not come up; see above")
-        self._size = frames(0, 1, RATE).shape[1]
+        self._size = int(frames(0, 1, RATE).shape[1])
 
     def metrics(self) -> dict[str, float]:
         """Families that have one sample, by name."""
