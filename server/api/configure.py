@@ -93,7 +93,7 @@ async def get_traffic(
 async def read_settings(body: ReadRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
     """Read settings into a snapshot. The device does not measure while it is read."""
     if not controller.rows:
-        raise DomainError("no-settings", f"{controller.session.info.name} has no settings.", "It only sends.")
+        raise DomainError("no-settings", f"{controller.member.info.name} has no settings.", "It only sends.")
     unknown = [name for name in body.settings or () if name not in controller.rows]
     if unknown:
         raise DomainError("not-found", f"Setting {unknown[0]!r:.80} not found.", "Choose one of the list of settings.")
@@ -106,7 +106,7 @@ async def get_health(controller: OneController) -> DeviceHealth:
     """Figures of the device: messages and rates, losses, clock, load of the link. 409 until it has sent something."""
     health = controller.bus.health_of(controller.device)
     if health is None:
-        raise DomainError("not-now", f"{controller.session.info.name} has sent nothing yet.", "Ask again later.")
+        raise DomainError("not-now", f"{controller.member.info.name} has sent nothing yet.", "Ask again later.")
     return health
 
 
@@ -153,7 +153,7 @@ async def _change_request(
     controller: DeviceController, controllers: ControllerRegistry, changes: Mapping[str, Mapping[str, Any]]
 ) -> ChangeRequest:
     """Check the changes; values that the device once reported, according to its snapshots, may be written again."""
-    device = controller.session.info.protocol, controller.context.serial_number
+    device = controller.member.info.protocol, controller.context.serial_number
     return await asyncio.to_thread(plan_changes, controller, changes, lambda: controllers.snapshots.describe(*device))
 
 

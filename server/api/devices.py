@@ -103,7 +103,7 @@ async def remove_device(session: OneSession, services: TheServices) -> Response:
         ):
             hint = "Confirm the settings or roll them back first."
             raise DomainError(
-                "not-now", f"The settings of {controller.session.info.name} are temporary until confirmed.", hint
+                "not-now", f"The settings of {controller.member.info.name} are temporary until confirmed.", hint
             )
     try:
         await services.sessions.remove(session.info.id)
@@ -143,7 +143,7 @@ async def name_device(device: str, body: NameDeviceRequest, services: TheService
     is written to the device.
     """
     try:
-        named = services.controllers.get(device).session
+        named = services.controllers.get(device).member
     except KeyError:
         raise unknown_device(device) from None
     services.sessions.names.rename(named.info.key, body.name)

@@ -32,7 +32,7 @@ async def get_forms(controller: OneController) -> Forms:
     """Every setting and command, as forms."""
     known = controller.context
     return forms_of(
-        controller.driver, controller.session.info.protocol, known, "" if known.product else UNKNOWN, controller.values
+        controller.driver, controller.member.info.protocol, known, "" if known.product else UNKNOWN, controller.values
     )
 
 
@@ -65,6 +65,6 @@ async def fit_rates(body: FitRatesRequest, controller: OneController) -> FitRate
 def _unknown(controller: DeviceController, name: str) -> DomainError:
     return DomainError(
         "not-found",
-        f"{controller.session.info.name} has no {name!r:.80}.",
+        f"{controller.member.info.name} has no {name!r:.80}.",
         "Choose one of the list of settings and commands.",
     )

@@ -41,7 +41,7 @@ FACTORY_HINT = "Compare with “First contact”, its settings when it was first
 
 def _identity(controller: DeviceController) -> tuple[str, str]:
     """Protocol and serial number, which identify a device's snapshots."""
-    return controller.session.info.protocol, controller.context.serial_number
+    return controller.member.info.protocol, controller.context.serial_number
 
 
 @router.get("/values", responses=responses(404, 409, 422))
@@ -59,7 +59,7 @@ def plain_body(snapshot: Snapshot, name: str) -> SnapshotBody:
 def _now(controller: DeviceController, title: str = "Device, as last read") -> Snapshot:
     known = controller.context
     return Snapshot(
-        protocol=controller.session.info.protocol,
+        protocol=controller.member.info.protocol,
         product=known.product,
         serial_number=known.serial_number,
         firmware=known.firmware,
@@ -168,7 +168,7 @@ async def _side(ref: SideRef, controller: DeviceController, controllers: Control
             return _device(controller, "Device, as last read")
         case "other":
             other = _of_same_protocol(controller, controller_of(ref.device, controllers))
-            return replace(_device(other, other.session.info.name), of_another=other is not controller)
+            return replace(_device(other, other.member.info.name), of_another=other is not controller)
         case "factory":
             known_context = _with_product(controller)
             defaults = controller.driver.factory(known_context)
@@ -200,21 +200,21 @@ def _snapshot(controller: DeviceController, snapshot: Snapshot, title: str, from
 
 def _device(controller: DeviceController, title: str) -> ComparedValues:
     if not controller.values:
-        raise DomainError("not-read", f"{controller.session.info.name} has not been read yet.", READ_FIRST)
+        raise DomainError("not-read", f"{controller.member.info.name} has not been read yet.", READ_FIRST)
     return ComparedValues(title, controller.values, controller.missing, "could not be read", controller.context.product)
 
 
 def _of_same_protocol(controller: DeviceController, other: DeviceController) -> DeviceController:
     """The other controller; DomainError if its device is of another family."""
-    if other.session.info.protocol != controller.session.info.protocol:
-        message = f"{other.session.info.name} uses another protocol."
+    if other.member.info.protocol != controller.member.info.protocol:
+        message = f"{other.member.info.name} uses another protocol."
         raise DomainError("not-alike", message, "Compare with a device of the same family.")
     return other
 
 
 def _of_protocol(controller: DeviceController, snapshot: Snapshot) -> Snapshot:
     """The snapshot; DomainError if its file is of another family. A file without a protocol is accepted."""
-    protocol = controller.session.info.protocol
+    protocol = controller.member.info.protocol
     if snapshot.protocol not in ("", protocol):
         hint = f"This device uses {protocol}."
         raise DomainError("bad-snapshot", f"This file is of a device that uses {snapshot.protocol}.", hint)

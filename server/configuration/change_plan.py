@@ -83,7 +83,7 @@ def plan_changes(
             problem_text = "has no setting" if row is None else "cannot write the read-only setting"
             raise DomainError(
                 "not-found",
-                f"{controller.session.info.name} {problem_text} {name!r:.80}.",
+                f"{controller.member.info.name} {problem_text} {name!r:.80}.",
                 "Leave it out, or choose one of the list of settings.",
             )
         values = writes[name] = numbers(row.fields, fields)
@@ -141,7 +141,7 @@ def _read_only_fields(row: Setting) -> set[str]:
 def dangers_of(controller: DeviceController, row: Setting, values: Mapping[str, Any]) -> list[Risk]:
     """Risks of writing these values of a setting; empty if the device already has them."""
     risks = dangers_of_write(controller.driver, row, controller.values.get(row.name), values, controller.context)
-    if controller.session.shares_link and any(one.caution == "cuts-line" for one in risks):
+    if controller.member.shares_link and any(one.caution == "cuts-line" for one in risks):
         risks.append(Risk("cuts-line", SHARED))
     return risks
 
@@ -157,7 +157,7 @@ def plan_command(controller: DeviceController, name: str, values: Mapping[str, A
     if row is None:
         raise DomainError(
             "not-found",
-            f"{controller.session.info.name} has no command {name!r:.80}.",
+            f"{controller.member.info.name} has no command {name!r:.80}.",
             "Choose one of the list of commands.",
         )
     setting_row = controller.present.setting_of(name)
@@ -229,8 +229,8 @@ def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
     """Commands that bytes consist of; none if a part of them is not a whole message."""
     from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
-    family = PROTOCOLS[controller.session.info.protocol]
-    listing = family.frames.listing(**controller.session.link_session.reading.settings(family.name))
+    family = PROTOCOLS[controller.member.info.protocol]
+    listing = family.frames.listing(**controller.member.link_session.reading.settings(family.name))
     listing.feed(data)
     lines = listing.drain(stalled=True)
     if any("reject" in line for line in lines) or sum(line["size"] for line in lines) != len(data):

@@ -39,14 +39,14 @@ def driver_of(protocol: str) -> DeviceDriver | None:
     return row.configuration.driver if row is not None else None
 
 
-def decode(protocol: str, frame: bytes, session: LinkMember) -> Mapping[str, Any] | None:
+def decode(protocol: str, frame: bytes, member: LinkMember) -> Mapping[str, Any] | None:
     """The first frame of some bytes as plain values; None if there is none."""
     from imuscope.protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
     if row is None:
         return None
-    listing = row.frames.listing(**session.link_session.reading.settings(row.name))
+    listing = row.frames.listing(**member.link_session.reading.settings(row.name))
     listing.feed(frame)
     return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
 
@@ -89,10 +89,10 @@ class ControllerRegistry:
         self._added(LinkMember(session))
         session.devices.created.add(lambda sender: self._added(LinkMember(session, sender)))
 
-    def _added(self, session: LinkMember) -> None:
-        device = session.info.id
+    def _added(self, member: LinkMember) -> None:
+        device = member.info.id
         controller = self._controllers[device] = DeviceController(
-            session,
+            member,
             self._bus,
             self._drivers,
             decode,
@@ -104,7 +104,7 @@ class ControllerRegistry:
         async def removed() -> None:
             self._controllers.pop(device, None)
 
-        session.listeners.before_close(removed)
+        member.listeners.before_close(removed)
         controller.notify()
 
     def on_link_of(self, device: str) -> list[DeviceController]:
@@ -130,7 +130,7 @@ class ControllerRegistry:
         return self._controllers[f"{session.info.id}.{record.device}" if record.device else session.info.id]
 
     def _session_at(self, source: str) -> Session:
-        present = (one.session.link_session for one in self._controllers.values())
+        present = (one.member.link_session for one in self._controllers.values())
         session = next((one for one in present if one.info.source == source), None)
         return session or self._sessions.at(source) or self._sessions.add(source)
 

@@ -94,7 +94,7 @@ class DeviceController:
     """Queue and state of one device.
 
     Args:
-        session: its part of the session of its link.
+        member: the device on its link.
         driver_of: the driver of a protocol, None if it has none.
         decode: decodes the first frame of some bytes of a protocol to plain values.
         siblings: the controllers of the other devices on its link.
@@ -104,7 +104,7 @@ class DeviceController:
 
     def __init__(
         self,
-        session: LinkMember,
+        member: LinkMember,
         bus: TelemetryBus,
         driver_of: Callable[[str], DeviceDriver | None],
         decode: Callable[[str, bytes, LinkMember], Mapping[str, Any] | None],
@@ -113,20 +113,20 @@ class DeviceController:
         timings: ConfigurationTimings,
         put_back: PutBackStore,
     ) -> None:
-        self.session = session
+        self.member = member
         self.siblings = siblings
         self.bus = bus
         self._driver_of = driver_of
         self.log = TrafficLog(
             bus,
-            session.info.id,
-            lambda frame: decode(self.session.info.protocol, frame, session),
+            member.info.id,
+            lambda frame: decode(self.member.info.protocol, frame, member),
             lambda frame: self._name_of(frame),
-            session.access.bytes_at,
+            member.access.bytes_at,
         )
-        is_stored = session.info.link not in ("simulator", "file")
-        self.put_back = PutBackTask(self, put_back, timings, device=session.name, is_stored=is_stored)
-        self.runner = Runner(session, self.log, timings.patience, self.put_back.keep)
+        is_stored = member.info.link not in ("simulator", "file")
+        self.put_back = PutBackTask(self, put_back, timings, device=member.name, is_stored=is_stored)
+        self.runner = Runner(member, self.log, timings.patience, self.put_back.keep)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
@@ -147,39 +147,39 @@ class DeviceController:
         self._stopping: asyncio.Task[None] | None = None
         self._is_closed = False
         self._next_job = 1
-        self._off = session.listen(self._on_traffic)
-        self._off_replaced = session.state.replaced.add(lambda before: self._forget())
-        session.listeners.before_close(self.close)
+        self._off = member.listen(self._on_traffic)
+        self._off_replaced = member.state.replaced.add(lambda before: self._forget())
+        member.listeners.before_close(self.close)
 
     # ── state ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     @property
     def device(self) -> str:
-        return self.session.info.id
+        return self.member.info.id
 
     @property
     def driver(self) -> DeviceDriver:
         """The driver of the device; ControlError if it cannot be configured."""
-        protocol = self.session.info.protocol
+        protocol = self.member.info.protocol
         driver = self._driver_of(protocol) if protocol else None
         if driver is None:
             what = "Its protocol is not known yet." if not protocol else "Devices of this protocol have no settings."
             if protocol == MESSAGES:
                 what = "It is known by its messages only: configure it with the program that publishes them."
-            raise ControlError("no-driver", f"{self.session.info.name} cannot be configured.", what)
+            raise ControlError("no-driver", f"{self.member.info.name} cannot be configured.", what)
         return driver
 
     @property
     def context(self) -> DeviceContext:
         """Identity of the device, as far as known."""
-        info, address = self.session.info, self.session.address
+        info, address = self.member.info, self.member.address
         return DeviceContext(
             product=info.product or self.product,
             serial_number=info.serial_number or self.serial_number,
             firmware=info.firmware or self.firmware,
-            baud=self.session.access.baud,
+            baud=self.member.access.baud,
             device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
-            settings=self.session.link_session.reading.settings(info.protocol),
+            settings=self.member.link_session.reading.settings(info.protocol),
             at_rest=self.at_rest,
         )
 
@@ -188,8 +188,8 @@ class DeviceController:
         """Known state of the device, for a preview."""
         health = self.bus.health_of(self.device)
         measured = health.bytes_per_s if health is not None else None
-        others = [(one.session.info.name, sent) for one in self.siblings(self.device) if (sent := one.sends)]
-        line = SerialLine(self.session.access.baud, self.session.access.capacity, measured, others)
+        others = [(one.member.info.name, sent) for one in self.siblings(self.device) if (sent := one.sends)]
+        line = SerialLine(self.member.access.baud, self.member.access.capacity, measured, others)
         return DevicePresentState(self.driver, self.context, line, self.values)
 
     @property
@@ -215,7 +215,7 @@ class DeviceController:
 
     def _forget(self) -> None:
         """Forget the values of a sensor that is gone: another one is in its place."""
-        if self.serial_number != self.session.info.serial_number:
+        if self.serial_number != self.member.info.serial_number:
             self.values, self.missing, self.cut_off, self.unfinished = {}, {}, {}, {}
             self.product = self.serial_number = self.firmware = self.state = ""
             self.read_at = 0.0
@@ -245,7 +245,7 @@ class DeviceController:
             ControlError: the queue is full, or the device is being removed.
         """
         if self._is_closed:
-            raise ControlError("not-found", f"{self.session.info.name} was removed.", "Add it again.")
+            raise ControlError("not-found", f"{self.member.info.name} was removed.", "Add it again.")
         if len(self._queue) >= MAX_WAITING:
             hint = "Wait, or remove one from the queue."
             raise ControlError("full", f"The queue of this device is full ({MAX_WAITING} jobs).", hint)
@@ -291,7 +291,7 @@ class DeviceController:
         """Run the queue, unless that is done. One task does, so that the one to stop is that of the running job."""
         if self._queue and not self._is_closed and (self._queue_task is None or self._queue_task.done()):
             loop = asyncio.get_running_loop()
-            self._queue_task = loop.create_task(self._run_queue(), name=f"jobs of {self.session.info.source}")
+            self._queue_task = loop.create_task(self._run_queue(), name=f"jobs of {self.member.info.source}")
             self._queue_task.add_done_callback(self._begin)
 
     async def _stop(self) -> None:
@@ -306,14 +306,14 @@ class DeviceController:
 
     async def _run_queue(self) -> None:
         while self._queue:
-            async with self.session.listeners.turn:
+            async with self.member.listeners.turn:
                 if self._queue:  # the job may have been removed while waiting
                     await self._do(self._queue.popleft())
 
     async def _do(self, task: QueuedJob) -> None:
         self._running = task
         task.job.state, task.job.started = "running", self.bus.now()
-        self.session.suppress_timeout(True)
+        self.member.suppress_timeout(True)
         self.notify()
         try:
             await task.work(task)
@@ -328,7 +328,7 @@ class DeviceController:
             self._finish(task, "failed", message, hint)
         finally:
             self._running = None
-            self.session.suppress_timeout(False)
+            self.member.suppress_timeout(False)
             self.put_back.transaction_ended()
             self.notify()
 
@@ -375,11 +375,11 @@ class DeviceController:
             command = self.driver.ends_rest
             self.explain_quiet(REST.format(state=AT_REST.lower()), REST_HINT.format(command=command), command)
         else:
-            self.session.explain_silence(None)
+            self.member.explain_silence(None)
 
     def explain_quiet(self, text: str, hint: str, resume: str = "") -> None:
         """Report why the device sends nothing from now on, and what makes it send again: `resume` is a command."""
-        self.session.explain_silence(QuietReason(text, hint, resume, self.bus.now()))
+        self.member.explain_silence(QuietReason(text, hint, resume, self.bus.now()))
 
     def step(self, task: QueuedJob, text: str) -> None:
         """Set the current step of a job."""

@@ -158,7 +158,7 @@ class Jobs:
             record = self._record(controller, change, cuts)
             record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
-                await controller.session.access.check_rate(baud)  # also reports a far end that must be set by hand
+                await controller.member.access.check_rate(baud)  # also reports a far end that must be set by hand
             written = await RollbackRun(controller, driver, self._rollbacks, record, task, self._timings).apply()
         else:
             written = await self._write_in_place(controller, task, change)
@@ -269,11 +269,11 @@ class Jobs:
             old[name] = {key: before[key] for key in keys if key in before and key not in read_only}
             changes += changed_words(row, controller.driver.same(name, old[name], new), old[name], new)
         bauds = [cut.baud for cut in cuts if cut.baud is not None]
-        baud = controller.session.access.baud
+        baud = controller.member.access.baud
         seconds = self._timings.rollback_s if change.confirm_s is None else change.confirm_s
         return RollbackRecord(
-            source=controller.session.info.source,
-            protocol=controller.session.info.protocol,
+            source=controller.member.info.source,
+            protocol=controller.member.info.protocol,
             product=snapshot.known.product,
             serial_number=snapshot.known.serial_number,
             firmware=snapshot.known.firmware,
@@ -286,8 +286,8 @@ class Jobs:
             changes=changes[:MAX_WORDS],
             deadline=controller.bus.now() + 60 + seconds,
             seconds=seconds,
-            device=controller.session.name,
-            address=controller.session.address,
+            device=controller.member.name,
+            address=controller.member.address,
         )
 
     def _report(
@@ -353,18 +353,18 @@ class Jobs:
             driver, known = controller.driver, controller.context
             record = await asyncio.to_thread(self._unfinished, controller, known)
             controller.step(task, "Switch the device off and on now")
-            before = controller.session.access.baud
+            before = controller.member.access.baud
             if not await _call_device(controller, driver, task, self._timings):
                 await controller.runner.reopen(before)
                 raise JobError("The device did not answer.", "Switch its power off and on while this runs.")
-            rate = f" at {group(controller.session.access.baud)} Bd" if controller.session.access.baud else ""
+            rate = f" at {group(controller.member.access.baud)} Bd" if controller.member.access.baud else ""
             task.job.message = f"The device answers again{rate}, with the factory's communication settings."
             if controller.pending_rollback is not None and controller.pending_rollback.state == "unreachable":
                 controller.pending_rollback = None
             if record is not None:
                 rollback = RollbackRun(controller, driver, self._rollbacks, record, task, self._timings)
                 try:
-                    wrong = await rollback.put_back(controller.session.access.baud)
+                    wrong = await rollback.put_back(controller.member.access.baud)
                 except (NoReplyError, DeviceRejectedError) as error:
                     raise JobError(f"The device answers{rate}, but: {error}", "Read its settings.") from None
                 if wrong:
@@ -386,8 +386,8 @@ class Jobs:
             task.job.hint = "Its settings could not be read; read them again."
 
     def _unfinished(self, controller: DeviceController, known: DeviceContext) -> RollbackRecord | None:
-        source = controller.session.info.source
-        device = controller.session.name
+        source = controller.member.info.source
+        device = controller.member.name
         records = [
             one
             for one in self._rollbacks.all()
@@ -401,9 +401,9 @@ class Jobs:
         """Roll back a change that the previous run left unconfirmed."""
 
         async def work(task: QueuedJob) -> None:
-            session = controller.session
-            if session.info.protocol != record.protocol:
-                link = session.link_session
+            member = controller.member
+            if member.info.protocol != record.protocol:
+                link = member.link_session
                 await link.read_as(replace(link.reading, protocol=record.protocol))
             rollback = RollbackRun(controller, controller.driver, self._rollbacks, record, task, self._timings)
             if record.state == "unreachable":

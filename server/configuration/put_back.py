@@ -131,7 +131,7 @@ class PutBackTask:
         self._frames = self._left = tuple(frames)
         if not self._left or (self._task is not None and not self._task.done()):
             return
-        self._protocol = self._controller.session.info.protocol
+        self._protocol = self._controller.member.info.protocol
         self._report("warning", WAITING)
         self._task = asyncio.get_running_loop().create_task(self._work(), name="put back")
 
@@ -139,7 +139,7 @@ class PutBackTask:
         """Put back what the previous run left, under whatever address and name it was stored."""
         self.begin(dict.fromkeys((*self._left, *map(bytes.fromhex, record.frames))))
         await self._save()
-        if (record.source, record.device) != (self._controller.session.info.source, self._device):
+        if (record.source, record.device) != (self._controller.member.info.source, self._device):
             await asyncio.to_thread(self._store.keep, record.source, record.device, ())
 
     def forget(self) -> None:
@@ -160,14 +160,14 @@ class PutBackTask:
         backoff = Backoff(self._timings.port_poll_s, LONGEST_S)
         while self._left:
             await asyncio.sleep(backoff.next())
-            if not self._controller.session.link_session.info.is_open:
+            if not self._controller.member.link_session.info.is_open:
                 backoff.reset()
                 continue
-            async with self._controller.session.listeners.turn:
+            async with self._controller.member.listeners.turn:
                 await self._attempt()
 
     async def _attempt(self) -> None:
-        protocol = self._controller.session.info.protocol
+        protocol = self._controller.member.info.protocol
         if self._protocol and protocol != self._protocol:  # the frames mean nothing to it
             self.forget()
             return
@@ -180,7 +180,7 @@ class PutBackTask:
                 self.forget()
             return  # otherwise again when the link is back
         except Exception:  # top of this task
-            log.exception("%s could not be put back", self._controller.session.info.source)
+            log.exception("%s could not be put back", self._controller.member.info.source)
             return
         if is_back and frames == self._left and self._controller.state != AT_REST:
             self.forget()
@@ -198,7 +198,7 @@ class PutBackTask:
 
     async def _save(self) -> None:
         if self._is_stored:
-            await asyncio.to_thread(self._write, self._controller.session.info.source)
+            await asyncio.to_thread(self._write, self._controller.member.info.source)
 
     def _write(self, source: str) -> None:
         """Store the frames as they are now, in a thread. Threads may overtake each other, and one goes on when its job

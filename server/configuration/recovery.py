@@ -31,7 +31,7 @@ AGAIN_HINT = "Apply the missing settings again."
 async def reopened(controller: DeviceController) -> bool:
     """Close and reopen the link; False if that is not possible yet."""
     try:
-        await controller.session.access.reopen()
+        await controller.member.access.reopen()
     except LinkError:
         return False
     return True

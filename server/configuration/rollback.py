@@ -220,7 +220,7 @@ class RollbackRun:
     async def _write(self) -> list[WriteResult]:
         report = self._report_state
         record = self.record
-        known = self._known_values(self._controller.session.access.baud)
+        known = self._known_values(self._controller.member.access.baud)
         body = settings_procedures.write_all(self._driver, known, record.new, report, record.held)
         return await self._controller.run(self._driver.within(body, known))
 
@@ -243,7 +243,7 @@ class RollbackRun:
         for baud in (
             rates if len(rates) == 1 else rates * self._timings.rounds
         ):  # a restarting device may be missed at first
-            if baud is not None and baud != self._controller.session.access.baud:
+            if baud is not None and baud != self._controller.member.access.baud:
                 self._report_state(f"The link is opened at {group(baud)} Bd")
                 if not await self._controller.runner.reopen(baud):
                     continue
@@ -269,7 +269,7 @@ class RollbackRun:
                 f"The device answers with the new settings ({titles}). Unless confirmed, the old settings are restored."
             )
         await self._report("pending", words)
-        controller.session.suppress_timeout(False)
+        controller.member.suppress_timeout(False)
         self._report_state("Keep these settings?")
         try:
             async with asyncio.timeout(record.seconds):
@@ -277,7 +277,7 @@ class RollbackRun:
         except TimeoutError:
             return False
         finally:
-            controller.session.suppress_timeout(True)
+            controller.member.suppress_timeout(True)
         return controller.is_change_confirmed
 
     def _source_hint(self) -> str:
@@ -335,8 +335,8 @@ class RollbackRun:
 
     async def _open_link_at(self, baud: int | None, *, first: bool) -> bool:
         """Open the link at a rate; waits for a port that is temporarily missing."""
-        session = self._controller.session
-        if first and baud == session.access.baud and session.info.status == "live":
+        member = self._controller.member
+        if first and baud == member.access.baud and member.info.status == "live":
             return True
         waited = 0.0
         while not await self._controller.runner.reopen(baud):
@@ -365,7 +365,7 @@ class RollbackRun:
                 self._controller.log.add_note(f"{one.setting}: {one.refused}.", error=True)
         if record.restart:
             await self._restart()
-        if record.old_baud is not None and record.old_baud != self._controller.session.access.baud:
+        if record.old_baud is not None and record.old_baud != self._controller.member.access.baud:
             await self._controller.runner.reopen(record.old_baud)
         if not await self._alive():
             return "did not after its old settings were written"
@@ -397,18 +397,18 @@ class RollbackRun:
         """Store and restart. A lost answer to a reset is normal."""
         try:
             await self._controller.run(
-                self._driver.store_and_restart(self._known_values(self._controller.session.access.baud))
+                self._driver.store_and_restart(self._known_values(self._controller.member.access.baud))
             )
         except NoReplyError as error:
             self._controller.log.add_note(str(error))
 
     async def _alive(self) -> bool:
         return await self._controller.run(
-            self._driver.is_alive(self._known_values(self._controller.session.access.baud))
+            self._driver.is_alive(self._known_values(self._controller.member.access.baud))
         )
 
     async def _read(self, names: Mapping[str, Any]) -> settings_procedures.SettingsSnapshot | None:
-        known = self._known_values(self._controller.session.access.baud)
+        known = self._known_values(self._controller.member.access.baud)
         altered_too = settings_procedures.altered(self._driver, known, names)
         body = settings_procedures.read_settings(self._driver, known, [*names, *altered_too], self._report_state)
         try:

@@ -109,10 +109,10 @@ async def _follow(controller: DeviceController, task: QueuedJob, rounds: int) ->
     Args:
         rounds: number of attempts at each rate: a slow device, or one at a busy host, is missed at first.
     """
-    before = controller.session.access.baud
+    before = controller.member.access.baud
     rates = tuple(controller.driver.rates(controller.values, controller.context)) if before is not None else ()
     for rate in rates * rounds:
-        if rate != controller.session.access.baud and not await controller.runner.reopen(rate):
+        if rate != controller.member.access.baud and not await controller.runner.reopen(rate):
             continue
         controller.step(task, f"The device restarts; trying {group(rate)} Bd")
         if await controller.run(controller.driver.is_alive(controller.context)):
@@ -137,7 +137,7 @@ def raw(controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awai
 
     async def work(task: QueuedJob) -> None:
         stale = _altered_by_bytes(controller, data)
-        controller.log.sent(data, "", await controller.session.access.send(data))
+        controller.log.sent(data, "", await controller.member.access.send(data))
         controller.invalidate(stale, NOT_SINCE.format(task.job.title))
         await asyncio.sleep(LISTEN_S)
         task.job.message = f"{len(data)} bytes sent unchanged."

@@ -15,7 +15,7 @@ from imuscope.server.configuration.device_controller import DeviceController, Jo
 
 def sensor_of(controller: DeviceController, name: str) -> str:
     """The serial number that a request names; "" if it names the device by its id."""
-    info = controller.session.info
+    info = controller.member.info
     return info.serial_number if info.serial_number and name == info.key and name != info.id else ""
 
 
@@ -35,7 +35,7 @@ def check_sensor(controller: DeviceController, expected: str, actual: DeviceCont
 
 def doubts(controller: DeviceController, expected: str) -> list[Risk]:
     """The risk that a command reaches another sensor, if that cannot be excluded without interrupting it."""
-    info = controller.session.info
+    info = controller.member.info
     if not expected or info.unconfirmed_since is None:
         return []
     since = datetime.fromtimestamp(info.unconfirmed_since, UTC)

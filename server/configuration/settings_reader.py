@@ -44,7 +44,7 @@ class SettingsReader:
             snapshot.values
         ):  # the outcome is known now: no rollback
             record = await asyncio.to_thread(
-                self._rollbacks.record_of, controller.session.info.protocol, snapshot.known.serial_number
+                self._rollbacks.record_of, controller.member.info.protocol, snapshot.known.serial_number
             )
             if record is not None and record.new == controller.cut_off:  # another device may be at the port by now
                 await asyncio.to_thread(self._rollbacks.forget, record)
@@ -61,7 +61,7 @@ class SettingsReader:
         pinned: bool = False,
     ) -> str:
         """Save a snapshot of the values read; returns its name."""
-        protocol = controller.session.info.protocol
+        protocol = controller.member.info.protocol
         existing = await asyncio.to_thread(self._snapshots.all, protocol, settings.known.serial_number)
         snapshot = Snapshot(
             protocol=protocol,

@@ -26,7 +26,7 @@ class LogHeaderRequest:
         self._controller = controller
         self._on_result = on_result
         self._requested = False
-        self._unsubscribe = controller.session.listen(self._on_bytes)
+        self._unsubscribe = controller.member.listen(self._on_bytes)
 
     def close(self) -> None:
         """Stop listening."""
@@ -34,7 +34,7 @@ class LogHeaderRequest:
 
     def send(self) -> None:
         """Queue the request once, if the device has such a header."""
-        info = self._controller.session.info
+        info = self._controller.member.info
         header = self._header()
         if self._requested or header is None or info.link == "file":
             return
@@ -49,14 +49,14 @@ class LogHeaderRequest:
 
     def _unasked(self) -> str:
         """Reason why nothing is requested from the device; "" if it may be."""
-        others = self._controller.session.access.other_users
+        others = self._controller.member.access.other_users
         return f"{others} uses the device, and asking would interrupt it." if others else ""
 
     def _header(self) -> LogHeader | None:
         """Header of a log in the vendor's format of this device."""
         from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
-        family = PROTOCOLS.get(self._controller.session.info.protocol)
+        family = PROTOCOLS.get(self._controller.member.info.protocol)
         return family.logs.log_header if family is not None else None
 
     async def _work(self, task: QueuedJob, header: LogHeader) -> None:
@@ -70,7 +70,7 @@ class LogHeaderRequest:
         task.job.message = f"Its {header.words.lower()} is in the recording."
 
     def _missing(self, why: str, header: LogHeader) -> str:
-        name = self._controller.session.info.name
+        name = self._controller.member.info.name
         words = f"The recording has no {header.words} of {name}, which an .{header.format} export needs: {why}"
         self._controller.bus.event(self._controller.device, "device", "warning", words)
         return words
@@ -78,6 +78,6 @@ class LogHeaderRequest:
     def _on_bytes(self, event: Event) -> None:
         header = self._header() if isinstance(event, Reply) else None
         if isinstance(event, Reply) and header is not None and event.message.id in header.frames:
-            frame = self._controller.session.access.bytes_at(event.offset, event.size)
+            frame = self._controller.member.access.bytes_at(event.offset, event.size)
             if frame:
                 self._on_result({header.frames[event.message.id]: frame.hex()})

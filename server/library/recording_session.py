@@ -289,11 +289,11 @@ class RecordingSession:
             "missing": controller.missing,
             "reason": "as read while it was recorded" if controller.read_at >= self.started else "as read before",
             "taken": controller.read_at,
-            "protocol": controller.session.info.protocol,
+            "protocol": controller.member.info.protocol,
             "product": known.product,
             "serial_number": known.serial_number,
             "firmware": known.firmware,
-            "address": controller.session.address,
+            "address": controller.member.address,
         }
         self.writer.snapshot(controller.device, wire_codec.to_json_safe(body), round(self._bus.now() * 1e9))
 
@@ -311,7 +311,7 @@ class RecordingSession:
             return
         self._written_signals[info.id] = signals
         controller = self._controller(info.id)
-        address = controller.session.address if controller is not None else ""
+        address = controller.member.address if controller is not None else ""
         self.writer.computed_signals(info.id, {"signals": signals, "address": address}, round(self._bus.now() * 1e9))
 
     def _event(self, event: wire.EventInfo) -> None:

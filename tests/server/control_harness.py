@@ -59,9 +59,9 @@ class ControlHarness:
         device = self.sessions.add(source).info.id
         desk = self.desks.get(device)
         try:
-            await until(lambda: desk.session.info.status == "live", "it streams")
+            await until(lambda: desk.member.info.status == "live", "it streams")
         except AssertionError as late:
-            info = desk.session.info
+            info = desk.member.info
             tries = "".join(f"\n  {one.what}: {one.outcome}" for one in info.attempts)
             raise AssertionError(f"{late}; {info.status}: {info.message} {info.hint}{tries}") from None
         return desk

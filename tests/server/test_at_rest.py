@@ -51,17 +51,17 @@ async def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path
     async with bench() as there, house(tmp_path) as here:
         desk = await here.add(f"{there.slave}?baud=115200")
         await told(here, desk, "GoToConfig")
-        await until(lambda: desk.session.info.status != "live", "it is silent")
-        info = desk.session.info
+        await until(lambda: desk.member.info.status != "live", "it is silent")
+        info = desk.member.info
         assert (info.status, info.resume) == ("idle", "GoToMeasurement")
         assert info.message == "It is in the config state, in which it sends no data."
         assert info.hint == "Send GoToMeasurement to resume measuring."
         await told(here, desk, "GoToMeasurement")
-        await until(lambda: desk.session.info.status == "live", "it measures")
-        assert (desk.session.info.hint, desk.session.info.resume) == ("", "")
+        await until(lambda: desk.member.info.status == "live", "it measures")
+        assert (desk.member.info.hint, desk.member.info.resume) == ("", "")
         there.unplug()
-        await until(lambda: desk.session.info.status == "lost", "it is unplugged")
-        assert "GoToMeasurement" not in desk.session.info.hint
+        await until(lambda: desk.member.info.status == "lost", "it is unplugged")
+        assert "GoToMeasurement" not in desk.member.info.hint
 
 
 async def test_streams_that_the_user_stopped_are_not_lost(tmp_path: Path) -> None:
@@ -69,9 +69,9 @@ async def test_streams_that_the_user_stopped_are_not_lost(tmp_path: Path) -> Non
     async with house(tmp_path) as here:
         desk = await here.add("sim:isb?rate=50")
         assert (await told(here, desk, "STOP_BROADCASTS_ALL_PORTS")).state == "done"
-        await until(lambda: desk.session.info.status != "live", "it is silent")
-        assert desk.session.info.status == "idle"
-        assert desk.session.info.message == "“STOP_BROADCASTS_ALL_PORTS” ended its output."
+        await until(lambda: desk.member.info.status != "live", "it is silent")
+        assert desk.member.info.status == "idle"
+        assert desk.member.info.message == "“STOP_BROADCASTS_ALL_PORTS” ended its output."
 
 
 def test_a_silence_that_begins_long_after_a_stop_is_not_explained_by_it() -> None:
@@ -85,10 +85,10 @@ async def test_a_device_at_rest_beside_others_is_explained_too(tmp_path: Path) -
     async with house(tmp_path) as here:
         for desk in await both(here):
             await told(here, desk, "GoToConfig")
-            await until(lambda info=desk.session: info.info.status == "idle", "it is silent")
-            assert "Send GoToMeasurement" in desk.session.info.hint
+            await until(lambda info=desk.member: info.info.status == "idle", "it is silent")
+            assert "Send GoToMeasurement" in desk.member.info.hint
             await told(here, desk, "GoToMeasurement")
-            await until(lambda info=desk.session: info.info.status == "live", "it measures")
+            await until(lambda info=desk.member: info.info.status == "live", "it measures")
 
 
 async def test_a_restart_ends_the_rest(tmp_path: Path) -> None:

@@ -34,11 +34,11 @@ async def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
         assert (job.state, job.outcomes) == ("done", [])
 
         def rate() -> float:
-            return desk.session.link_session.health(here.telemetry.bus.now()).rate
+            return desk.member.link_session.health(here.telemetry.bus.now()).rate
 
         await until(lambda: 380 < rate() < 420, "400 samples/s")
         assert desk.values["OutputConfiguration"] == outputs(400)
-        assert desk.session.info.status == "live"
+        assert desk.member.info.status == "live"
 
 
 async def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ async def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> N
         seen: set[str] = set()
         task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
         while not task.finished.is_set():
-            seen.add(desk.session.info.status)
+            seen.add(desk.member.info.status)
             await asyncio.sleep(0.02)
         assert seen == {"live"}
 

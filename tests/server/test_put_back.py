@@ -48,7 +48,7 @@ def test_a_read_stores_how_to_measure_again_before_it_interrupts(
             desk = await here.add(f"{there.slave}?baud=115200")
 
             def keep(source: str, device: str, frames: Sequence[bytes]) -> None:
-                assert (source, device) == (desk.session.info.source, "")
+                assert (source, device) == (desk.member.info.source, "")
                 sent = [entry.name for entry in desk.log.tail(limit=500)]
                 assert ("GoToConfig" in sent) == (not frames)  # stored before, removed after
                 stored.append(tuple(frames))
@@ -78,10 +78,10 @@ async def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotte
     """A file under another name than the first device's was kept, and its frames sent at every start."""
     async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
         desk = await here.add(f"{there.slave}?baud=115200")
-        source = desk.session.info.source
+        source = desk.member.info.source
         written: list[bytes] = []
-        desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
-        await desk.session.access.send(GO_TO_CONFIG)
+        desk.member.listeners.on_sent(lambda data, time_ns: written.append(data))
+        await desk.member.access.send(GO_TO_CONFIG)
         await until(lambda: desk.state == "Config", "as the kill left it")
         here.desks.put_back.keep(source, "", [REQ_DID])
         here.desks.put_back.keep(source, "7", [GO_TO_MEASUREMENT])
@@ -167,7 +167,7 @@ async def test_what_is_left_while_the_end_of_the_earlier_is_stored_is_sent_as_we
         with held(here.desks.put_back, monkeypatch, lambda frames: not frames) as (_, may_write):
             desk.put_back.transaction_ended()
             await until(lambda: not desk.put_back._frames, "it is back, and its end is being stored")
-            await desk.session.access.send(GO_TO_CONFIG)
+            await desk.member.access.send(GO_TO_CONFIG)
             await until(lambda: desk.state == "Config", "interrupted again")
             desk.put_back.begin([GO_TO_MEASUREMENT])
             may_write.set()
@@ -181,12 +181,12 @@ def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambd
     def on_event(event: Event) -> None:
         if isinstance(event, Reply) and event.message.name == answer:
             off()
-            link = desk.session.access.link
+            link = desk.member.access.link
             assert isinstance(link, ThreadedLink)
             link.fail(LinkError("gone", "The adapter was unplugged.", "Plug it in."))
             then()
 
-    off = desk.session.listeners.listen(on_event)
+    off = desk.member.listeners.listen(on_event)
 
 
 async def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ async def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: 
     async with bench(measuring=True) as there, house(tmp_path, sample_s=PATIENCE_S) as here:
         desk = await here.add(f"{there.slave}?baud=115200")
         written: list[bytes] = []
-        desk.session.listeners.on_sent(lambda data, time_ns: written.append(data))
+        desk.member.listeners.on_sent(lambda data, time_ns: written.append(data))
         cut_at(desk, "GoToConfigAck", there.cycle)  # its adapter feeds it
         assert (await here.read(desk)).state == "failed"
         await until(lambda: reported(here, IS_BACK), "it is back")
@@ -223,7 +223,7 @@ async def test_a_device_that_another_program_configures_is_left_to_it(
         async def refuse(data: bytes) -> int:
             raise LinkError("busy", "xda_host is configuring the device.", "Wait.")
 
-        monkeypatch.setattr(desk.session.access, "send", refuse)
+        monkeypatch.setattr(desk.member.access, "send", refuse)
         await desk.put_back.keep([GO_TO_MEASUREMENT])
         desk.put_back.transaction_ended()
         await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
@@ -245,7 +245,7 @@ async def test_a_device_that_a_person_stops_stays_stopped(tmp_path: Path) -> Non
 async def test_a_device_that_was_found_in_the_config_state_stays_there(tmp_path: Path) -> None:
     async with bench(measuring=True) as there, house(tmp_path) as here:
         desk = await here.add(f"{there.slave}?baud=115200")
-        await desk.session.access.send(GO_TO_CONFIG)
+        await desk.member.access.send(GO_TO_CONFIG)
         await until(lambda: phase(there) == "config", "another program stops it")
         assert (await here.read(desk)).state == "done"
         assert phase(there) == "config"

@@ -88,7 +88,7 @@ async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: 
         async def refuse(data: bytes) -> None:
             return  # nothing reaches the device
 
-        desk.session.access.link.write = refuse  # type: ignore[method-assign]
+        desk.member.access.link.write = refuse  # type: ignore[method-assign]
         state = await one.start()
         await until(lambda: desk.job_report.done, "it has been given up")
         assert desk.job_report.done[0].state == "failed"

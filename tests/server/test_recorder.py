@@ -255,8 +255,8 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
         state = await one.start()
         await until(lambda: desk.job_report.done, "the head has been read")
         assert desk.job_report.done[0].state == "done"
-        samples = desk.session.link_session._pipeline.samples
-        await until(lambda: desk.session.link_session._pipeline.samples > samples + 10, "it measures again")
+        samples = desk.member.link_session._pipeline.samples
+        await until(lambda: desk.member.link_session._pipeline.samples > samples + 10, "it measures again")
         await one.stop()
         path = tmp_path / "recordings" / f"{state.id}.mcap"
         with McapReader(path) as recording:
@@ -278,7 +278,7 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
     async with recorder(tmp_path, plan) as (made, one):
         desk = await made.add("sim:xbus?rate=400")
         heard: list[bytes] = []
-        desk.session.listeners.chunks(lambda data, time_ns, way: heard.append(data) if way == "rx" else None)
+        desk.member.listeners.chunks(lambda data, time_ns, way: heard.append(data) if way == "rx" else None)
         await one.start()
 
         def parts() -> list[Path]:

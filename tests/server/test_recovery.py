@@ -21,7 +21,7 @@ def files(data: Path) -> list[Path]:
 
 
 def unplug(desk: DeviceController) -> None:
-    link = desk.session.access.link
+    link = desk.member.access.link
     assert isinstance(link, SimulatorLink)
     assert link._simulator is not None
     link._simulator.unplug()
@@ -76,7 +76,7 @@ async def test_the_rollback_of_an_absent_device_is_remembered(tmp_path: Path) ->
         assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["applying"]
         assert not {"LocationID", "OutputConfiguration"} & set(desk.values)
         assert desk.missing["LocationID"] == recovery.UNKNOWN
-        await until(lambda: desk.session.info.status == "live", "it is plugged in again")
+        await until(lambda: desk.member.info.status == "live", "it is plugged in again")
         assert (await here.read(desk)).state == "done"
         assert desk.values["LocationID"] == {"location_id": 7}
         assert files(tmp_path) == []

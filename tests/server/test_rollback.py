@@ -46,7 +46,7 @@ async def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
         desk = await here.add(SOURCE)
         task = await faster(here, desk)
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
-        assert desk.session.access.baud == 921_600
+        assert desk.member.access.baud == 921_600
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.words == (
             "The device answers at 921 600 Bd. Unless confirmed, it is rolled back to 115 200 Bd."
@@ -57,9 +57,9 @@ async def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
         assert job.state == "failed"
         assert "because the change was not confirmed in time" in job.message
         assert desk.pending_rollback.state == "rolled-back"
-        assert desk.session.access.baud == 115_200
+        assert desk.member.access.baud == 115_200
         assert files(tmp_path) == []
-        await until(lambda: desk.session.info.status == "live", "it streams again")
+        await until(lambda: desk.member.info.status == "live", "it streams again")
         assert (await here.read(desk)).state == "done"
 
 
@@ -99,7 +99,7 @@ async def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> No
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
         assert job.state == ("done" if keep else "failed")
-        assert desk.session.access.baud == (921_600 if keep else 115_200)
+        assert desk.member.access.baud == (921_600 if keep else 115_200)
         if keep:
             assert job.hint == "Open it as sim:xbus?baud=921600&rate=20 when this server is started again."
         assert files(tmp_path) == []
@@ -149,7 +149,7 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
     async def check() -> None:
         async with house(tmp_path, rollback_s=1.0) as here:
             desk = await here.add(SOURCE)
-            desk.session.listeners.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
+            desk.member.listeners.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
             await over(await faster(here, desk))
 
     asyncio.run(check())
@@ -196,7 +196,7 @@ async def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
         assert "has its old settings" in job.message
         assert desk.pending_rollback.state == "rolled-back"
         assert files(tmp_path) == []
-        assert desk.session.access.baud == 115_200
+        assert desk.member.access.baud == 115_200
 
 
 async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: P
         desk.runner._patience = PATIENT  # from here on it answers
         restore = desk.add("Restore", here.desks.jobs.restore(desk))
         await until(lambda: is_called(desk), "it calls for a device that gets power")
-        link = desk.session.access.link
+        link = desk.member.access.link
         assert isinstance(link, SimulatorLink)
         assert link._simulator is not None
         link._simulator.unplug()
@@ -231,10 +231,10 @@ async def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_
         change = {"PortConfig": {"words": [0x10002, 0x10000 | FAST, 0]}}
         task = desk.add("Write Ports", here.desks.jobs.apply(desk, change, ""))
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
-        assert desk.session.access.baud == rate
+        assert desk.member.access.baud == rate
         await over(task)
         assert desk.pending_rollback is not None
-        assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
+        assert (desk.pending_rollback.state, desk.member.access.baud) == ("rolled-back", 115_200)
         assert desk.values["PortConfig"]["words"][1] == 0x10002
 
 
@@ -256,9 +256,9 @@ async def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
         desk = await here.add("sim:xbus?product=MTi-300&baud=921600&rate=20")
         jobs = here.desks.jobs
         await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
-        assert desk.session.access.baud == 921_600
+        assert desk.member.access.baud == 921_600
         job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
-        assert (job.state, desk.session.access.baud) == ("done", 115_200), job
+        assert (job.state, desk.member.access.baud) == ("done", 115_200), job
         assert job.message == "The device uses 115 200 Bd after its restart; the link was changed to it."
         assert not missed
 
@@ -369,7 +369,7 @@ async def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_
         source = f"serial://{there.slave}?baud=115200"
         desk = await here.add(source)
         await here.read(desk)
-        await desk.session.access.send(bytes.fromhex("faff3000d1"))
+        await desk.member.access.send(bytes.fromhex("faff3000d1"))
         await until(lambda: desk.state == "Config", "the device is in Config")
         await here.sessions.remove(desk.device)
         old = {"PortConfig": dict(desk.values["PortConfig"])}
@@ -384,7 +384,7 @@ async def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "rolled-back"
         assert files(tmp_path) == []
-        await until(lambda: desk.session.info.status == "live", "it streams")
+        await until(lambda: desk.member.info.status == "live", "it streams")
 
 
 async def test_a_rollback_of_a_port_under_another_path_adds_it_once(tmp_path: Path) -> None:

@@ -39,11 +39,11 @@ async def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, wo
         await here.read(desk)
         task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
-        assert desk.session.access.baud == rate
+        assert desk.member.access.baud == rate
         desk.decide(keep=False)
         await over(task)
         assert desk.pending_rollback is not None
-        assert (desk.pending_rollback.state, desk.session.access.baud) == ("rolled-back", 115_200)
+        assert (desk.pending_rollback.state, desk.member.access.baud) == ("rolled-back", 115_200)
         assert desk.values["PortConfig"]["words"][:2] == [XBUS_115200] * 2
 
 

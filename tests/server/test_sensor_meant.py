@@ -51,27 +51,27 @@ async def swapped(tmp_path: Path) -> AsyncIterator[tuple[ControlHarness, DeviceC
         async with plugged(FIRST, port):
             desk = await here.add(f"{port}?baud=115200")
             assert (await here.read(desk)).state == "done"
-            assert desk.session.info.key == f"xbus-{OLD}"
-        await until(lambda: desk.session.info.status == "lost", "it is unplugged")
+            assert desk.member.info.key == f"xbus-{OLD}"
+        await until(lambda: desk.member.info.status == "lost", "it is unplugged")
         async with plugged(SECOND, port):
-            desk.session.link_session.retry()
-            await until(lambda: desk.session.info.status == "live", "another one streams")
+            desk.member.link_session.retry()
+            await until(lambda: desk.member.info.status == "live", "another one streams")
             yield here, desk
 
 
 async def test_a_change_for_one_sensor_is_not_written_to_another(tmp_path: Path) -> None:
     """The other sensor had the same settings, so the check of the base passed."""
     async with swapped(tmp_path) as (here, desk):
-        assert desk.session.info.serial_number == OLD  # it was measuring: nothing has told yet
-        assert desk.session.info.unconfirmed_since is not None
+        assert desk.member.info.serial_number == OLD  # it was measuring: nothing has told yet
+        assert desk.member.info.unconfirmed_since is not None
         base = {"OutputConfiguration": desk.values["OutputConfiguration"]}
         work = here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", base, sensor=OLD)
         job = await over(desk.add("Write", work))
         assert job.state == "failed"
         assert job.message == f"Another sensor is at this port: {NEW}, not {OLD}. Nothing was written."
         assert "SetOutputConfiguration" not in [entry.name for entry in desk.log.tail(limit=500)]
-        assert desk.session.info.serial_number == NEW
-        assert desk.session.info.unconfirmed_since is None
+        assert desk.member.info.serial_number == NEW
+        assert desk.member.info.unconfirmed_since is None
         [event] = [one for one in here.telemetry.log if one.data.get("kind") == "replaced"]
         assert event.text == f"Another sensor is here: MTi-630 {NEW}, in place of {OLD}."
 
@@ -102,7 +102,7 @@ async def test_a_request_may_name_a_device_by_its_key(tmp_path: Path) -> None:
             await here.read(desk)
         key = f"xbus-{NEW}"
         assert here.desks.get(key) is two
-        assert here.sessions.get(key) is two.session.link_session
+        assert here.sessions.get(key) is two.member.link_session
         assert wanted_sensor(key, two) == NEW
         assert sensor_of(two, two.device) == ""
         body = ApplyRequest({"OutputConfiguration": outputs(10)}, devices=[f"xbus-{OLD}"], confirmed=True)
@@ -161,16 +161,16 @@ async def test_a_name_of_ones_own_follows_the_sensor(tmp_path: Path) -> None:
 
     async with house(tmp_path) as here, plugged(FIRST, port):
         desk = await here.add(f"{port}?baud=115200")
-        here.sessions.names.rename(desk.session.info.key, "left  wheel ")  # named before its number is known
-        assert desk.session.info.own_name == "left wheel"
+        here.sessions.names.rename(desk.member.info.key, "left  wheel ")  # named before its number is known
+        assert desk.member.info.own_name == "left wheel"
         await here.read(desk)
-        assert (desk.session.info.key, desk.session.info.own_name) == (f"xbus-{OLD}", "left wheel")
+        assert (desk.member.info.key, desk.member.info.own_name) == (f"xbus-{OLD}", "left wheel")
         await here.sessions.remove(desk.device)
         other.symlink_to(port.readlink())
         moved = await here.add(f"{other}?baud=115200")
-        assert moved.session.info.own_name == ""
+        assert moved.member.info.own_name == ""
         await here.read(moved)
-        assert moved.session.info.own_name == "left wheel"
+        assert moved.member.info.own_name == "left wheel"
 
 
 def test_a_name_that_cannot_be_shown_is_refused(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ async def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Pat
     async with house(tmp_path) as here:
         desks = await both(here)
         sent: list[bytes] = []
-        desks[0].session.listeners.on_sent(lambda data, time: sent.append(data))
+        desks[0].member.listeners.on_sent(lambda data, time: sent.append(data))
         assert {int(desk.context.device) for desk in desks} == {1, 2}
         for place, desk in enumerate(desks):
             job = await here.read(desk)
@@ -54,7 +54,7 @@ async def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Pat
             job = await here.apply(desk, {"LocationID": {"location_id": 40 + place}})
             assert job.state == "done", job.message
         assert {data[1] for data in sent} == {1, 2}
-        serials = {desk.session.info.serial_number for desk in desks}
+        serials = {desk.member.info.serial_number for desk in desks}
         assert len(serials) == 2
         assert "" not in serials
         for place, desk in enumerate(desks):
@@ -71,7 +71,7 @@ async def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
     async with house(tmp_path) as here:
         desks = await both(here)
         sent: list[int] = []
-        desks[0].session.listeners.on_sent(lambda data, time: sent.append(data[1]))
+        desks[0].member.listeners.on_sent(lambda data, time: sent.append(data[1]))
         tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
         jobs = [await over(task) for task in tasks]
         assert [job.state for job in jobs] == ["done", "done"]
@@ -86,16 +86,16 @@ async def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path:
 
         async def wait(task: Any) -> None:
             await asyncio.sleep(0)
-            line = desks[0].session.link_session
+            line = desks[0].member.link_session
             far = here.telemetry.bus.now() + 60
             line.tick(far)
 
         for desk in desks:
             await over(desk.add("Wait", wait))
             others = [one for one in desks if one is not desk]
-            assert desk.session.info.status == "live"
-            assert all(one.session.info.status == "lost" for one in others)
-            await until(lambda: all(one.session.info.status == "live" for one in desks), "both are back")
+            assert desk.member.info.status == "live"
+            assert all(one.member.info.status == "lost" for one in others)
+            await until(lambda: all(one.member.info.status == "live" for one in desks), "both are back")
 
 
 def test_a_device_keeps_its_identity_after_an_outage_in_any_order(tmp_path: Path) -> None:
@@ -264,7 +264,7 @@ async def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep
             "it asks",
         )
         assert not task.finished.is_set(), task.job.message
-        assert {one.session.access.baud for one in (first, desk)} == {921_600}
+        assert {one.member.access.baud for one in (first, desk)} == {921_600}
         (record,) = here.desks.rollbacks.all()
         assert (record.device, record.address) == (desk.context.device, int(desk.context.device))
         desk.decide(keep=keep)
@@ -272,13 +272,13 @@ async def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep
         assert job.state == ("done" if keep else "failed"), job.message
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
-        assert {one.session.access.baud for one in (first, desk)} == {921_600 if keep else 115_200}
-        await until(lambda: desk.session.info.status == "live", "it is heard again")
+        assert {one.member.access.baud for one in (first, desk)} == {921_600 if keep else 115_200}
+        await until(lambda: desk.member.info.status == "live", "it is heard again")
         if keep:
-            await until(lambda: first.session.info.status == "lost", "the other speaks at another rate")
-            assert "others on its link continue" in first.session.info.message
+            await until(lambda: first.member.info.status == "lost", "the other speaks at another rate")
+            assert "others on its link continue" in first.member.info.message
         else:
-            await until(lambda: first.session.info.status == "live", "the other is heard again")
+            await until(lambda: first.member.info.status == "live", "the other is heard again")
             assert (await here.read(first)).state == "done"
 
 
@@ -299,7 +299,7 @@ async def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) ->
             plan_changes(first, words)
         load = preview_setting(first.present, "OutputConfiguration", wish).load
         assert load is not None
-        assert load.parts[-1].title == further.session.info.name
+        assert load.parts[-1].title == further.member.info.name
         assert load.total == pytest.approx(sum(part.bytes_per_s for part in load.parts))
         fitting = fit(first.present, "OutputConfiguration", wish, None)
         assert not overload(first.present, {"OutputConfiguration": fitting.values})

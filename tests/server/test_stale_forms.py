@@ -143,11 +143,11 @@ async def test_a_silent_device_is_not_reported_unreachable(
         desk = await here.add(source)
         await here.read(desk)
         await command(here, desk, silence)
-        await until(lambda: desk.session.info.status != "live", "it is silent")
-        assert desk.session.info.is_open
+        await until(lambda: desk.member.info.status != "live", "it is silent")
+        assert desk.member.info.is_open
         assert (await here.read(desk)).state == "done"
         job = await here.apply(desk, change)
         assert (job.state, job.outcomes) == ("done", []), job.message
         if speech:
             await command(here, desk, speech)
-        await until(lambda: desk.session.info.status == "live", "it streams again")
+        await until(lambda: desk.member.info.status == "live", "it streams again")

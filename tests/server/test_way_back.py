@@ -29,7 +29,7 @@ SOURCE = "sim:isb?baud=921600&rate=20"
 
 
 def device_of(desk: DeviceController) -> IsbSimulator:
-    link = desk.session.access.link
+    link = desk.member.access.link
     assert isinstance(link, SimulatorLink)
     assert link._simulator is not None
     device = link._simulator.device

@@ -150,14 +150,14 @@ async def _settings(side: ComparedSide, letter: str, services: Services) -> _Dev
         controller = services.controllers.get(side.source)
     except KeyError:
         return await _recorded(side, letter, services)
-    name = controller.session.info.name
+    name = controller.member.info.name
     if not controller.values:
         raise DomainError(
             "not-read", f"{letter}: {name} has not been read yet.", "Read its settings on Configure first."
         )
     read = _wire_values(to_json_safe(controller.values))  # as a recording holds them
     values = ComparedValues(f"{letter}: {name}, now", read, controller.missing, "could not be read", from_device=True)
-    return _DeviceSettings(controller.session.info.protocol, controller.context, values)
+    return _DeviceSettings(controller.member.info.protocol, controller.context, values)
 
 
 def _wire_values(value: Any) -> Any:

@@ -27,9 +27,9 @@ class CorrectionManager:
         self._sessions = sessions
         self._streams: dict[str, CorrectionForwarder] = {}
 
-    def accepts(self, session: LinkMember) -> bool:
+    def accepts(self, member: LinkMember) -> bool:
         """Whether the device has a receiver that accepts RTCM."""
-        info = session.info
+        info = member.info
         row = PROTOCOLS.get(info.protocol)
         if row is None:
             return False
@@ -37,12 +37,12 @@ class CorrectionManager:
             DeviceContext(product=info.product)
         )
 
-    def state(self, session: LinkMember) -> Corrections:
+    def state(self, member: LinkMember) -> Corrections:
         """State of forwarding; the source is empty if nothing is forwarded."""
-        stream = self._streams.get(session.info.id)
+        stream = self._streams.get(member.info.id)
         return stream.state() if stream is not None else Corrections(source="")
 
-    async def begin(self, session: LinkMember, source: str, log_sink: LogSink = ignore) -> None:
+    async def begin(self, member: LinkMember, source: str, log_sink: LogSink = ignore) -> None:
         """Forward a stream in place of the previous one.
 
         Args:
@@ -51,9 +51,9 @@ class CorrectionManager:
         Raises:
             CorrectionError: the source is invalid; the previous stream continues.
         """
-        device = session.info.id
+        device = member.info.id
         before = self._streams.get(device)
-        self._streams[device] = CorrectionForwarder(session, source, lambda: self._exists(device), log_sink)
+        self._streams[device] = CorrectionForwarder(member, source, lambda: self._exists(device), log_sink)
         over = [] if before is None else [before]
         over += [self._streams.pop(one) for one in list(self._streams) if one != device and not self._exists(one)]
         for stream in over:  # last: another request may come while it closes
@@ -62,9 +62,9 @@ class CorrectionManager:
     def _exists(self, device: str) -> bool:
         return any(info.id == device for info in self._sessions.infos)
 
-    async def end(self, session: LinkMember) -> Corrections:
+    async def end(self, member: LinkMember) -> Corrections:
         """Stop forwarding; returns the final state."""
-        stream = self._streams.pop(session.info.id, None)
+        stream = self._streams.pop(member.info.id, None)
         if stream is None:
             return Corrections(source="")
         state = stream.state()

@@ -37,33 +37,33 @@ class CorrectionsRequest(BaseModel):
 @router.get("/corrections", responses=responses(404, 422))
 async def get_corrections(receiver: OneController, services: TheServices) -> Corrections:
     """The stream that is forwarded; an empty source if there is none. The password is never returned."""
-    return services.parts.get(CorrectionManager).state(receiver.session)
+    return services.parts.get(CorrectionManager).state(receiver.member)
 
 
 @router.put("/corrections", responses=responses(400, 404, 409, 422))
 async def put_corrections(receiver: OneController, body: CorrectionsRequest, services: TheServices) -> Corrections:
     """Forward this stream in place of the previous one."""
-    session = receiver.session
-    if not services.parts.get(CorrectionManager).accepts(session):
-        title = PROTOCOLS[session.info.protocol].title if session.info.protocol in PROTOCOLS else "This device"
+    member = receiver.member
+    if not services.parts.get(CorrectionManager).accepts(member):
+        title = PROTOCOLS[member.info.protocol].title if member.info.protocol in PROTOCOLS else "This device"
         hints = [
             family.configuration.corrections.hint
             for family in PROTOCOLS.values()
             if family.configuration.corrections is not None
         ]
         hint = f"Devices that accept them: {', '.join(hint for hint in hints if hint)}."
-        raise DomainError("no-receiver", f"{title} {session.info.product} does not accept corrections.", hint)
+        raise DomainError("no-receiver", f"{title} {member.info.product} does not accept corrections.", hint)
     try:
         file = file_of(body.source)
         if file is not None:
             await asyncio.to_thread(check_path, file, services.source_folders)
-        await services.parts.get(CorrectionManager).begin(session, body.source, receiver.log.streamed)
+        await services.parts.get(CorrectionManager).begin(member, body.source, receiver.log.streamed)
     except CorrectionError as error:
         raise DomainError("bad-source", error.message, error.hint) from None
-    return services.parts.get(CorrectionManager).state(session)
+    return services.parts.get(CorrectionManager).state(member)
 
 
 @router.delete("/corrections", responses=responses(404, 422))
 async def delete_corrections(receiver: OneController, services: TheServices) -> Corrections:
     """Stop forwarding; returns the final counters."""
-    return await services.parts.get(CorrectionManager).end(receiver.session)
+    return await services.parts.get(CorrectionManager).end(receiver.member)

@@ -86,7 +86,7 @@ class KnownSettings:
         driver, known = controller.driver, controller.context
         if not known.serial_number:
             return None
-        name = f"{controller.session.info.protocol} {known.serial_number}"
+        name = f"{controller.member.info.protocol} {known.serial_number}"
         stored = self._load().get(name)
         source = (controller.values, controller.read_at, known.product, known.firmware)
         before = self._known.get(device.id)
@@ -101,7 +101,7 @@ class KnownSettings:
             values, read = stored["values"], stored["read"]
         else:
             return None
-        protocol = controller.session.info.protocol
+        protocol = controller.member.info.protocol
         settings = DeviceSettings(protocol, known.product, known.firmware, writable_settings(driver, known, values))
         data = encode_settings(settings)
         rate = None

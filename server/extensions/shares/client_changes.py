@@ -75,7 +75,7 @@ class ClientChanges:
         self._ending: _Configuration | None = None  # its client is done, and answers are still being decoded
         self.latest: deque[SettingsChange] = deque(maxlen=MAX_LATEST)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._off = controller.session.listen(self._on_event)
+        self._off = controller.member.listen(self._on_event)
 
     def close(self) -> None:
         """Stop following the device."""
@@ -191,7 +191,7 @@ class ClientChanges:
         controller = self._controller
         known = controller.context
         snapshot = Snapshot(
-            protocol=controller.session.info.protocol,
+            protocol=controller.member.info.protocol,
             product=known.product,
             serial_number=known.serial_number,
             firmware=known.firmware,

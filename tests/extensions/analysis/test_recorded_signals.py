@@ -128,10 +128,10 @@ async def test_definitions_are_recorded_and_those_that_change_too(tmp_path: Path
         plan = RecordingOptions(tmp_path / "recordings", Limits(), request_header=False)
         one = Recorder(made.telemetry.bus, made.sessions, made.desks, plan, None, signals=definitions)
         total, double = SignalDefinition("Total", "norm(Acceleration)"), SignalDefinition("Double", "2 * Total")
-        definitions.put(desk.session.info, total)
+        definitions.put(desk.member.info, total)
         state = await one.start()
         await until(lambda: one.state.behind_s == 0, "it is written")
-        definitions.put(desk.session.info, double)
+        definitions.put(desk.member.info, double)
         await one.stop()
         written = [{"name": one.name, "expression": one.expression} for one in (total, double)]
         assert signals_in(tmp_path / "recordings" / f"{state.id}.mcap") == [written[:1], written]

@@ -20,20 +20,20 @@ async def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path
         for desk in (first, further):
             assert (await here.read(desk)).state == "done"
         sent: list[bytes] = []
-        first.session.listeners.on_sent(lambda data, time: sent.append(data))
+        first.member.listeners.on_sent(lambda data, time: sent.append(data))
         heard: list[tuple[DeviceController, str]] = []
         for desk in (first, further):
-            desk.session.listen(
+            desk.member.listen(
                 lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
             )
         corrections = CorrectionManager(here.sessions)
-        assert corrections.accepts(further.session)
+        assert corrections.accepts(further.member)
         tasks = len(asyncio.all_tasks())
         base = await asyncio.start_server(_corrections, "127.0.0.1", 0)
         source = f"tcp://127.0.0.1:{base.sockets[0].getsockname()[1]}"
-        await corrections.begin(further.session, source, further.log.streamed)
+        await corrections.begin(further.member, source, further.log.streamed)
         await until(lambda: len(heard) == len(sent) == len(NUMBERS), "each is acknowledged")
-        assert corrections.state(further.session).refused == 0
+        assert corrections.state(further.member).refused == 0
         assert {(data[1], data[2]) for data in sent} == {(int(further.context.device), 0xE2)}
         assert set(heard) == {(further, "ForwardGnssDataAck")}
         assert any("Corrections from" in entry.text for entry in further.log.tail())
