@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,11 +23,18 @@ class Calls:
 
 @contextmanager
 def counted_calls() -> Iterator[Calls]:
-    """Count the calls of this thread within the block. Work inside one call (a search, a copy) counts as one."""
+    """Count the calls of this thread within the block. Work inside one call (a search, a copy) counts as one.
+
+    No garbage is collected within the block: the finalizers of what earlier tests left behind would count, too.
+    """
     calls = Calls()
     before = sys.getprofile()
+    collects = gc.isenabled()
+    gc.disable()
     sys.setprofile(calls)
     try:
         yield calls
     finally:
         sys.setprofile(before)
+        if collects:
+            gc.enable()
