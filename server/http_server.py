@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import gc
 import json
 import logging
@@ -175,6 +176,16 @@ def raise_limit() -> None:
     if soft < limit:
         with contextlib.suppress(OSError, ValueError):
             resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
+
+
+def report_loop_error(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Log that no connection can be accepted in a line, rate-limited; asyncio writes sixteen tracebacks a second."""
+    error = context.get("exception")
+    if not isinstance(error, OSError) or error.errno not in (errno.EMFILE, errno.ENFILE):
+        loop.default_exception_handler(context)
+        return
+    text = f"New connections wait: {error.strerror}. Raise the limit of open files (ulimit -n, or LimitNOFILE=)."
+    log.warning("%s", text, extra={"event": "no-descriptors", "often": "no-descriptors"})
 
 
 class WebSocketProtocol(WebSocketsSansIOProtocol):
@@ -425,6 +436,7 @@ def run(
             signal.signal(number, end)
     try:
         with asyncio.Runner() as runner:
+            runner.get_loop().set_exception_handler(report_loop_error)
             work = ending.make_executor(runner.get_loop())
             with contextlib.suppress(KeyboardInterrupt):
                 runner.run(serving.serve(sockets=[listener]))

@@ -38,6 +38,7 @@ from imuscope.server.links.replay import split_devices
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
+from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -136,6 +137,21 @@ def test_websockets_leave_room_for_requests(tmp_path: Path) -> None:
         assert refused.value.response.status_code == 409
         assert b'"full"' in (refused.value.response.body or b"")
         assert answers(running)
+
+
+def test_connections_that_cannot_be_accepted_wait_without_a_traceback(tmp_path: Path) -> None:
+    with ServerProcess("/dev/nothing-there", data=tmp_path) as running:
+        pid = running.process.pid
+        before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+        address = running.url.rpartition("/")[2].split(":")
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, (1, before[1]))
+        with socket.create_connection((address[0], int(address[1])), PATIENCE_S) as waits:
+            waits.sendall(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            block_until(lambda: "New connections wait: Too many open files" in running.log, lambda: running.log)
+            resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
+            assert waits.recv(12) == b"HTTP/1.1 200"
+        assert "LimitNOFILE" in running.log
+        assert "Traceback" not in running.log
 
 
 def test_half_of_the_descriptors_are_not_for_browsers() -> None:
