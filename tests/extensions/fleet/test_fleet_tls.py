@@ -111,14 +111,14 @@ def test_a_certificate_gives_a_robot_its_own_name_only(tmp_path: Path, authority
         member("b") as b,
         member("stranger") as stranger,
     ):
-        b.report(1)
-        block_until(lambda: versions(server).get("b") == "1.0", "b reports")
+        for robot in (a, b):  # a report may overtake its robot's token; the journal that is asked for then has it
+            robot.report(1)
+        block_until(lambda: versions(server) == {"a": "1.0", "b": "1.0"}, "the reports of a and b have arrived")
         assert a.session is not None
         a.session.put(keys.report_key("b"), encode(RobotReport(b.journal.boot, 2, 0.0, status=RobotStatus("forged"))))
         stranger.report(1)
-        a.report(1)
-        # a journal that is asked for when its robot appears may overtake the report, which then counts as repeated
-        block_until(lambda: reports(server)["valid"] >= 2, "the reports of a and b have arrived")
-        assert versions(server) == {"a": "1.0", "b": "1.0"}
-        assert reports(server)["valid"] == 2, "what a forged, and the stranger sent, was passed on"
-        assert reports(server)["unannounced"] == 0
+        a.put(a.journal.report(1_700_000_001.0, RobotStatus("1.1")))
+        block_until(lambda: versions(server).get("a") == "1.1", "what a sent after it has arrived")
+        assert versions(server) == {"a": "1.1", "b": "1.0"}
+        counts = reports(server)
+        assert counts["valid"] + counts["unannounced"] <= 3, "what a forged, and the stranger sent, was passed on"
