@@ -40,11 +40,18 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
       event.clientY <= box.bottom;
     if (!inside) onClose();
   };
+  // Esc ends the state of the page, and that the dialog: `close` comes later, when the next key may have opened it again.
+  const onCancel = (event: Event): void => {
+    if (event.target !== ref.current) return; // a file chooser's, which bubbles
+    event.preventDefault();
+    onClose();
+  };
   return (
     <dialog
       ref={ref}
       class={wide ? "wide" : ""}
       aria-labelledby="dialog-title"
+      onCancel={onCancel}
       onClose={() => isGone.current || onClose()}
       onMouseDown={onPress}
     >
