@@ -15,7 +15,7 @@ interface Props {
 export function Dialog({ title, onClose, wide = false, children }: Props) {
   const ref = useRef<HTMLDialogElement>(null);
   const heading = useRef<HTMLHeadingElement>(null);
-  /** A page that is drawn anew takes its dialog with it: nobody closed that one. */
+  /** Closed below, or gone with a page that is drawn anew: the browser's `close` says nothing new. */
   const isGone = useRef(false);
   useEffect(() => {
     const dialog = ref.current;
@@ -28,6 +28,17 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
       dialog?.close();
     };
   }, []);
+  // Closed here, which gives focus back, and said at once: the browser's `close` may come after a key that opens it again.
+  const leave = (): void => {
+    isGone.current = true;
+    ref.current?.close();
+    onClose();
+  };
+  const onCancel = (event: Event): void => {
+    if (event.target !== ref.current) return; // a file chooser's, which bubbles
+    event.preventDefault();
+    leave();
+  };
   // A press on the backdrop reports the dialog itself as its target, and lies outside of its box.
   const onPress = (event: MouseEvent): void => {
     const dialog = ref.current;
@@ -38,13 +49,7 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
       event.clientX <= box.right &&
       event.clientY >= box.top &&
       event.clientY <= box.bottom;
-    if (!inside) onClose();
-  };
-  // Esc ends the state of the page, and that the dialog: `close` comes later, when the next key may have opened it again.
-  const onCancel = (event: Event): void => {
-    if (event.target !== ref.current) return; // a file chooser's, which bubbles
-    event.preventDefault();
-    onClose();
+    if (!inside) leave();
   };
   return (
     <dialog
@@ -60,7 +65,7 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
           {title}
         </h2>
         <span class="grow" />
-        <IconButton icon="close" label={COMMON.close} title={COMMON.closeEsc} onClick={onClose} />
+        <IconButton icon="close" label={COMMON.close} title={COMMON.closeEsc} onClick={leave} />
       </div>
       <div class="inside">{children}</div>
     </dialog>
