@@ -6,7 +6,6 @@ import asyncio
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from types import TracebackType
 from typing import Any
 
 from imuscope.server import http_server
@@ -96,9 +95,7 @@ class InProcessServer:
     def __enter__(self) -> InProcessServer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.client.close()
         self._server.should_exit = True
         self._thread.join(PATIENCE_S)

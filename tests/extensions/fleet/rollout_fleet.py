@@ -9,7 +9,6 @@ from __future__ import annotations
 from contextlib import ExitStack
 from http import HTTPStatus
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import httpx
@@ -261,9 +260,7 @@ class RolloutFleet:
             lambda: (beginning, self.events(robot)),
         )
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._open.close()
 
 

@@ -6,7 +6,6 @@ import contextlib
 import socket
 import threading
 from collections import Counter
-from types import TracebackType
 
 BUSY = b"HTTP/1.1 503 Slow Down\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
@@ -75,9 +74,7 @@ class FaultyProxy(TcpProxy):
     def __enter__(self) -> FaultyProxy:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.cut()
 
     def _serve(self, client: socket.socket) -> None:
