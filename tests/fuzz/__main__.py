@@ -14,6 +14,7 @@ import json
 import platform
 import sys
 import time
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -64,8 +65,18 @@ def main() -> int:
     faulthandler.cancel_dump_traceback_later()
     seconds = time.monotonic() - begin
     print(_state(search, seconds, sum(kinds.values())))
-    if given.keep_account:
-        _note(given, search, seconds, kinds)
+    _note(
+        given,
+        seconds,
+        ("numpy", "pynmeagps"),
+        compiled=not compiled.DISABLED,
+        cases=search.cases,
+        bytes=search.bytes,
+        frames=search.frames,
+        corpus=len(search.corpus),
+        features=len(search.seen),
+        broken=kinds,
+    )
     return 1 if kinds else 0
 
 
@@ -75,18 +86,10 @@ def _outside(given: argparse.Namespace) -> int:
     begin = time.monotonic()
     run = ExternalRun(given.protocol, given.seed)
     run.run(60 * given.minutes)
-    if given.keep_account:
-        names = ("python", "schemathesis", "hypothesis", "websockets")
-        versions = {name: platform.python_version() if name == "python" else version(name) for name in names}
-        told = {"date": datetime.now(UTC).strftime("%Y-%m-%d"), "protocol": given.protocol, "seed": given.seed}
-        minutes = round((time.monotonic() - begin) / 60, 1)
-        _keep({**told, "minutes": minutes, "cases": run.cases, "broken": dict(run.kinds), "versions": versions})
+    _note(
+        given, time.monotonic() - begin, ("schemathesis", "hypothesis", "websockets"), cases=run.cases, broken=run.kinds
+    )
     return 1 if run.kinds else 0
-
-
-def _keep(told: dict[str, object]) -> None:
-    runs = json.loads(RUNS.read_text()) if RUNS.exists() else []
-    RUNS.write_text("[\n" + ",\n".join(json.dumps(run) for run in [*runs, told]) + "\n]\n")
 
 
 def _state(search: CorpusSearch, seconds: float, broken: int) -> str:
@@ -96,26 +99,20 @@ def _state(search: CorpusSearch, seconds: float, broken: int) -> str:
     )
 
 
-def _note(given: argparse.Namespace, search: CorpusSearch, seconds: float, kinds: dict[str, int]) -> None:
-    _keep(
-        {
-            "date": datetime.now(UTC).strftime("%Y-%m-%d"),
-            "protocol": given.protocol,
-            "seed": given.seed,
-            "compiled": not compiled.DISABLED,
-            "minutes": round(seconds / 60, 1),
-            "cases": search.cases,
-            "bytes": search.bytes,
-            "frames": search.frames,
-            "corpus": len(search.corpus),
-            "features": len(search.seen),
-            "broken": kinds,
-            "versions": {
-                "python": platform.python_version(),
-                **{name: version(name) for name in ("numpy", "pynmeagps")},
-            },
-        }
-    )
+def _note(given: argparse.Namespace, seconds: float, packages: Iterable[str], **figures: object) -> None:
+    """Note a run in runs.json, if that is wanted."""
+    if not given.keep_account:
+        return
+    run = {
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "protocol": given.protocol,
+        "seed": given.seed,
+        "minutes": round(seconds / 60, 1),
+        **figures,
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
+    }
+    runs = [*(json.loads(RUNS.read_text()) if RUNS.exists() else []), run]
+    RUNS.write_text("[\n" + ",\n".join(json.dumps(one) for one in runs) + "\n]\n")
 
 
 if __name__ == "__main__":

@@ -63,6 +63,14 @@ def write(protocol: str, case: Case, showed: str, about: str, name: str) -> Path
     return path
 
 
+def write_json(target: str, name: str, showed: str, content: dict[str, Any]) -> Path:
+    """Keep a finding that is no stream of bytes."""
+    path = FINDINGS / target / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"showed": showed, **content}, indent=1) + "\n")
+    return path
+
+
 def read(path: Path) -> Case:
     """A finding again."""
     said: dict[str, str] = {}

@@ -51,6 +51,7 @@ from imuscope.server.extensions.viser import meshes
 from imuscope.server.library.decode import decode
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.search import CorpusSearch as Decoders
+from tests.fuzz.search import Smallest
 
 PATIENCE_S = 60  # no case takes a second on a quiet machine
 ROOM = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
@@ -89,38 +90,32 @@ def _listed(path: Path, cut: bool) -> None:
     json.dumps(told, ensure_ascii=False).encode()  # as it is sent to a page
 
 
-def _refused(error: type[Exception], read: Callable[[str], Any]) -> Callable[[Path, bool], None]:
+def _refused(read: Callable[[Path], Any], *errors: type[Exception]) -> Callable[[Path, bool], None]:
+    """Reader of a file that may be refused with one of these errors, which says why."""
+
     def reader(path: Path, cut: bool) -> None:
         try:
-            read(path.read_bytes().decode("utf-8", "surrogateescape" if path.suffix == ".json" else "replace"))
-        except error as refusal:
+            read(path)
+        except errors as refusal:
             _sentence(str(refusal))
 
     return reader
 
 
-def _snapshot(path: Path, cut: bool) -> None:
-    try:
-        found = from_text(path.read_bytes().decode("utf-8", "replace"))
-    except SnapshotError as error:
-        _sentence(str(error))
-        return
-    json.dumps(found.body("x").values)
+def _text(path: Path) -> str:
+    return path.read_bytes().decode("utf-8", "replace")
 
 
-def _configuration(path: Path, cut: bool) -> None:
-    try:
-        load(path).reading()
-    except (ConfigError, DecodeOptionError) as error:
-        _sentence(str(error))
+def _snapshot(path: Path) -> None:
+    json.dumps(from_text(_text(path)).body("x").values)
 
 
-def _mesh(path: Path, cut: bool) -> None:
-    try:
-        mesh = meshes.read(path.name, path.read_bytes())
-    except meshes.MeshError as error:
-        _sentence(str(error))
-        return
+def _schema(path: Path) -> None:
+    checked_options("", {"schema": _text(path)})
+
+
+def _mesh(path: Path) -> None:
+    mesh = meshes.read(path.name, path.read_bytes())
     if not 0 < mesh.scale < 1e12:
         raise BrokenError("scale", f"a body of scale {mesh.scale}")
 
@@ -157,12 +152,12 @@ KINDS = {
     "bin": FileKind("drive.bin", _recording),
     "csv": FileKind("drive.csv", _recording),
     "sidecar": FileKind("drive.mcap.json", _listed, ("packed",)),
-    "snapshot": FileKind("a.yaml", _snapshot),
-    "schema": FileKind("a.toml", _refused(DecodeOptionError, lambda text: checked_options("", {"schema": text}))),
-    "configuration": FileKind("a.toml", _configuration),
-    "glb": FileKind("a.glb", _mesh),
-    "stl": FileKind("a.stl", _mesh),
-    "text-stl": FileKind("a.stl", _mesh),
+    "snapshot": FileKind("a.yaml", _refused(_snapshot, SnapshotError)),
+    "schema": FileKind("a.toml", _refused(_schema, DecodeOptionError)),
+    "configuration": FileKind("a.toml", _refused(lambda path: load(path).reading(), ConfigError, DecodeOptionError)),
+    "glb": FileKind("a.glb", _refused(_mesh, meshes.MeshError)),
+    "stl": FileKind("a.stl", _refused(_mesh, meshes.MeshError)),
+    "text-stl": FileKind("a.stl", _refused(_mesh, meshes.MeshError)),
 }
 
 # -- whole files -------------------------------------------------------------------------------------------------------
@@ -456,21 +451,9 @@ class FileSearch:
 
     def smaller(self, case: Case, broken: BrokenError, attempts: int = 150) -> tuple[Case, BrokenError]:
         """The minimal case that still breaks."""
-        size = len(case.data) // 2
-        while size and attempts > 0:
-            at = 0
-            while at < len(case.data) and attempts > 0:
-                attempts -= 1
-                shorter = Case(case.data[:at] + case.data[at + size :], (), case.settings)
-                try:
-                    self.check(shorter)
-                except BrokenError as error:
-                    if error.kind == broken.kind:
-                        case, broken = shorter, error
-                        continue
-                at += size
-            size //= 2
-        return case, broken
+        smallest = Smallest(self.check, case, broken, attempts)
+        smallest.shorten()
+        return smallest.case, smallest.broken
 
 
 def _where(error: BaseException) -> str:

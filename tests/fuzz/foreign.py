@@ -9,7 +9,7 @@ from functools import reduce
 from operator import xor
 from random import Random
 
-from tests.oracles.foreign import crc24
+from tests.oracles.checksums import crc24, fletcher
 
 _SENTENCES = (
     b"GNGGA,092725.00,4717.11399,N,00833.91590,E,1,08,1.01,499.6,M,48.0,M,,",
@@ -63,10 +63,7 @@ def ubx(random: Random) -> bytes:
     payload = random.randbytes(random.choice((0, 2, 20, 92, 300)))
     length = len(payload) if random.random() < 0.8 else random.choice((0, 1, 8192, 8193, 0xFFFF))
     body = bytes([random.choice((1, 2, 5, 0x13, 0x99)), random.randrange(256)]) + length.to_bytes(2, "little") + payload
-    low = high = 0
-    for byte in body:
-        low = (low + byte) % 256
-        high = (high + low) % 256
+    low, high = fletcher(body)
     if random.random() < 0.15:
         low ^= 1
     return b"\xb5\x62" + body + bytes([low, high])

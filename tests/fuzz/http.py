@@ -22,7 +22,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from hypothesis.errors import HypothesisException
 from schemathesis import GenerationMode
 from schemathesis.checks import CHECKS, load_all_checks
 
-from tests.fuzz.cases import FINDINGS, BrokenError
+from tests.fuzz.cases import BrokenError, write_json
 from tests.processes import resident_mb
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S  # a longer time counts as no answer
@@ -73,11 +73,7 @@ class Asked:
 
     def write(self, name: str, showed: str) -> Path:
         """Keep it."""
-        path = FINDINGS / "http" / f"{name}.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        kept = {"showed": showed, "method": self.method, "path": self.path, "headers": self.headers, "body": self.body}
-        path.write_text(json.dumps(kept, indent=1) + "\n")
-        return path
+        return write_json("http", name, showed, asdict(self))
 
     @staticmethod
     def read(path: Path) -> Asked:

@@ -88,46 +88,58 @@ class CorpusSearch:
         self.corpus.append(pieces)
 
 
-def minimised(protocol: str, case: Case, broken: BrokenError, *, attempts: int = 1500) -> tuple[Case, BrokenError]:
-    """A smaller case that breaks the same invariant: fewer bytes, cuts and settings."""
-    speaker = TARGETS[protocol].speaker
-    last = broken
-    left = attempts
+class Smallest:
+    """The smallest case so far that breaks an invariant, and how.
 
-    def breaks(one: Case) -> bool:
-        nonlocal last, left
-        left -= 1
+    Args:
+        check: raises BrokenError.
+        attempts: at most so many cases are checked.
+    """
+
+    def __init__(self, check: Callable[[Case], object], case: Case, broken: BrokenError, attempts: int) -> None:
+        self.case, self.broken = case, broken
+        self._check, self._left = check, attempts
+
+    def take(self, smaller: Case) -> bool:
+        """Go on from a smaller case if it breaks the same invariant."""
+        if self._left <= 0:
+            return False
+        self._left -= 1
         try:
-            check(speaker, one, guessing=broken.kind == "guess")
-        except BrokenError as problem:
-            if problem.kind == broken.kind:
-                last = problem
+            self._check(smaller)
+        except BrokenError as broken:
+            if broken.kind == self.broken.kind:
+                self.case, self.broken = smaller, broken
                 return True
         return False
 
-    if case.settings and breaks(plain := Case(case.data, case.cuts)):
-        case = plain
-    size = max(len(case.data) // 2, 1)
-    while size >= 1 and left > 0:
-        case, shrunk = _without(case, size, breaks, lambda: left > 0)
-        size = size if shrunk and size < len(case.data) else size // 2
-    for cut in case.cuts:
-        fewer = Case(case.data, tuple(at for at in case.cuts if at != cut), case.settings)
-        if left > 0 and breaks(fewer):
-            case = fewer
-    breaks(case)
-    return case, last
+    def shorten(self) -> None:
+        """Leave out ever shorter stretches of bytes that it can do without."""
+        size = max(len(self.case.data) // 2, 1)
+        while size >= 1 and self._left > 0:
+            shrunk = self._leave_out(size)
+            size = size if shrunk and size < len(self.case.data) else size // 2
+
+    def _leave_out(self, size: int) -> bool:
+        shrunk = False
+        at = 0
+        while at < len(self.case.data) and self._left > 0:
+            case = self.case
+            cuts = tuple(cut if cut <= at else max(at, cut - size) for cut in case.cuts)
+            if self.take(Case(case.data[:at] + case.data[at + size :], cuts, case.settings)):
+                shrunk = True
+            else:
+                at += size
+        return shrunk
 
 
-def _without(case: Case, size: int, breaks: Callable[[Case], bool], goes_on: Callable[[], bool]) -> tuple[Case, bool]:
-    """The case without any stretch of `size` bytes that it can do without."""
-    shrunk = False
-    at = 0
-    while at < len(case.data) and goes_on():
-        cuts = tuple(cut if cut <= at else max(at, cut - size) for cut in case.cuts)
-        smaller = Case(case.data[:at] + case.data[at + size :], cuts, case.settings)
-        if breaks(smaller):
-            case, shrunk = smaller, True
-        else:
-            at += size
-    return case, shrunk
+def minimised(protocol: str, case: Case, broken: BrokenError, *, attempts: int = 1500) -> tuple[Case, BrokenError]:
+    """A smaller case that breaks the same invariant: fewer bytes, cuts and settings."""
+    speaker = TARGETS[protocol].speaker
+    found = Smallest(lambda one: check(speaker, one, guessing=broken.kind == "guess"), case, broken, attempts)
+    if case.settings:
+        found.take(Case(case.data, case.cuts))
+    found.shorten()
+    for cut in found.case.cuts:
+        found.take(Case(found.case.data, tuple(at for at in found.case.cuts if at != cut), found.case.settings))
+    return found.case, found.broken

@@ -21,6 +21,7 @@ from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import mip as mip_oracle
 from tests.oracles import xbus as xbus_oracle
+from tests.oracles.checksums import fletcher
 from tests.protocols import idtp_vectors, isb_vectors, mip_vectors, xbus_vectors
 from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase
 
@@ -44,16 +45,24 @@ class FuzzTarget:
     captures: Sequence[str] = ()  # under the shared folder
 
     def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
-        """See mutations.Frames, as the four below."""
-        raise NotImplementedError
+        """See mutations.Frames, as `lie`, `make` and `body`."""
+        begin, end = self.body(frame)
+        return self._mended(frame, begin, end, random, length=length) if begin else frame
 
     def lie(self, frame: bytes, random: Random) -> bytes:
-        raise NotImplementedError
+        return self._lying(frame, random) if self.body(frame)[0] else frame
 
     def make(self, random: Random) -> bytes:
         raise NotImplementedError
 
     def body(self, frame: bytes) -> tuple[int, int]:
+        """Also (0, its end) of what has no whole header."""
+        raise NotImplementedError
+
+    def _mended(self, frame: bytes, begin: int, end: int, random: Random, *, length: bool) -> bytes:
+        raise NotImplementedError
+
+    def _lying(self, frame: bytes, random: Random) -> bytes:
         raise NotImplementedError
 
     def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
@@ -120,10 +129,7 @@ class Xbus(FuzzTarget):
         begin = 6 if frame[3:4] == b"\xff" else 4
         return (begin, len(frame) - 1) if frame[:1] == b"\xfa" and len(frame) > begin else (0, len(frame))
 
-    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
-        begin, end = self.body(frame)
-        if not begin:
-            return frame
+    def _mended(self, frame: bytes, begin: int, end: int, random: Random, *, length: bool) -> bytes:
         if length:
             payload = frame[begin:end]
             long = len(payload) > 254 or begin == 6
@@ -131,9 +137,7 @@ class Xbus(FuzzTarget):
             frame = frame[:3] + size + payload + b"\0"
         return frame[:-1] + bytes([-sum(frame[1:-1]) % 256])
 
-    def lie(self, frame: bytes, random: Random) -> bytes:
-        if not self.body(frame)[0]:
-            return frame
+    def _lying(self, frame: bytes, random: Random) -> bytes:
         length = random.choice((*_LENGTHS, random.randrange(300)))
         if random.random() < 0.5:
             return frame[:3] + bytes([length & 0xFF]) + frame[4:]
@@ -199,18 +203,13 @@ class Isb(FuzzTarget):
     def body(self, frame: bytes) -> tuple[int, int]:
         return (6, len(frame) - 2) if frame[:2] == b"\xef\x49" and len(frame) >= 8 else (0, len(frame))
 
-    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
-        begin, end = self.body(frame)
-        if not begin:
-            return frame
+    def _mended(self, frame: bytes, begin: int, end: int, random: Random, *, length: bool) -> bytes:
         head = frame[:end]
         if length:
             head = head[:4] + ((end - begin) & 0xFFFF).to_bytes(2, "little") + head[6:]
-        return head + _fletcher(head)
+        return head + fletcher(head)
 
-    def lie(self, frame: bytes, random: Random) -> bytes:
-        if not self.body(frame)[0]:
-            return frame
+    def _lying(self, frame: bytes, random: Random) -> bytes:
         return frame[:4] + random.choice((*_LENGTHS, random.randrange(300))).to_bytes(2, "little") + frame[6:]
 
     def make(self, random: Random) -> bytes:
@@ -288,10 +287,7 @@ class Idtp(FuzzTarget):
         trailer = {0: 0, 1: 4, 2: 32}.get(frame[17], 0)
         return 20, max(20, len(frame) - trailer)
 
-    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
-        begin, end = self.body(frame)
-        if not begin:
-            return frame
+    def _mended(self, frame: bytes, begin: int, end: int, random: Random, *, length: bool) -> bytes:
         head, payload, mode = frame[:19], frame[20:end], frame[17]
         if length:
             head = head[:14] + (len(payload) & 0xFFFF).to_bytes(2, "little") + head[16:]
@@ -307,9 +303,7 @@ class Idtp(FuzzTarget):
             return frame + idtp_oracle.hmac.digest(key, frame, "sha256")
         return frame
 
-    def lie(self, frame: bytes, random: Random) -> bytes:
-        if not self.body(frame)[0]:
-            return frame
+    def _lying(self, frame: bytes, random: Random) -> bytes:
         return frame[:14] + random.choice((*_LENGTHS, random.randrange(80))).to_bytes(2, "little") + frame[16:]
 
     def make(self, random: Random) -> bytes:
@@ -370,18 +364,13 @@ class Mip(FuzzTarget):
     def body(self, frame: bytes) -> tuple[int, int]:
         return (4, len(frame) - 2) if frame[:2] == b"\x75\x65" and len(frame) > 6 else (0, len(frame))
 
-    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
-        begin, end = self.body(frame)
-        if not begin:
-            return frame
+    def _mended(self, frame: bytes, begin: int, end: int, random: Random, *, length: bool) -> bytes:
         head = frame[:end]
         if length:
             head = head[:3] + bytes([(end - begin) & 0xFF]) + head[4:]
-        return head + _fletcher(head)
+        return head + fletcher(head)
 
-    def lie(self, frame: bytes, random: Random) -> bytes:
-        if not self.body(frame)[0]:
-            return frame
+    def _lying(self, frame: bytes, random: Random) -> bytes:
         return frame[:3] + bytes([random.choice((*_LENGTHS, random.randrange(256))) & 0xFF]) + frame[4:]
 
     def make(self, random: Random) -> bytes:
@@ -395,7 +384,7 @@ class Mip(FuzzTarget):
             data = random.randbytes(size) if random.random() < 0.5 else random.choice(_FLOATS) * 8
             body += bytes((size + 2, descriptor)) + data[:size].ljust(size, b"\0")
         head = b"\x75\x65" + bytes((number, len(body[:255]))) + body[:255]
-        return head + _fletcher(head)
+        return head + fletcher(head)
 
     def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
         return ((offset, len(packet)) for offset, packet in mip_oracle.scan(data)[0])
@@ -409,14 +398,6 @@ class Mip(FuzzTarget):
         for _ in range(len(stream) // 200):
             stream[random.randrange(len(stream))] ^= 1 << random.randrange(8)
         return bytes(stream)
-
-
-def _fletcher(data: bytes) -> bytes:
-    low = high = 0
-    for byte in data:
-        low = (low + byte) % 256
-        high = (high + low) % 256
-    return bytes((low, high))
 
 
 TARGETS: dict[str, FuzzTarget] = {"xbus": Xbus(), "isb": Isb(), "idtp": Idtp(), "mip": Mip()}

@@ -26,7 +26,7 @@ from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from imuscope.server.wire import SUBPROTOCOL
-from tests.fuzz.cases import FINDINGS, BrokenError
+from tests.fuzz.cases import BrokenError, write_json
 from tests.fuzz.http import FuzzedServer
 from tests.timeouts import PATIENCE_S, connect
 
@@ -57,10 +57,7 @@ class Talk(NamedTuple):
 
     def write(self, name: str, showed: str) -> Path:
         """Keep it."""
-        path = FINDINGS / "ws" / f"{name}.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"showed": showed, **self._asdict()}, indent=1) + "\n")
-        return path
+        return write_json("ws", name, showed, self._asdict())
 
     @staticmethod
     def read(path: Path) -> Talk:

@@ -12,6 +12,8 @@ import json
 from importlib.metadata import version
 from pathlib import Path
 
+from tests.oracles.checksums import crc24, fletcher
+
 GOLDEN = Path(__file__).parents[1] / "golden" / "foreign"
 CLASSES = {0x01, 0x02, 0x04, 0x05, 0x06, 0x09, 0x0A, 0x0D, 0x10, 0x13, 0x21, 0x27, 0x28, 0x29}
 PAYLOAD = bytes(range(12))
@@ -20,11 +22,7 @@ PAYLOAD = bytes(range(12))
 def ubx(group: int, number: int, payload: bytes = PAYLOAD) -> bytes:
     """One u-blox message."""
     body = bytes([group, number]) + len(payload).to_bytes(2, "little") + payload
-    low = high = 0
-    for byte in body:
-        low = (low + byte) % 256
-        high = (high + low) % 256
-    return b"\xb5\x62" + body + bytes([low, high])
+    return b"\xb5\x62" + body + fletcher(body)
 
 
 def rtcm(number: int, payload: bytes = PAYLOAD) -> bytes:
@@ -32,16 +30,6 @@ def rtcm(number: int, payload: bytes = PAYLOAD) -> bytes:
     payload = (number << 4).to_bytes(2, "big") + payload
     frame = b"\xd3" + len(payload).to_bytes(2, "big") + payload
     return frame + crc24(frame).to_bytes(3, "big")
-
-
-def crc24(data: bytes) -> int:
-    """CRC-24Q, bit by bit."""
-    crc = 0
-    for byte in data:
-        crc ^= byte << 16
-        for _ in range(8):
-            crc = (crc << 1) ^ 0x1864CFB if crc & 0x800000 else crc << 1
-    return crc & 0xFFFFFF
 
 
 def main() -> None:

@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.oracles.checksums import fletcher
+
 GOLDEN = Path(__file__).parents[1] / "golden" / "isb"
 CODES = {
     **{"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "u64": "Q", "i64": "q"},
@@ -90,11 +92,7 @@ def _candidate(data: bytes) -> OracleIsbPacket | str:
         return "bad_size"
     if len(data) < 6 + size + 2:
         return "incomplete"
-    low = high = 0
-    for byte in data[: 6 + size]:
-        low = (low + byte) % 256
-        high = (high + low) % 256
-    if (low, high) != (data[6 + size], data[7 + size]):
+    if fletcher(data[: 6 + size]) != data[6 + size : 8 + size]:
         return "bad_checksum"
     body = data[6 : 6 + size]
     part = None
@@ -106,11 +104,7 @@ def _candidate(data: bytes) -> OracleIsbPacket | str:
 def build(kind: int, did: int, body: bytes) -> bytes:
     """A packet around `body`, which starts with the offset if the flags say so."""
     packet = bytes([0xEF, 0x49, kind, did, len(body) % 256, len(body) // 256]) + body
-    low = high = 0
-    for byte in packet:
-        low = (low + byte) % 256
-        high = (high + low) % 256
-    return packet + bytes([low, high])
+    return packet + fletcher(packet)
 
 
 # -- values ------------------------------------------------------------------------------------------------------------

