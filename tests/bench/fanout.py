@@ -14,13 +14,12 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import json
 import struct
 import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,52 +28,61 @@ from websockets.asyncio.client import ClientConnection, connect
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from imuscope.server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL  # noqa: E402
+from imuscope.server.wire import HEADER  # noqa: E402
 from tests.bench.report import options_of, percentile, report  # noqa: E402
 from tests.bench.serial_device import Feed, must_be_live  # noqa: E402
+from tests.load_clients import Good  # noqa: E402
 from tests.processes import seconds_of  # noqa: E402
 from tests.server_process import ServerProcess, tied  # noqa: E402
 
 SETTLE_S = 3.0
 
 
-class FanoutReader:
-    """Samples and losses seen by one client."""
+class FanoutReader(Good):
+    """A client that also notes how long after its stamp each message arrived."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.delays: list[float] = []
-        self.messages = 0
-        self.bytes = 0
-        self.samples: dict[int, int] = defaultdict(int)
-        self.lost = 0
-        self._next: dict[int, int] = {}
-        self.measuring = False
 
     def take(self, data: bytes, now: float) -> None:
-        """Account for one binary message of one or more sample frames."""
-        at, stamp = 0, 0.0
-        while at < len(data):
-            _, flags, _, channel, n, dropped, sequence, size, _, stamp = HEADER.unpack_from(data, at)
-            at += size
-            if flags & FLAG_HISTORY or not self.measuring:
-                self._next[channel] = sequence + n
-                continue
-            self.lost += dropped + max(0, sequence - self._next.get(channel, sequence) - dropped)
-            self._next[channel] = sequence + n
-            self.samples[channel] += n
-        if self.measuring:
-            self.messages += 1
-            self.bytes += len(data)
-            self.delays.append(now - stamp)
+        """Note the delay as well."""
+        super().take(data, now)
+        self.delays.append(now - HEADER.unpack_from(data)[-1])
+
+    def begin(self) -> None:
+        """Count from here on."""
+        super().begin()
+        self.delays.clear()
 
 
-async def client(url: str, reader: FanoutReader) -> None:
-    address = url.replace("http", "ws", 1) + "/ws"
-    async with connect(address, subprotocols=[SUBPROTOCOL], compression=None, max_size=None, origin=url) as socket:  # type: ignore[arg-type,list-item]
-        await socket.send(json.dumps({"op": "subscribe", "history": 0, "channels": None}))
-        async for data in socket:
-            if isinstance(data, bytes):
-                reader.take(data, time.time())
+async def figures_of(readers: Sequence[FanoutReader], server: int, seconds: float) -> dict[str, Any]:
+    """What the readers see from now on in so many seconds, and the share of a core that the server's process takes."""
+    for reader in readers:
+        reader.begin()
+    used, began = seconds_of(server), time.monotonic()
+    await asyncio.sleep(seconds)
+    used, elapsed = seconds_of(server) - used, time.monotonic() - began
+    delays = [delay for reader in readers for delay in reader.delays]
+    messages = sum(reader.messages for reader in readers)
+    return {
+        "lost": sum(reader.lost for reader in readers),
+        "samples_per_s": [max(reader.samples.values(), default=0) / elapsed for reader in readers],
+        "core_share": used / elapsed,
+        "p50_ms": 1000 * percentile(delays, 0.5),
+        "p99_ms": 1000 * percentile(delays, 0.99),
+        "messages_per_s": messages / elapsed,
+        "bytes_per_message": sum(reader.bytes for reader in readers) / max(1, messages),
+    }
+
+
+async def cancel(tasks: Sequence[asyncio.Task[Any]]) -> int:
+    """End the tasks; how many had ended before."""
+    ended = sum(task.done() for task in tasks)
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    return ended
 
 
 async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
@@ -85,34 +93,22 @@ async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
         Feed(rate, SETTLE_S + seconds + 2) as feed,
         ServerProcess(f"serial://{feed.terminal}?baud=2000000", data=Path(data)) as server,
     ):
-        tasks = [asyncio.create_task(client(server.url, reader)) for reader in readers]
+        tasks = [asyncio.create_task(reader.run(server.url)) for reader in readers]
         await asyncio.sleep(1)
         feed.begin()
         await asyncio.sleep(SETTLE_S)
         must_be_live(server.url)
-        for reader in readers:
-            reader.measuring = True
-        used, began = seconds_of(server.process.pid), time.monotonic()
-        await asyncio.sleep(seconds)
-        used, elapsed = seconds_of(server.process.pid) - used, time.monotonic() - began
-        for reader in readers:
-            reader.measuring = False
-        broken = [task for task in tasks if task.done()]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-    samples = [max(reader.samples.values(), default=0) for reader in readers]
-    delays = [delay for reader in readers for delay in reader.delays]
-    messages = sum(reader.messages for reader in readers)
+        seen = await figures_of(readers, server.process.pid, seconds)
+        disconnected = await cancel(tasks)
     return {
-        "disconnected": len(broken),
-        "dropped": sum(reader.lost for reader in readers),
-        "samples_per_s": min(samples) / elapsed,
-        "server_core_share": used / elapsed,
-        "p50_ms": 1000 * percentile(delays, 0.5),
-        "p99_ms": 1000 * percentile(delays, 0.99),
-        "messages_per_s_and_client": messages / clients / elapsed,
-        "bytes_per_message": sum(reader.bytes for reader in readers) / max(1, messages),
+        "disconnected": disconnected,
+        "dropped": seen["lost"],
+        "samples_per_s": min(seen["samples_per_s"]),
+        "server_core_share": seen["core_share"],
+        "p50_ms": seen["p50_ms"],
+        "p99_ms": seen["p99_ms"],
+        "messages_per_s_and_client": seen["messages_per_s"] / clients,
+        "bytes_per_message": seen["bytes_per_message"],
     }
 
 
@@ -140,9 +136,7 @@ async def bare(clients: int, per_s: float, size: int, seconds: float) -> dict[st
             await asyncio.sleep(max(0.0, began + step / per_s - time.monotonic()))
             await sender.send(struct.pack("<d", time.time()) + filling)
         used, elapsed = seconds_of(relay.pid) - used, time.monotonic() - began
-        for task in tasks:
-            task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)
+        await cancel(tasks)
     return {
         "p50_ms": 1000 * percentile(delays, 0.5),
         "p99_ms": 1000 * percentile(delays, 0.99),

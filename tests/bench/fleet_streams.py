@@ -21,22 +21,19 @@ import asyncio
 import multiprocessing
 import tempfile
 import time
-from contextlib import AsyncExitStack
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
-
-from websockets.asyncio.client import connect
 
 from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
 from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.route_rules import RouteRules
 from imuscope.server.wire import HEADER, SUBPROTOCOL
 from imuscope.server.wire.frames import OPCODE_SAMPLES
-from tests.bench.fanout import FanoutReader, bare
-from tests.bench.report import options_of, percentile, report
+from tests.bench.fanout import FanoutReader, bare, cancel, figures_of
+from tests.bench.report import options_of, report
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
-from tests.processes import seconds_of
 from tests.server_process import ServerProcess
 from tests.timeouts import get
 
@@ -58,7 +55,8 @@ class Pages:
         for frame in range(1, 1 << 40):
             await asyncio.sleep(began + frame / FRAMES_PER_S - time.monotonic())
             made = time.time()
-            count = int(frame * self.rate / FRAMES_PER_S) - sent
+            if not (count := int(frame * self.rate / FRAMES_PER_S) - sent):
+                continue
             body = bytes(count * SAMPLE_BYTES)
             size = HEADER.size + len(body)
             head = HEADER.pack(OPCODE_SAMPLES, 0, 10, 1, count, 0, sent, size, 0, made)
@@ -92,22 +90,9 @@ def name_of(number: int) -> str:
     return f"robot-{number:02}"
 
 
-async def browser(url: str, watched: list[tuple[str, FanoutReader]]) -> None:
+async def browser(pages: Iterable[tuple[str, FanoutReader]]) -> None:
     """Watch some robots at once."""
-    async with AsyncExitStack() as sockets:
-        address = url.replace("http", "ws", 1)
-        options: dict[str, Any] = {"subprotocols": [SUBPROTOCOL], "compression": None, "max_size": None, "origin": url}
-        pages = [
-            (await sockets.enter_async_context(connect(f"{address}/robots/{name}/ws", **options)), reader)
-            for name, reader in watched
-        ]
-
-        async def read(socket: Any, reader: FanoutReader) -> None:
-            async for data in socket:
-                if isinstance(data, bytes):
-                    reader.take(data, time.time())
-
-        await asyncio.gather(*(read(*page) for page in pages))
+    await asyncio.gather(*(reader.run(url) for url, reader in pages))
 
 
 async def until_live(url: str, count: int) -> None:
@@ -125,7 +110,6 @@ async def product(options: argparse.Namespace) -> dict[str, Any]:
     """The fleet server between robots and browsers."""
     router = f"tcp/127.0.0.1:{free_port()}"
     readers = [FanoutReader() for _ in range(options.robots)]
-    watched = [(name_of(number), reader) for number, reader in enumerate(readers)]
     with (
         tempfile.TemporaryDirectory() as data,
         ServerProcess(data=Path(data), arguments=("--listen", router), command="fleet") as server,
@@ -136,34 +120,24 @@ async def product(options: argparse.Namespace) -> dict[str, Any]:
         process.start()
         try:
             await until_live(server.url, options.robots)
-            own = [watched[first :: options.browsers] for first in range(options.browsers)]
-            tasks = [asyncio.create_task(browser(server.url, one)) for one in own if one]
+            pages = [(f"{server.url}/robots/{name_of(n)}", reader) for n, reader in enumerate(readers)]
+            own = [pages[first :: options.browsers] for first in range(options.browsers)]
+            tasks = [asyncio.create_task(browser(one)) for one in own if one]
             await asyncio.sleep(SETTLE_S)
-            for reader in readers:
-                reader.measuring = True
-            used, began = seconds_of(server.process.pid), time.monotonic()
-            await asyncio.sleep(options.seconds)
-            used, elapsed = seconds_of(server.process.pid) - used, time.monotonic() - began
-            for reader in readers:
-                reader.measuring = False
-            ended = sum(task.done() for task in tasks)
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            seen = await figures_of(readers, server.process.pid, options.seconds)
+            ended = await cancel(tasks)
         finally:
             process.kill()
             process.join()
-    delays = [delay for reader in readers for delay in reader.delays]
-    messages = sum(reader.messages for reader in readers)
     return {
         "browsers_ended": ended,
-        "missing": sum(reader.lost for reader in readers),
-        "samples_per_s": [pick(sum(one.samples.values()) for one in readers) / elapsed for pick in (min, max)],
-        "p50_ms": 1000 * percentile(delays, 0.5),
-        "p99_ms": 1000 * percentile(delays, 0.99),
-        "fleet_server_core_share": used / elapsed,
-        "messages_per_s": messages / elapsed,
-        "bytes_per_message": sum(reader.bytes for reader in readers) / max(1, messages),
+        "missing": seen["lost"],
+        "samples_per_s": [pick(seen["samples_per_s"]) for pick in (min, max)],
+        "p50_ms": seen["p50_ms"],
+        "p99_ms": seen["p99_ms"],
+        "fleet_server_core_share": seen["core_share"],
+        "messages_per_s": seen["messages_per_s"],
+        "bytes_per_message": seen["bytes_per_message"],
     }
 
 

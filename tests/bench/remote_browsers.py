@@ -11,12 +11,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.bench.fanout import FanoutReader, client
+from tests.load_clients import Good
 
 
 async def main() -> None:
     """The command line."""
-    await asyncio.gather(*(client(sys.argv[1], FanoutReader()) for _ in range(int(sys.argv[2]))))
+    await asyncio.gather(*(Good().run(sys.argv[1]) for _ in range(int(sys.argv[2]))))
 
 
 if __name__ == "__main__":
