@@ -8,7 +8,6 @@ list of the values. The bags hold sensor_msgs/Imu: ROS 1 in chunks without compr
 
 from __future__ import annotations
 
-import argparse
 import struct
 import sys
 import tempfile
@@ -27,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench.library import RATE_HZ, START_NS, TYPE, imu_message, with_imuscope  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}
 
@@ -67,9 +66,8 @@ def with_rosbags(path: Path) -> int:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--mb", type=float, default=300.0, help="size of each bag")
-    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
     options = parser.parse_args()
     figures: dict[str, Any] = {"mb": options.mb, "budget": {"ratio": 3}}
     for kind in STORES:

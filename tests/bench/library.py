@@ -8,7 +8,6 @@ of the values. The file is sensor_msgs/Imu, CDR, in chunks compressed with lz4, 
 
 from __future__ import annotations
 
-import argparse
 import struct
 import sys
 import tempfile
@@ -26,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import imuscope  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 RATE_HZ = 1000
 START_NS = 1_700_000_000_000_000_000
@@ -93,9 +92,8 @@ def with_imuscope(path: Path) -> int:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=6.0, help="length of the recording")
-    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "imu.mcap"

@@ -27,6 +27,7 @@ import asyncio
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
 from tests import load_clients  # noqa: E402
 from tests.bench.memory import Memory  # noqa: E402
 from tests.bench.report import options_of, percentile, report, status_of  # noqa: E402
-from tests.bench.serial_devices import Speakers, frames, heard_in, numbered  # noqa: E402
+from tests.bench.serial_devices import Speakers, frames, heard_in, is_whole, numbered  # noqa: E402
 from tests.processes import seconds_of  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
@@ -68,6 +69,14 @@ class Api:
             if line.startswith("imuscope_link_received_bytes_total{"):
                 found[line.split('device="')[1].split('"')[0]] = int(float(line.rsplit(" ", 1)[1]))
         return found
+
+    async def received_all(self, sent: Sequence[dict[str, Any]]) -> None:
+        """Wait until the server has read what the devices have written, 10 s at most."""
+        whole = sum(one["bytes"] for one in sent)
+        for _ in range(200):
+            if sum((await self.received()).values()) >= whole:
+                return
+            await asyncio.sleep(0.05)
 
     async def drops(self) -> int:
         text = (await self._client.get("/metrics")).raise_for_status().text
@@ -134,7 +143,7 @@ class LoadRun:
             "devices_core_share": seconds_of(self.speakers.pid) / (elapsed + SETTLE_S),
         }
         sent = await asyncio.to_thread(self.speakers.sent)
-        await self.all_there(sent)
+        await self.api.received_all(sent["devices"])
         self.out = {
             **halves,
             **shares,
@@ -173,14 +182,6 @@ class LoadRun:
         others["dropped_for_them"] = await self.api.drops()
         return {**disturbed, "calm": calm, "disturbed": disturbed, **others}
 
-    async def all_there(self, sent: dict[str, Any]) -> None:
-        """Wait until the server has read what the devices have written."""
-        whole = sum(one["bytes"] for one in sent["devices"])
-        for _ in range(200):
-            if sum((await self.api.received()).values()) >= whole:
-                return
-            await asyncio.sleep(0.05)
-
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
     """Server and devices around a run; then what is in the recordings."""
@@ -197,8 +198,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         heard = heard_in([path for path in sorted((data / "recordings").glob("*.mcap")) if path.stem != EARLIER])
     out["bytes_sent"] = sum(one["bytes"] for one in sent)
     out["bytes_recorded"] = sum(one["bytes"] for one in heard.values())
-    ours = [(one["bytes"], one["crc32"]) for one in sent]
-    out["recorded_as_sent"] = sorted(ours) == sorted((one["bytes"], one["crc32"]) for one in heard.values())
+    out["recorded_as_sent"] = is_whole(heard, sent)
     return out
 
 

@@ -10,7 +10,6 @@ xbus-capture  the whole of a real MTi's capture, where ../shared/captures is the
 
 from __future__ import annotations
 
-import argparse
 import random
 import sys
 import tempfile
@@ -23,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 from imuscope.protocols.isb.dataset_loader import SETS  # noqa: E402
 from tests.bench import idtp_mixed, isb_mixed  # noqa: E402
 from tests.bench.decode import measure  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 CAPTURE = ROOT.parent / "shared" / "captures" / "xbus" / "mti_100hz_49s.bin"
 GOALS = {"isb-sizes": 0.30, "isb": 0.30, "idtp": 0.25, "xbus-capture": 0.30}
@@ -44,9 +43,8 @@ def isb_sizes(seconds: float) -> bytes:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--size", type=float, default=16, help="megabytes to decode in a pass")
-    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
     options = parser.parse_args()
     streams = {"isb-sizes": isb_sizes(60), "isb": isb_mixed.stream(20), "idtp": idtp_mixed.mixed(20)}
     if CAPTURE.exists():

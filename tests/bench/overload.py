@@ -30,7 +30,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests.bench.load import Api  # noqa: E402
 from tests.bench.report import options_of, percentile, report, status_of  # noqa: E402
-from tests.bench.serial_devices import Speakers, heard_in  # noqa: E402
+from tests.bench.serial_devices import Speakers, heard_in, is_whole  # noqa: E402
 from tests.load_clients import Good  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
@@ -98,10 +98,7 @@ async def watch(options: argparse.Namespace, server: ServerProcess, speakers: Sp
         loop.wait()
     ended = time.time()
     sent = await asyncio.to_thread(speakers.sent)
-    for _ in range(200):
-        if sum((await api.received()).values()) >= sum(one["bytes"] for one in sent["devices"]):
-            break
-        await asyncio.sleep(0.05)
+    await api.received_all(sent["devices"])
     await api.post("/api/recordings/stop")
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
@@ -135,8 +132,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             out = asyncio.run(watch(options, server, speakers))
         sent = speakers.sent()["devices"]
         heard = heard_in(sorted((data / "recordings").glob("*.mcap")))
-    ours = sorted((one["bytes"], one["crc32"]) for one in sent)
-    out["recorded_as_sent"] = ours == sorted((one["bytes"], one["crc32"]) for one in heard.values())
+    out["recorded_as_sent"] = is_whole(heard, sent)
     return out
 
 

@@ -15,14 +15,12 @@ Budget: at most 3 % of a core at 2 kHz; at most 20 ms lost.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import statistics
 import sys
 import tempfile
 import time
-import urllib.request
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,12 +36,6 @@ from tests.server_process import ServerProcess  # noqa: E402
 SETTLE_S = 3.0
 PAUSE_S = 0.5
 BUDGET_SHARE, BUDGET_LOST_MS = 0.03, 20.0
-
-
-def post(url: str, path: str) -> None:
-    head = {"content-type": "application/json"}
-    with urllib.request.urlopen(urllib.request.Request(f"{url}{path}", b"{}", head), timeout=10) as answer:
-        json.load(answer)
 
 
 def share(pid: int, seconds: float) -> float:
@@ -67,10 +59,10 @@ def cost(rate: float, seconds: float, turns: int) -> dict[str, float]:
             off, on = [], []
             for _ in range(turns):
                 off.append(share(server.process.pid, seconds))
-                post(server.url, "/api/recordings/start")
+                server.ask("POST", "/api/recordings/start", {})
                 time.sleep(PAUSE_S)
                 on.append(share(server.process.pid, seconds))
-                post(server.url, "/api/recordings/stop")
+                server.ask("POST", "/api/recordings/stop", {})
                 time.sleep(2 * PAUSE_S)
     pairs = [with_it - without for with_it, without in zip(on, off, strict=True)]
     return {"without": statistics.median(off), "with": statistics.median(on), "cost": statistics.median(pairs)}

@@ -103,6 +103,12 @@ def heard_in(paths: Sequence[Path]) -> dict[str, dict[str, int]]:
     return found
 
 
+def is_whole(heard: dict[str, dict[str, int]], sent: Sequence[dict[str, Any]]) -> bool:
+    """Whether a recording has, of each device, the bytes that it has sent."""
+    ours, theirs = (sorted((one["bytes"], one["crc32"]) for one in some) for some in (heard.values(), sent))
+    return ours == theirs
+
+
 def put(master: int, data: memoryview) -> None:
     """Write all of it; wait while the terminal is full."""
     while data:

@@ -80,30 +80,29 @@ def measured(device: Terminal, driver: int, rate: float, seconds: float) -> list
 
 
 @contextlib.contextmanager
-def held(device: Terminal, folder: Path) -> Iterator[tuple[int, int]]:
+def held(terminal: str, folder: Path) -> Iterator[tuple[int, int]]:
     """The holder's process and a driver's descriptor; a server's connection reads along."""
     path = folder / "imu0"
-    port = {"kind": "serial", "place": device.path, "baud": 2_000_000}
+    port = {"kind": "serial", "place": terminal, "baud": 2_000_000}
     settings = HolderSettings(port, str(folder / "holder.sock"), (ShareAddress.parse(str(path)),), stay=True)
     process = subprocess.Popen(settings.command, cwd=ROOT)
-    while not path.exists():
-        time.sleep(0.01)
-    server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    server.connect(settings.socket)
-    threading.Thread(target=lambda: [None for _ in iter(lambda: server.recv(65_536), b"")], daemon=True).start()
-    driver = os.open(path, os.O_RDWR | os.O_NOCTTY)
-    time.sleep(0.3)
-    yield process.pid, driver
-    os.close(driver)
-    process.terminate()
-    process.wait()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server, driven(process, path) as found:
+        server.connect(settings.socket)
+        threading.Thread(target=lambda: [None for _ in iter(lambda: server.recv(65_536), b"")], daemon=True).start()
+        yield found
 
 
 @contextlib.contextmanager
-def relayed(device: Terminal, folder: Path) -> Iterator[tuple[int, int]]:
+def relayed(terminal: str, folder: Path) -> Iterator[tuple[int, int]]:
     """Socat's process and a driver's descriptor."""
     path = folder / "socat"
-    process = subprocess.Popen(["socat", f"{device.path},raw,echo=0", f"PTY,link={path},raw,echo=0"])
+    with driven(subprocess.Popen(["socat", f"{terminal},raw,echo=0", f"PTY,link={path},raw,echo=0"]), path) as found:
+        yield found
+
+
+@contextlib.contextmanager
+def driven(process: subprocess.Popen[bytes], path: Path) -> Iterator[tuple[int, int]]:
+    """A process that offers a terminal at the path, and the descriptor of a driver on it; both end with the block."""
     while not path.exists():
         time.sleep(0.01)
     driver = os.open(path, os.O_RDWR | os.O_NOCTTY)
@@ -137,10 +136,10 @@ def main() -> None:
     found: dict[str, Any] = {"rate": options.rate}
     with tempfile.TemporaryDirectory() as folder:
         device = Terminal()
-        with held(device, Path(folder)) as (pid, driver):
+        with held(device.path, Path(folder)) as (pid, driver):
             found |= figures(device, pid, driver, options)
         if shutil.which("socat"):
-            with relayed(device, Path(folder)) as (pid, driver):
+            with relayed(device.path, Path(folder)) as (pid, driver):
                 found |= {f"socat_{name}": value for name, value in figures(device, pid, driver, options).items()}
         direct = measured(device, os.open(device.path, os.O_RDWR | os.O_NOCTTY), options.rate, options.seconds)
         found["direct_p99_ms"] = direct[int(0.99 * len(direct))]

@@ -25,7 +25,6 @@ what socat does without its poll; socat itself where it is installed, for the ho
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import subprocess
@@ -39,7 +38,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench import small_computer_parts as parts  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 PARTS: dict[str, Callable[[parts.Place, float], dict[str, Any]]] = {
     "idle": parts.idle,
@@ -93,11 +92,10 @@ def table(figures: dict[str, Any]) -> str:
 
 def main() -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--parts", nargs="+", choices=[*PARTS], default=[*PARTS])
     parser.add_argument("--ways", nargs="+", choices=["beside", "free"], default=["beside", "free"])
     parser.add_argument("--seconds", type=float, default=4.0)
-    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     options = parser.parse_args()
     figures: dict[str, Any] = {way: {} for way in options.ways}
     for part in options.parts:

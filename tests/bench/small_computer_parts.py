@@ -21,9 +21,9 @@ from tests import load_clients
 from tests.bench.fanout import bare
 from tests.bench.load import Api
 from tests.bench.overload import Page
-from tests.bench.process_cost import ProcessCost, measured, memory_mb
-from tests.bench.serial_devices import Speakers, heard_in
-from tests.bench.shared_port import Terminal, held
+from tests.bench.process_cost import measured, memory_mb
+from tests.bench.serial_devices import Speakers, heard_in, is_whole
+from tests.bench.shared_port import held, relayed
 from tests.bench.start import importing
 from tests.server_process import ServerProcess
 
@@ -80,10 +80,6 @@ def sources_of(speakers: list[Speakers]) -> list[str]:
     return [f"serial://{one.terminals[0]}?baud=2000000&protocol=xbus" for one in speakers]
 
 
-def figures_of(cost: ProcessCost) -> dict[str, Any]:
-    return asdict(cost)
-
-
 # ── what it costs ────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
@@ -96,7 +92,7 @@ def idle(where: Place, seconds: float) -> dict[str, Any]:
         time.sleep(SETTLE_S)
         with measured(server.process.pid) as cost:
             time.sleep(seconds)
-        return figures_of(cost) | {"memory_mb": memory_mb(server.process.pid)}
+        return asdict(cost) | {"memory_mb": memory_mb(server.process.pid)}
 
 
 def copied(where: Place, seconds: float) -> float:
@@ -125,14 +121,14 @@ def recorded(where: Place, seconds: float) -> dict[str, Any]:
             with measured(server.process.pid) as cost:
                 time.sleep(seconds - 0.5)
             memory = memory_mb(server.process.pid)
-            sent = speakers[0].sent()["devices"][0]
+            sent = speakers[0].sent()["devices"]
             time.sleep(1)
-        heard = heard_in(sorted((where.folder / "data" / "recordings").glob("*.mcap")))["1"]
+        heard = heard_in(sorted((where.folder / "data" / "recordings").glob("*.mcap")))
     share = copied(where, seconds)
     return {
-        **figures_of(cost),
+        **asdict(cost),
         "memory_mb": memory,
-        "whole": (heard["bytes"], heard["crc32"]) == (sent["bytes"], sent["crc32"]),
+        "whole": is_whole(heard, sent),
         "yardstick": {"cat_core_share": share},
         "ratio": cost.core_share / share,
     }
@@ -162,7 +158,7 @@ async def _watched(where: Place, seconds: float) -> dict[str, Any]:
     with where.on_ours():
         yardstick = await bare(1, messages / seconds, size // max(1, messages), seconds)
     return {
-        **figures_of(cost),
+        **asdict(cost),
         "memory_mb": memory,
         "messages_per_s": messages / seconds,
         "p50_ms": 1e3 * ages[len(ages) // 2],
@@ -222,18 +218,11 @@ def drained(descriptor: int) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def copier(port: str, folder: Path) -> Iterator[tuple[int, int]]:
-    """The yardstick: process and driver's descriptor of socat between two terminals, or of `cat`."""
-    if shutil.which("socat"):
-        path = folder / "socat"
-        process = subprocess.Popen(["socat", f"{port},raw,echo=0", f"PTY,link={path},raw,echo=0"])
-        while not path.exists():
-            time.sleep(0.01)
-        driver = os.open(path, os.O_RDWR | os.O_NOCTTY)
-    else:
-        driver, slave = os.openpty()
-        tty.setraw(slave)
-        process = subprocess.Popen(["cat", port], stdout=slave)
+def copier(port: str) -> Iterator[tuple[int, int]]:
+    """The yardstick without socat: process of `cat`, and its driver's descriptor."""
+    driver, slave = os.openpty()
+    tty.setraw(slave)
+    process = subprocess.Popen(["cat", port], stdout=slave)
     try:
         yield process.pid, driver
     finally:
@@ -243,17 +232,17 @@ def copier(port: str, folder: Path) -> Iterator[tuple[int, int]]:
 
 def holder(where: Place, seconds: float) -> dict[str, Any]:
     """The holder, then the yardstick."""
-    found: dict[str, Any] = {"yardstick": "socat" if shutil.which("socat") else "cat"}
+    has_socat = shutil.which("socat") is not None
+    found: dict[str, Any] = {"yardstick": "socat" if has_socat else "cat"}
     for name in ("", "yardstick_"):
         with contextlib.ExitStack() as stack:
             (speaker,) = stack.enter_context(devices(1, HOLDER_RATE, seconds + 2))
             with where.on_ours():
-                if name:
-                    relay = copier(speaker.terminals[0], where.folder)
+                port = speaker.terminals[0]
+                if not name:
+                    relay = held(port, where.folder)
                 else:
-                    terminal = Terminal()
-                    terminal.path = speaker.terminals[0]
-                    relay = held(terminal, where.folder)
+                    relay = relayed(port, where.folder) if has_socat else copier(port)
                 pid, driver = stack.enter_context(relay)
             os.sched_setaffinity(0, where.others)
             stack.enter_context(drained(driver))
@@ -319,17 +308,13 @@ async def _overload(where: Place, seconds: float) -> dict[str, Any]:
             for speaker in every:
                 speaker.go()
             sent = [(await asyncio.to_thread(one.sent))["devices"][0] for one in every]
-            for _ in range(100):
-                if sum((await api.received()).values()) >= sum(one["bytes"] for one in sent):
-                    break
-                await asyncio.sleep(0.1)
+            await api.received_all(sent)
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
         heard = heard_in(sorted((where.folder / "data" / "recordings").glob("*.mcap")))
     ages = sorted(age for _, age in page.noted)
-    theirs = sorted((one["bytes"], one["crc32"]) for one in heard.values())
     return {
-        "whole": float(sorted((one["bytes"], one["crc32"]) for one in sent) == theirs),
+        "whole": float(is_whole(heard, sent)),
         "told": float(page.untold() <= 1.0),
         "untold_s": page.untold(),
         "behind_max_s": max((behind for _, behind in page.told), default=0.0),
