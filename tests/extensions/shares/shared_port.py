@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import os
 import select
+import termios
 import tty
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
@@ -108,6 +109,29 @@ async def shared(port: DevicePort, *shares: str) -> AsyncIterator[SharedPortLink
                 await link.open()
             await link.request("end")
         await link.close()
+
+
+@contextlib.asynccontextmanager
+async def driven(port: DevicePort, path: Path, mode: str = "") -> AsyncIterator[tuple[SharedPortLink, int]]:
+    """A port that is shared at a path, with a program on it until the block ends."""
+    async with shared(port, f"{path}{mode}") as link:
+        driver = await joined(link, path)
+        yield link, driver
+        os.close(driver)
+
+
+async def joined(link: SharedPortLink, path: Path) -> int:
+    """The descriptor of a program that has opened a shared terminal, which the holder has noticed."""
+    driver = opened(path)
+    await eventually(lambda: clients(link), link)
+    return driver
+
+
+def set_rate(terminal: int, rate: int) -> None:
+    """Set a rate (a constant of termios), as a program does when it opens a port."""
+    settings = termios.tcgetattr(terminal)
+    settings[4] = settings[5] = rate
+    termios.tcsetattr(terminal, termios.TCSANOW, settings)
 
 
 async def received(link: SharedPortLink, size: int) -> bytes:

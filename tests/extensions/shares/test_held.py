@@ -24,13 +24,16 @@ from tests.each_row import each_row
 from tests.extensions.shares.shared_port import (
     DevicePort,
     clients,
+    driven,
     eventually,
     hung_up,
+    joined,
     link_to,
     locks,
     opened,
     read_exactly,
     received,
+    set_rate,
     shared,
 )
 from tests.free_ports import free_port
@@ -83,14 +86,12 @@ async def test_every_client_gets_every_byte_and_one_of_each_share_may_write(port
 async def test_a_program_reads_nothing_of_what_came_before_it(port: DevicePort, tmp_path: Path) -> None:
     async with shared(port, str(tmp_path / "imu0")) as link:
         for _ in range(3):
-            driver = opened(tmp_path / "imu0")
-            await eventually(lambda: clients(link), link)
+            driver = await joined(link, tmp_path / "imu0")
             port.send(b"left unread")
             assert await received(link, 11) == b"left unread"
             os.close(driver)
             await eventually(lambda: not clients(link), link)
-            driver = opened(tmp_path / "imu0")
-            await eventually(lambda: clients(link), link)
+            driver = await joined(link, tmp_path / "imu0")
             port.send(b"new")
             assert await received(link, 3) == b"new"
             assert read_exactly(driver, 3) == b"new"
@@ -145,20 +146,16 @@ async def test_datagrams_go_both_ways(port: DevicePort) -> None:
 
 
 async def test_nothing_is_written_through_a_read_only_share(port: DevicePort, tmp_path: Path) -> None:
-    async with shared(port, f"{tmp_path / 'imu0'}?mode=read") as link:
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
+    async with driven(port, tmp_path / "imu0", "?mode=read") as (link, driver):
         os.write(driver, b"refused")
         await eventually(lambda: clients(link)[0]["refused"] == 7, link)
         assert port.is_quiet()
-        os.close(driver)
 
 
 async def test_the_end_of_the_server_costs_its_clients_no_byte(port: DevicePort, tmp_path: Path) -> None:
     link = link_to(port, str(tmp_path / "imu0"))
     await link.open()
-    driver = opened(tmp_path / "imu0")
-    await eventually(lambda: clients(link), link)
+    driver = await joined(link, tmp_path / "imu0")
     port.send(b"before")
     assert read_exactly(driver, 6) == b"before"
     await link.close()  # without a word to the holder, as by kill -9
@@ -187,25 +184,20 @@ async def test_a_second_server_is_refused_and_the_first_goes_on(port: DevicePort
 
 
 async def test_what_a_client_sends_is_told_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
-    async with shared(port, str(tmp_path / "imu0")) as link:
+    async with driven(port, tmp_path / "imu0") as (link, driver):
         told: list[ClientData] = []
         link.on_client_data.add(told.append)
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
         before = link.settings.now_ns()
         os.write(driver, FRAME)
         await eventually(lambda: told, link)
         assert (told[0].data, told[0].peer) == (FRAME, str(tmp_path / "imu0"))
         assert before <= told[0].arrival_ns <= link.settings.now_ns()
-        os.close(driver)
 
 
 async def test_the_server_waits_for_a_client_that_talks_and_clients_for_the_server(
     port: DevicePort, tmp_path: Path
 ) -> None:
-    async with shared(port, str(tmp_path / "imu0")) as link:
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
+    async with driven(port, tmp_path / "imu0") as (link, driver):
         os.write(driver, b"client")
         assert port.receive(6) == b"client"
         began = time.monotonic()
@@ -221,38 +213,29 @@ async def test_the_server_waits_for_a_client_that_talks_and_clients_for_the_serv
         assert port.is_quiet()
         link.hold_clients(False)
         assert await asyncio.to_thread(port.receive, 5) == b"later"
-        os.close(driver)
 
 
 async def test_a_write_that_waited_has_the_time_at_which_it_was_written(port: DevicePort, tmp_path: Path) -> None:
     """It had that of the request, before what another program sent meanwhile: the log named the wrong order."""
-    async with shared(port, str(tmp_path / "imu0")) as link:
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
+    async with driven(port, tmp_path / "imu0") as (link, driver):
         os.write(driver, b"client")
         assert port.receive(6) == b"client"
         asked_ns = link.settings.now_ns()
         written_ns = await link.write(b"server")
         assert written_ns is not None
         assert asked_ns + QUIET_S * 1e9 / 2 < written_ns <= link.settings.now_ns()
-        os.close(driver)
 
 
 async def test_a_client_that_sets_another_rate_takes_the_port_with_it(port: DevicePort, tmp_path: Path) -> None:
-    async with shared(port, str(tmp_path / "imu0")) as link:
-        driver = opened(tmp_path / "imu0")
-        settings = termios.tcgetattr(driver)
-        settings[4] = settings[5] = termios.B57600
-        termios.tcsetattr(driver, termios.TCSANOW, settings)  # as a program does when it opens a port
-        await eventually(lambda: clients(link) and clients(link)[0]["baud"] == 57_600, link)
+    async with driven(port, tmp_path / "imu0") as (link, driver):
+        set_rate(driver, termios.B57600)
+        await eventually(lambda: clients(link)[0]["baud"] == 57_600, link)
         assert link.state["baud"] == 115_200, "that alone changes nothing for the others"
         os.write(driver, b"SetBaudrate")
         assert port.receive(11) == b"SetBaudrate"
-        settings[4] = settings[5] = termios.B460800
-        termios.tcsetattr(driver, termios.TCSANOW, settings)
+        set_rate(driver, termios.B460800)
         await eventually(lambda: link.baud == 460_800, link)
         assert link.capacity == 46_080
-        os.close(driver)
 
 
 async def test_a_port_that_is_gone_hangs_up_its_clients_and_comes_back(port: DevicePort, tmp_path: Path) -> None:
@@ -280,8 +263,7 @@ async def test_a_port_that_is_gone_hangs_up_its_clients_and_comes_back(port: Dev
     plugged.unlink()
     plugged.symlink_to(other.path)
     await reopen(link)
-    driver = opened(tmp_path / "imu0")
-    await eventually(lambda: clients(link), link)
+    driver = await joined(link, tmp_path / "imu0")
     other.send(b"back")
     assert await received(link, 4) == b"back"
     assert read_exactly(driver, 4) == b"back"
@@ -384,8 +366,7 @@ async def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: 
     killed = link.holder_pid
     await reopen(link)
     assert link.holder_pid != killed
-    driver = opened(tmp_path / "imu0")
-    await eventually(lambda: clients(link), link)
+    driver = await joined(link, tmp_path / "imu0")
     port.send(FRAME)
     assert read_exactly(driver, len(FRAME)) == FRAME
     os.close(driver)

@@ -34,12 +34,14 @@ from imuscope.server.processes import programs_with
 from tests.extensions.shares.shared_port import (
     DevicePort,
     clients,
+    driven,
     eventually,
     hung_up,
+    joined,
     link_to,
-    opened,
     read_exactly,
     received,
+    set_rate,
     shared,
     write_and_close,
 )
@@ -82,8 +84,7 @@ def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 async def configuring(link: SharedPortLink, share: Path) -> int:
     """A client of the share, which has begun to configure the device."""
     link.use_frames(*XBUS)
-    driver = opened(share)
-    await eventually(lambda: clients(link), link)
+    driver = await joined(link, share)
     os.write(driver, GO_TO_CONFIG)
     await eventually(lambda: link.state["configuring"], link)
     return driver
@@ -91,10 +92,7 @@ async def configuring(link: SharedPortLink, share: Path) -> int:
 
 async def test_the_server_waits_until_a_client_has_configured_the_device(port: DevicePort, tmp_path: Path) -> None:
     async with shared(port, str(tmp_path / "imu0")) as link:
-        link.use_frames(*XBUS)
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
-        os.write(driver, GO_TO_CONFIG)
+        driver = await configuring(link, tmp_path / "imu0")
         assert port.receive(len(GO_TO_CONFIG)) == GO_TO_CONFIG
         await eventually(lambda: link.state["configuring"] == clients(link)[0]["number"], link)
         began = time.monotonic()
@@ -174,8 +172,7 @@ async def test_a_client_that_floods_is_held_to_the_line_and_takes_turns(port: De
     number = free_port()
 
     async with shared(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}") as link:
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
+        driver = await joined(link, tmp_path / "imu0")
         stop, taken = threading.Event(), bytearray()
 
         def flood() -> None:
@@ -225,9 +222,7 @@ async def test_a_quiet_device_that_takes_slowly_what_is_written_is_not_taken_for
 
 async def test_the_server_has_its_turn_beside_a_client_that_never_pauses(port: DevicePort, tmp_path: Path) -> None:
     """A driver that sends odometry, or polls, is not quiet for as long as the end of a dialogue takes."""
-    async with shared(port, str(tmp_path / "imu0")) as link:
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
+    async with driven(port, tmp_path / "imu0") as (link, driver):
         stop = threading.Event()
 
         def talk() -> None:
@@ -246,28 +241,23 @@ async def test_the_server_has_its_turn_beside_a_client_that_never_pauses(port: D
         while b"SERVER" not in found:
             found += await asyncio.to_thread(port.receive, 1)
         assert found.removesuffix(b"SERVER").replace(b"odometry", b"") == b""
-        os.close(driver)
 
 
 async def test_a_rate_that_a_client_sets_while_it_waits_is_followed_after_what_it_sent(
     port: DevicePort, tmp_path: Path
 ) -> None:
-    async with shared(port, str(tmp_path / "imu0")) as link:
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link) and clients(link)[0]["baud"], link)
+    async with driven(port, tmp_path / "imu0") as (link, driver):
+        await eventually(lambda: clients(link)[0]["baud"], link)
         link.hold_clients(True)
         await eventually(lambda: link.state["speaker"] == 0, link)
         os.write(driver, b"SetBaudrate")
         await eventually(lambda: clients(link)[0]["paused"], link)
-        settings = termios.tcgetattr(driver)
-        settings[4] = settings[5] = termios.B460800
-        termios.tcsetattr(driver, termios.TCSANOW, settings)
+        set_rate(driver, termios.B460800)
         await eventually(lambda: clients(link)[0]["baud"] == 460_800, link)
         assert link.baud == 115_200
         link.hold_clients(False)
         assert await asyncio.to_thread(port.receive, 11) == b"SetBaudrate"
         await eventually(lambda: link.baud == 460_800, link)
-        os.close(driver)
 
 
 async def test_a_path_that_another_holder_offers_is_left_to_it(port: DevicePort, tmp_path: Path) -> None:
@@ -336,8 +326,7 @@ async def test_a_holder_that_fails_says_why_and_its_clients_see_an_unplugged_por
     words = holder_settings(link.inner, link.shares).to_text()
     subprocess.run([sys.executable, "-c", FAILING, words], cwd=ROOT, check=True, timeout=PATIENCE_S)
     await link.open()
-    driver = opened(tmp_path / "imu0")
-    await eventually(lambda: clients(link), link)
+    driver = await joined(link, tmp_path / "imu0")
     os.write(driver, b"x")
     with pytest.raises(LinkError) as raised:
         await received(link, 1)
@@ -364,15 +353,12 @@ async def test_whatever_a_server_sends_its_holder_keeps_the_port_open_for_others
     port: DevicePort, tmp_path: Path
 ) -> None:
     """One defect of the server, or a server of another version, took the port from the robot's driver."""
-    async with shared(port, str(tmp_path / "imu0")) as link:
-        driver = opened(tmp_path / "imu0")
-        await eventually(lambda: clients(link), link)
+    async with driven(port, tmp_path / "imu0") as (link, driver):
         await link.close()
         for body in NONSENSE:
             await asyncio.to_thread(refused_by_holder, port, body)
             port.send(b"on")
             assert read_exactly(driver, 2) == b"on", body[:60]
-        os.close(driver)
 
 
 def refused_by_holder(port: DevicePort, body: bytes) -> None:
