@@ -44,6 +44,7 @@ from tests.timeouts import PATIENCE_S
 
 if TYPE_CHECKING:
     from tests.server.fakes import FakeLinks
+    from tests.server.in_process_server import InProcessServer
 
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
@@ -178,6 +179,16 @@ def links() -> FakeLinks:
     from tests.server.fakes import FakeLinks
 
     return FakeLinks()
+
+
+@pytest.fixture
+def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
+    """A server in this process with two devices, into whose links a test sends."""
+    from imuscope.server.config import Config
+    from tests.server.in_process_server import InProcessServer
+
+    with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
+        yield running
 
 
 @pytest.fixture

@@ -25,8 +25,9 @@ from rosbags.typesys import Stores, get_typestore
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.bench.library import RATE_HZ, START_NS, TYPE, imu_message, with_imuscope  # noqa: E402
+from tests.bench.library import RATE_HZ, START_NS, TYPE, with_imuscope  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
+from tests.recordings.readers.bags import imu  # noqa: E402
 
 STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}
 
@@ -34,7 +35,7 @@ STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}
 def template_of(kind: str) -> tuple[bytearray, int]:
     """A serialised message, and the place of its stamp."""
     store = get_typestore(STORES[kind])
-    one = imu_message(store.types, 0x01020304, **({"seq": 0} if kind == "ros1" else {}))
+    one = imu(store, 1 if kind == "ros1" else 2, 0x01020304 * 1_000_000_000, 0.5)
     data = bytearray(store.serialize_ros1(one, TYPE) if kind == "ros1" else store.serialize_cdr(one, TYPE))
     return data, data.index(b"\4\3\2\1")
 

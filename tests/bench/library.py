@@ -12,11 +12,9 @@ import struct
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -26,6 +24,7 @@ sys.path.insert(0, str(ROOT))
 
 import imuscope  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
+from tests.recordings.readers.bags import imu  # noqa: E402
 
 RATE_HZ = 1000
 START_NS = 1_700_000_000_000_000_000
@@ -33,28 +32,11 @@ BUDGET_RATIO = 10
 TYPE = "sensor_msgs/msg/Imu"
 
 
-def imu_message(types: Mapping[str, Any], second: int, **head: int) -> Any:
-    """A sensor_msgs/Imu with the second of its stamp, and more fields of its header."""
-    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
-    stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
-    nine = np.zeros(9)
-    return types[TYPE](
-        header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="imu", **head),
-        orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
-        orientation_covariance=nine,
-        angular_velocity=vector(x=0.5, y=0.25, z=0.125),
-        angular_velocity_covariance=nine,
-        linear_acceleration=vector(x=0.0, y=0.0, z=9.81),
-        linear_acceleration_covariance=nine,
-    )
-
-
 def write(path: Path, minutes: float) -> int:
     """Write the recording; returns the number of messages."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     definition, _ = store.generate_msgdef(TYPE, ros_version=2)
-    one = imu_message(store.types, 0)
-    template = bytearray(store.serialize_cdr(one, TYPE))
+    template = bytearray(store.serialize_cdr(imu(store, 2, 0, 0.5), TYPE))
     count = int(minutes * 60 * RATE_HZ)
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.LZ4)
@@ -64,7 +46,7 @@ def write(path: Path, minutes: float) -> int:
         for k in range(count):
             at = START_NS + k * 1_000_000_000 // RATE_HZ
             struct.pack_into("<iI", template, 4, *divmod(at, 1_000_000_000))
-            struct.pack_into("<d", template, 12 + 8, 0.001 * k)
+            struct.pack_into("<d", template, 4 + 24, 0.001 * k)  # behind the name of the frame
             writer.add_message(channel, at, bytes(template), at, k & 0xFFFF)
         writer.finish()  # type: ignore[no-untyped-call]
     return count

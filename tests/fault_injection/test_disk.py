@@ -49,12 +49,6 @@ from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 
-@pytest.fixture
-def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
-        yield running
-
-
 @contextlib.contextmanager
 def files_of_at_most(size: int) -> Iterator[None]:
     """Limit the file size (EFBIG), as a quota or a small file system does.

@@ -8,6 +8,21 @@ from mcap.reader import make_reader
 
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader
 
+OF_ROS = """================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+"""
+"""Definitions that the messages of tests contain, as the text of a schema has them after its own."""
 ABOUT = {"title": "A drive", "created": "2026-11-21T04:00:00Z", "host": "rover", "version": "0.1.0"}
 
 

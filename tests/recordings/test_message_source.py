@@ -19,34 +19,22 @@ from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageSource
 from tests.each_row import each_row
+from tests.recordings.mcap_files import OF_ROS
 from tests.recordings.store_fixtures import START
 
 NS = round(START * 1e9)
-IMU = """std_msgs/Header header
+IMU = f"""std_msgs/Header header
 geometry_msgs/Quaternion orientation
 float64[9] orientation_covariance
 geometry_msgs/Vector3 angular_velocity
 geometry_msgs/Vector3 linear_acceleration
 uint8[] raw
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-================================================================================
+{OF_ROS}================================================================================
 MSG: geometry_msgs/Quaternion
 float64 x 0
 float64 y 0
 float64 z 0
 float64 w 1
-================================================================================
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
 """
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-from imuscope.server import http_server
+from imuscope.server import http_server, wire
 from imuscope.server.app import create_app
 from imuscope.server.auth import Access
 from imuscope.server.config import Config
@@ -17,8 +19,9 @@ from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sessions import OpenLink
 from imuscope.server.page_files import Files
 from imuscope.server.services import Services
+from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.timings import ViewerTimings
-from tests.server.fakes import SPEECH
+from tests.server.fakes import SPEECH, FakeLink
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
 
@@ -92,6 +95,12 @@ class InProcessServer:
         found = block_until(channels, "the opened recording")
         return [f"{one['name']}.{column['name']}" for one in found for column in one["columns"]]
 
+    def publish(self, device: str, name: str, unit: str, columns: list[Any]) -> None:
+        """Publish arrivals, times and values of a live device as a channel with the column y."""
+        bus = self.services.telemetry.bus
+        info = wire.ChannelInfo(0, device, "M", name, name, "scalar", unit, "", [wire.ColumnInfo("y", "f8", unit)])
+        self.call(lambda: bus.publish([ChannelRows(bus.advertise(info), columns)]))
+
     def __enter__(self) -> InProcessServer:
         return self
 
@@ -101,3 +110,15 @@ class InProcessServer:
         self._thread.join(PATIENCE_S)
         self._listener.close()
         assert not self._thread.is_alive()
+
+
+@contextmanager
+def table_server(data: Path, **tables: str) -> Iterator[InProcessServer]:
+    """A server with one silent device and a library of tables, by name; its client waits for what is computed."""
+    folder = data / "recordings"
+    folder.mkdir()
+    for name, text in tables.items():
+        (folder / f"{name}.csv").write_text(text)
+    with InProcessServer(Config(data=data, sources=("/dev/one",)), FakeLink) as running:
+        running.client.timeout = 60
+        yield running

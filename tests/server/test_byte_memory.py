@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -189,12 +189,6 @@ def test_it_takes_its_memory_from_that_of_samples() -> None:
 
 
 # ── recordings of it ─────────────────────────────────────────────────────────────────────────────────────────────────
-
-
-@pytest.fixture
-def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
-        yield running
 
 
 def metadata(path: Path, device: str) -> dict[str, Any]:

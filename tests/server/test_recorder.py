@@ -6,7 +6,6 @@ import asyncio
 import itertools
 import os
 import signal
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -48,12 +47,6 @@ def notes(path: Path) -> list[dict[str, Any]]:
 
 
 # ── over HTTP ────────────────────────────────────────────────────────────────────────────────────────────────────────
-
-
-@pytest.fixture
-def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
-        yield running
 
 
 def test_data_between_start_and_stop_is_in_the_file(running: InProcessServer, links: FakeLinks, tmp_path: Path) -> None:

@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.wire import DeviceInfo
-from tests.server.fakes import FakeLinks
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S
-
-
-@pytest.fixture
-def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
-        yield running
 
 
 def test_of_two_requests_to_remove_a_device_the_second_does_not_find_it(

@@ -27,10 +27,9 @@ from imuscope.server.extensions.analysis.registry import Analysis, analyses, ana
 from imuscope.server.extensions.analysis.report import figures_of
 from imuscope.server.extensions.analysis.service import AnalysisService
 from imuscope.server.extensions.analysis.signals import Signal, columns_named, finite_signal
-from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import InProcessServer
+from tests.server.in_process_server import InProcessServer, table_server
 from tests.server.problems import assert_problem
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
@@ -176,19 +175,11 @@ def test_a_wrong_name_says_what_there_is(word: str, kind: str, hint: str) -> Non
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServer]:
     """A recording "line" with y = 2 t + 1 and a hole, and a live device "7" with the same samples."""
-    data = tmp_path_factory.mktemp("data")
-    (data / "recordings").mkdir()
     times = [n * 0.01 for n in range(500) if not 100 <= n < 110]
     rows = "".join(f"{START + t:.3f},{2 * t + 1:.6f},{math.sin(t):.9f}\n" for t in times)
-    (data / "recordings" / "line.csv").write_text("time,y (m),s\n" + rows)
-    with InProcessServer(Config(data=data, sources=("/dev/one",)), FakeLink) as running:
-        running.client.timeout = 60
-        bus = running.services.telemetry.bus
-        now = bus.now()
-        live = [now - 6 + t for t in times]
-        columns = [np.array(live), np.array(live), 2 * np.array(times) + 1]
-        info = wire.ChannelInfo(0, "7", "M", "Line", "Line", "scalar", "m", "", [wire.ColumnInfo("y", "f8", "m")])
-        running.call(lambda: bus.publish([ChannelRows(bus.advertise(info), columns)]))
+    with table_server(tmp_path_factory.mktemp("data"), line="time,y (m),s\n" + rows) as running:
+        live = running.services.telemetry.bus.now() - 6 + np.array(times)
+        running.publish("7", "Line", "m", [live, live, 2 * np.array(times) + 1])
         yield running
 
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from imuscope.protocols.rotations import quaternion_columns, slerp
-from imuscope.server import wire
-from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.comparison import (
     attitude_difference,
@@ -25,10 +23,8 @@ from imuscope.server.extensions.analysis.comparison import (
     outline,
 )
 from imuscope.server.extensions.analysis.signals import Signal
-from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.each_row import each_row
-from tests.server.fakes import FakeLink
-from tests.server.in_process_server import InProcessServer
+from tests.server.in_process_server import InProcessServer, table_server
 from tests.server.problems import assert_problem
 from tests.server_process import ServerProcess
 from tests.timeouts import http_client
@@ -180,8 +176,6 @@ def test_an_outline_keeps_peaks_and_gaps() -> None:
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServer]:
     """Recordings "first" and "second" of one motion, 100 s apart by their clocks; a live device "7" with it too."""
-    data = tmp_path_factory.mktemp("data")
-    (data / "recordings").mkdir()
     time = np.arange(0, 20, 0.01)
     random = np.random.default_rng(3)
     waves = [(random.uniform(0.1, 3), random.uniform(0, 7)) for _ in range(20)]
@@ -190,16 +184,13 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServe
         found: Floats = np.sum([np.sin(2 * np.pi * f * t + p) for f, p in waves], axis=0)
         return found
 
+    tables = {}
     for name, begin in (("first", 0.0), ("second", 98.75)):
         rows = zip(START + begin + time, y(time) + (0.5 if begin else 0.0), strict=True)
-        text = "".join(f"{t:.3f},{v:.6f}\n" for t, v in rows)
-        (data / "recordings" / f"{name}.csv").write_text("time,y (m)\n" + text)
-    with InProcessServer(Config(data=data, sources=("/dev/one",)), FakeLink) as running:
-        running.client.timeout = 60
-        bus = running.services.telemetry.bus
-        live = bus.now() - 22 + time
-        info = wire.ChannelInfo(0, "7", "M", "Line", "Line", "scalar", "m", "", [wire.ColumnInfo("y", "f8", "m")])
-        running.call(lambda: bus.publish([ChannelRows(bus.advertise(info), [live, live, y(time)])]))
+        tables[name] = "time,y (m)\n" + "".join(f"{t:.3f},{v:.6f}\n" for t, v in rows)
+    with table_server(tmp_path_factory.mktemp("data"), **tables) as running:
+        live = running.services.telemetry.bus.now() - 22 + time
+        running.publish("7", "Line", "m", [live, live, y(time)])
         paths = [f"/api/recordings/{name}" for name in ("first", "second")]
         block_until(lambda: all(running.client.get(path).status_code == 200 for path in paths), "both are opened")
         yield running

@@ -11,12 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.config import Config
 from imuscope.server.extensions.analysis.pairs import paired, shortened, thinned
 from imuscope.server.extensions.analysis.signals import Signal
 from tests.each_row import each_row
-from tests.server.fakes import FakeLink
-from tests.server.in_process_server import InProcessServer
+from tests.server.in_process_server import InProcessServer, table_server
 from tests.server.problems import assert_problem
 
 START = 1_760_000_000.0
@@ -103,13 +101,9 @@ def test_short_numbers_are_those_of_a_32_bit_float() -> None:
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServer]:
     """A recording "turn" of a point that goes round a circle, 40 s at 500 Hz."""
-    data = tmp_path_factory.mktemp("data")
-    (data / "recordings").mkdir()
     times = np.arange(20_000) * 0.002
     rows = "".join(f"{START + t:.4f},{3 * math.cos(t):.7f},{3 * math.sin(t):.7f}\n" for t in times)
-    (data / "recordings" / "turn.csv").write_text("time,east (m),north (m)\n" + rows)
-    with InProcessServer(Config(data=data, sources=("/dev/one",)), FakeLink) as running:
-        running.client.timeout = 60
+    with table_server(tmp_path_factory.mktemp("data"), turn="time,east (m),north (m)\n" + rows) as running:
         yield running
 
 

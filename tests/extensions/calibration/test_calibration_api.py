@@ -27,8 +27,7 @@ from imuscope.server.links import open_link
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.channel_store import ChannelStore
 from tests.each_row import each_row
-from tests.server.fakes import FakeLink
-from tests.server.in_process_server import InProcessServer
+from tests.server.in_process_server import InProcessServer, table_server
 from tests.server.problems import assert_problem
 from tests.waiting import block_until
 
@@ -64,13 +63,9 @@ class Rows:
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServer]:
     """A server with one device, and a recording "turned" of a magnetometer."""
-    data = tmp_path_factory.mktemp("data")
-    (data / "recordings").mkdir()
     rows = "".join(f"{START + t:.3f},{x:.6f},{y:.6f},{z:.6f}\n" for t, (x, y, z) in zip(T, FIELD, strict=True))
     head = "time,MagneticField.x (µT),MagneticField.y (µT),MagneticField.z (µT)\n"
-    (data / "recordings" / "turned.csv").write_text(head + rows)
-    with InProcessServer(Config(data=data, sources=("/dev/one",)), FakeLink) as running:
-        running.client.timeout = 60
+    with table_server(tmp_path_factory.mktemp("data"), turned=head + rows) as running:
         yield running
 
 

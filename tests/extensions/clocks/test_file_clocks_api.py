@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imuscope.server.config import Config
 from tests.recordings.recorded_drive import drive
-from tests.server.fakes import FakeLink
-from tests.server.in_process_server import InProcessServer
+from tests.server.in_process_server import InProcessServer, table_server
 from tests.waiting import block_until
 
 URL = "/api/recordings"
@@ -20,14 +18,10 @@ ROWS, CUT = 300, 200
 
 @pytest.fixture
 def running(tmp_path: Path) -> Iterator[InProcessServer]:
-    folder = tmp_path / "recordings"
-    folder.mkdir()
     times = 1.5e9 + np.arange(ROWS) / 100 - 2.0 * (np.arange(ROWS) >= CUT)
     rows = "\n".join(f"{t:.3f},{k}" for k, t in enumerate(times))
-    (folder / "walk.csv").write_text(f"time (s),gyr_x (rad/s)\n{rows}\n")
-    drive(folder / "drive.mcap", seconds=1.0)
-    with InProcessServer(Config(data=tmp_path, sources=("/dev/one",)), FakeLink) as running:
-        running.client.timeout = 60
+    with table_server(tmp_path, walk=f"time (s),gyr_x (rad/s)\n{rows}\n") as running:
+        drive(tmp_path / "recordings" / "drive.mcap", seconds=1.0)
         statuses = lambda: [running.client.get(f"{URL}/{name}").status_code for name in ("walk", "drive")]  # noqa: E731
         block_until(lambda: statuses() == [200, 200], statuses, seconds=60)
         yield running

@@ -12,7 +12,7 @@ from imuscope.server.config import Config
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import InProcessServer
+from tests.server.in_process_server import InProcessServer, table_server
 from tests.server.problems import assert_problem
 from tests.waiting import block_until
 
@@ -25,9 +25,7 @@ TWO = "time (s),TimeUS,gx\n" + "".join(f"{1.5e9 + n / 100:.2f},{n * 20_000},1\n"
 
 @pytest.fixture
 def running(tmp_path: Path) -> Iterator[InProcessServer]:
-    (tmp_path / "recordings").mkdir()
-    with InProcessServer(Config(data=tmp_path, sources=("/dev/one",)), FakeLink) as running:
-        running.client.timeout = 60
+    with table_server(tmp_path) as running:
         yield running
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings
-from imuscope.server.extensions.fleet.reports import RobotDevice
+from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
+from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 
 PRODUCT = "MTi-630-8A1G6"
@@ -20,17 +21,4 @@ def robot(name: str, settings: DeviceSettings | None, group: str = "otters") -> 
     digest = "" if settings is None else settings.digest
     figures = {"serial_number": "1", "firmware": "1.12.0", "protocol": "xbus"}
     device = RobotDevice("1", "MTi", "live", PRODUCT, **figures, rate=100, settings=digest)
-    return RobotSummary.model_validate(
-        {
-            **{"name": name, "group": group, "state": "live", "since": 0, "latency_ms": None, "version": ""},
-            **{
-                "address": "",
-                "pages": "off",
-                "recording": False,
-                "disk_free_bytes": None,
-                "settings": "unknown",
-                "drifted": 0,
-            },
-            **{"alarms": [], "devices": [device]},
-        }
-    )
+    return summary_of(name, RobotStatus(group=group, devices=(device,)), 0)

@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.server.config import Config
-from imuscope.server.extensions.fleet.reports import RobotDevice
+from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
 from imuscope.server.extensions.fleet.robots import Robots, TooManyRobotsError
+from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotSummary
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
@@ -44,23 +45,8 @@ def device(**changed: Any) -> RobotDevice:
 
 
 def robot(name: str = "otter-7", **changed: Any) -> RobotSummary:
-    figures = {
-        "name": name,
-        "group": "otters",
-        "state": "live",
-        "since": NOW,
-        "latency_ms": 21.0,
-        "version": "1.0",
-        "address": "",
-        "pages": "off",
-        "recording": False,
-        "disk_free_bytes": 10**11,
-        "settings": "unknown",
-        "drifted": 0,
-        "alarms": [],
-        "devices": [device()],
-    }
-    return RobotSummary.model_validate({**figures, **changed})
+    status = RobotStatus(group="otters", latency_ms=21.0, version="1.0", disk_free_bytes=10**11, devices=(device(),))
+    return summary_of(name, status, NOW).model_copy(update=changed)
 
 
 @pytest.fixture

@@ -23,23 +23,11 @@ from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.oracles.foreign import ubx
 from tests.recordings.field.field_files import field_file
+from tests.recordings.mcap_files import OF_ROS
 
-IMU = """std_msgs/Header header
+IMU = f"""std_msgs/Header header
 geometry_msgs/Vector3 angular_velocity
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-================================================================================
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-"""
+{OF_ROS}"""
 NS = 1_500_000_000_000_000_000
 STEP = 10_000_000
 N = 400
@@ -57,15 +45,21 @@ def columns_of(store: ColumnStore, name: str) -> list[np.ndarray]:
 
 def bag(path: Path, stamps: list[int], late: list[int]) -> Path:
     """A recording of stamped messages that arrive at 100 Hz."""
+    return log_of(path, stamps, [NS + n * STEP + delay for n, delay in enumerate(late)])
+
+
+def log_of(path: Path, stamps: list[int], logged: list[int], topics: list[str] | None = None) -> Path:
+    """A recording with these log times; it was published long before, which means nothing."""
     with path.open("wb") as file:
         writer = RosWriter(file)
         schema = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
-        for n, (stamp, delay) in enumerate(zip(stamps, late, strict=True)):
+        for n, (stamp, time) in enumerate(zip(stamps, logged, strict=True)):
             message = {
                 "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "imu"},
                 "angular_velocity": {"x": 0.1 * n, "y": 0.0, "z": 0.0},
             }
-            writer.write_message("/imu", schema, message, log_time=NS + n * STEP + delay)
+            topic = topics[n] if topics is not None else "/imu"
+            writer.write_message(topic, schema, message, log_time=time, publish_time=1)
         writer.finish()
     return path
 
@@ -157,22 +151,6 @@ def test_a_first_message_that_is_late_is_no_step() -> None:
 
 def set_back(n: int) -> int:
     return NS + n * STEP - (2 * 10**9 if n >= 250 else 0)
-
-
-def log_of(path: Path, stamps: list[int], logged: list[int], topics: list[str] | None = None) -> Path:
-    """A recording with these log times."""
-    with path.open("wb") as file:
-        writer = RosWriter(file)
-        schema = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
-        for n, (stamp, time) in enumerate(zip(stamps, logged, strict=True)):
-            message = {
-                "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "imu"},
-                "angular_velocity": {"x": 0.1 * n, "y": 0.0, "z": 0.0},
-            }
-            topic = topics[n] if topics is not None else "/imu"
-            writer.write_message(topic, schema, message, log_time=time, publish_time=1)
-        writer.finish()
-    return path
 
 
 @each_row(
