@@ -26,7 +26,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
 from imuscope.protocols.framing import Ints
-from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, McapChannel
+from imuscope.protocols.messages.records import MessageChannel
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME
 from imuscope.recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending
 from imuscope.recordings.mcap_writer import PROFILE
 
@@ -83,7 +84,7 @@ class ChunkedFile:
         self._at += len(data)
         return at
 
-    def write_channels(self, topics: Mapping[int, McapChannel]) -> None:
+    def write_channels(self, topics: Mapping[int, MessageChannel]) -> None:
         """Write those of these channels that are new."""
         for topic in topics.values():
             if topic.id in self._channels:
@@ -102,7 +103,7 @@ class ChunkedFile:
                 number = schema.id
             channel = Channel(
                 id=topic.id,
-                topic=topic.name,
+                topic=topic.topic,
                 message_encoding=topic.encoding,
                 metadata=dict(topic.metadata),
                 schema_id=number,

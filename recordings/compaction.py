@@ -23,9 +23,10 @@ from typing import BinaryIO
 import numpy as np
 
 from imuscope.protocols.framing import Ints
+from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings import atomic_write, file_lock
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
-from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapReader
 from imuscope.recordings.mcap_records import message
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.parent_death import die_with_parent, report_to_parent
@@ -158,7 +159,7 @@ def write_compacted(
 
 
 def write_recording(
-    topics: Mapping[int, McapChannel],
+    topics: Mapping[int, MessageChannel],
     pieces: Iterable[tuple[int, bytes, Ints, Ints]],
     metadata: Mapping[str, Mapping[str, str]],
     size: int,

@@ -22,11 +22,12 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex
 
 from imuscope.protocols.framing import Ints
+from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings import sidecar
 from imuscope.recordings.compaction import write_compacted, write_recording
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.library import LibraryEntry
-from imuscope.recordings.mcap_reader import MAGIC, McapChannel, McapReader
+from imuscope.recordings.mcap_reader import MAGIC, McapReader
 from imuscope.recordings.mcap_records import bytes_of
 from imuscope.recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
 from imuscope.recordings.readers.registry import READERS
@@ -69,7 +70,7 @@ def wrap_capture(source: Source, title: str, edits: sidecar.Edits, out: BinaryIO
     Raises:
         RecordingError, OSError: it cannot be read.
     """
-    topics = {n: McapChannel(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
+    topics = {n: MessageChannel(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
     metadata = {
         RECORDING: {"title": title, "source": source.path.name, **source.header},
         **{DEVICE + name: _about(source, name) for name in source.devices},
@@ -148,7 +149,7 @@ def _about(source: Source, device: str) -> dict[str, str]:
     return {"protocol": known.protocol, "link": "file", **known.identity}
 
 
-def _pieces(source: Source, topics: dict[int, McapChannel]) -> Iterator[tuple[int, bytes, Ints, Ints]]:
-    numbers = {topic.name: number for number, topic in topics.items()}
+def _pieces(source: Source, topics: dict[int, MessageChannel]) -> Iterator[tuple[int, bytes, Ints, Ints]]:
+    numbers = {topic.topic: number for number, topic in topics.items()}
     for part in source.parts():
         yield numbers[f"{part.direction}/{part.device}"], part.data, part.ends, part.times

@@ -420,7 +420,7 @@ def _mcap(path: Path) -> Source:
             return McapSource(path)
         if not recording.chunks:
             next(iter(recording.blocks()), None)  # the first records name the channels
-        if any(topic.name.startswith("rx/") and topic.encoding != "json" for topic in recording.topics.values()):
+        if any(topic.topic.startswith("rx/") and topic.encoding != "json" for topic in recording.topics.values()):
             return McapSource(path)
     return MessageSource(path)
 

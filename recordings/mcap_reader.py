@@ -22,10 +22,9 @@ import io
 import mmap
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import lz4.frame
 import numpy as np
@@ -35,10 +34,10 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 
 from imuscope.protocols.framing import Bytes, Ints
+from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.mcap_kernels import AT_END, FULL, messages_from, resume
 from imuscope.recordings.mcap_writer import PROFILE, READABLE, RecordingError
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.tolerant_json import loads
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -75,19 +74,6 @@ class MessageBlock:
         starts, sizes = rows[DATA].tolist(), rows[LENGTH]
         pieces = [self.data[at : at + size] for at, size in zip(starts, sizes.tolist(), strict=True)]
         return b"".join(pieces), np.cumsum(sizes)
-
-
-@dataclass(slots=True)
-class McapChannel:
-    """One channel of the file."""
-
-    id: int
-    name: str
-    encoding: str
-    schema: str = ""
-    schema_encoding: str = ""
-    schema_data: bytes = field(default=b"", repr=False)
-    metadata: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +117,7 @@ class McapReader:
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
-        self.topics: dict[int, McapChannel] = {}
+        self.topics: dict[int, MessageChannel] = {}
         self._metadata: dict[tuple[str, frozenset[tuple[str, str]]], dict[str, str]] = {}  # in order of last occurrence
         self._pointed_at: set[int] = set()  # offsets of metadata listed in the index
         self.damage: list[FileDamage] = []
@@ -188,8 +174,8 @@ class McapReader:
         """Names and values, each pair once, at its last occurrence."""
         return [(name, values) for (name, _), values in self._metadata.items()]
 
-    def topic(self, name: str) -> McapChannel | None:
-        return next((topic for topic in self.topics.values() if topic.name == name), None)
+    def topic(self, name: str) -> MessageChannel | None:
+        return next((topic for topic in self.topics.values() if topic.topic == name), None)
 
     # -- records -------------------------------------------------------------------------------------------------------
 
@@ -321,14 +307,9 @@ class McapReader:
             elif opcode == CHANNEL:
                 channel = Channel.read(_stream(body))
                 of = self._schemas.get(channel.schema_id)
-                self.topics[channel.id] = McapChannel(
-                    channel.id,
-                    channel.topic,
-                    channel.message_encoding,
-                    of.name if of else "",
-                    of.encoding if of else "",
-                    of.data if of else b"",
-                    channel.metadata,
+                described = (of.name, of.encoding, of.data) if of else ("", "", b"")
+                self.topics[channel.id] = MessageChannel(
+                    channel.id, channel.topic, channel.message_encoding, *described, channel.metadata
                 )
             elif opcode == STATISTICS:
                 self.statistics = Statistics.read(_stream(body))
@@ -339,22 +320,6 @@ class McapReader:
                 self._metadata[key] = metadata.metadata
         except Exception as error:  # errors of the record reader on garbled data
             self.damage.append(FileDamage(-1, f"A record of kind {opcode} cannot be read: {type(error).__name__}."))
-
-
-def json_messages(recording: McapReader, topic: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Time and body of every JSON message of a channel ("events", "notes", "snapshot/…")."""
-    for block in recording.blocks():
-        channel = recording.topic(topic)
-        if channel is None:
-            continue
-        rows = block.of(channel.id)
-        for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
-            try:
-                body = loads(bytes(block.data[at : at + size]))
-            except (ValueError, RecursionError):
-                continue
-            if isinstance(body, dict):
-                yield time, body
 
 
 def _unpack(packing: str, body: bytes, size: int) -> bytes:

@@ -12,9 +12,10 @@ from typing import Any
 
 from imuscope.protocols.messages.decoder import reader_of
 from imuscope.protocols.messages.family import NAME
-from imuscope.recordings.mcap_reader import FileDamage, McapChannel, McapReader, remark
+from imuscope.protocols.messages.records import MessageChannel
+from imuscope.recordings.mcap_reader import FileDamage, McapReader, remark
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.messages import MessageBlocks, channel_of, preamble
+from imuscope.recordings.messages import MessageBlocks, preamble
 from imuscope.recordings.sources import ChunkBlock, SourceDevice
 from imuscope.recordings.tolerant_json import loads
 
@@ -77,10 +78,10 @@ class MessageSource(MessageFile):
         """End of each block of the file, ns; empty without an index."""
         return [index.message_end_time for index in self._recording.chunks]
 
-    def _device_of(self, topic: McapChannel) -> str:
+    def _device_of(self, topic: MessageChannel) -> str:
         kind = (topic.encoding, topic.schema, topic.schema_encoding, topic.schema_data)
         if kind not in self._readable:
-            self._readable[kind] = reader_of(channel_of(topic)) is not None
+            self._readable[kind] = reader_of(topic) is not None
         return DEVICE if self._readable[kind] else ""
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
@@ -108,5 +109,5 @@ def segments_in(text: str) -> list[float]:
         return []
 
 
-def _left_out(topic: McapChannel) -> str:
-    return f"{topic.name} is {topic.encoding or 'of no encoding'}, which is not read."
+def _left_out(topic: MessageChannel) -> str:
+    return f"{topic.topic} is {topic.encoding or 'of no encoding'}, which is not read."

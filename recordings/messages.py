@@ -14,17 +14,10 @@ import numpy as np
 
 from imuscope.protocols.framing import Ints
 from imuscope.protocols.messages.records import MESSAGE_HEAD, MessageChannel, definition
-from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapChannel, McapReader, MessageBlock
+from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader, MessageBlock
 from imuscope.recordings.mcap_writer import DEVICE_KEY
 
 _HEAD = MESSAGE_HEAD.size
-
-
-def channel_of(topic: McapChannel) -> MessageChannel:
-    """A channel of a file as one of the stream."""
-    return MessageChannel(
-        topic.id, topic.name, topic.encoding, topic.schema, topic.schema_encoding, topic.schema_data, topic.metadata
-    )
 
 
 class MessageBlocks:
@@ -34,7 +27,7 @@ class MessageBlocks:
         device_of: the device of a channel; "" to leave it out.
     """
 
-    def __init__(self, recording: McapReader, device_of: Callable[[McapChannel], str]) -> None:
+    def __init__(self, recording: McapReader, device_of: Callable[[MessageChannel], str]) -> None:
         self._recording = recording
         self._device_of = device_of
         self._devices: dict[int, str] = {}
@@ -51,7 +44,7 @@ class MessageBlocks:
             rows = np.ascontiguousarray(table[:, np.isin(table[CHANNEL_ID], some)])
             new = [number for number in some if number not in self._defined]
             self._defined.update(new)
-            head = b"".join(definition(channel_of(self._recording.topics[number])) for number in new)
+            head = b"".join(definition(self._recording.topics[number]) for number in new)
             data, ends = _records(block, rows)
             yield device, head + data, ends + len(head), rows[TIME]
 
@@ -73,12 +66,11 @@ def _records(block: MessageBlock, rows: Ints) -> tuple[bytes, Ints]:
     return b"".join(block.data[start:end] for start, end in zip(starts, ends, strict=True)), np.cumsum(sizes)
 
 
-def preamble(recording: McapReader, device_of: Callable[[McapChannel], str], device: str) -> bytes:
+def preamble(recording: McapReader, device_of: Callable[[MessageChannel], str], device: str) -> bytes:
     """Definitions of all channels of a device that are known so far."""
-    topics = (topic for topic in recording.topics.values() if device_of(topic) == device)
-    return b"".join(definition(channel_of(topic)) for topic in topics)
+    return b"".join(definition(topic) for topic in recording.topics.values() if device_of(topic) == device)
 
 
-def recorded_device(topic: McapChannel) -> str:
+def recorded_device(topic: MessageChannel) -> str:
     """The device of a channel in a recording of imuscope; "" if its messages are not those of a device."""
     return topic.metadata.get(DEVICE_KEY, "")

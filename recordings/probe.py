@@ -128,7 +128,7 @@ def _recording(recording: McapReader) -> RecordingProbe:
     names: Counter[str] = Counter()
     for channel, topic in recording.topics.items():
         of = recorded_device(topic)
-        names[f"rx/{of}" if of else topic.name] += counts.get(channel, 0)
+        names[f"rx/{of}" if of else topic.topic] += counts.get(channel, 0)
     probe.markers = names["notes"]
     devices: dict[str, RecordedDevice] = {}
     for name, values in recording.metadata:

@@ -134,9 +134,9 @@ class McapSource:
                 if topic is None:
                     continue
                 rows = block.of(number)
-                way, _, device = topic.name.partition("/")
+                way, _, device = topic.topic.partition("/")
                 if topic.encoding == "json" and not recorded_device(topic):
-                    self._collect(topic.name, block, rows)
+                    self._collect(topic.topic, block, rows)
                 if way not in ("rx", "tx") or topic.encoding == "json" or recorded_device(topic):
                     continue
                 data, ends = block.joined(rows)

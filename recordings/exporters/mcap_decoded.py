@@ -32,13 +32,13 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from imuscope.protocols.framing import Ints
+from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.column_store import ExactRows
 from imuscope.recordings.entities import DeviceEntity, devices_of
 from imuscope.recordings.exporters.message_table import SEGMENT, windows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 from imuscope.recordings.file_names import device_names
-from imuscope.recordings.mcap_reader import McapChannel
 from imuscope.recordings.optional_packages import lacks
 from imuscope.recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
@@ -76,7 +76,7 @@ class Messages:
 class DecodedTopic:
     """A topic, and the conversion of a channel's rows to its messages."""
 
-    topic: McapChannel
+    topic: MessageChannel
     channel: int
     made: Callable[[ExactRows], Messages]
 
@@ -144,7 +144,7 @@ def _streams(request: ExportRequest) -> list[DecodedTopic]:
     def stream(topic: str, info: Info, about: Mapping[str, Any], body: Callable[..., Messages]) -> None:
         in_use.add(topic)
         if info["id"] in chosen:
-            described = McapChannel(len(topics) + 1, topic, **about)
+            described = MessageChannel(len(topics) + 1, topic, **about)
             topics.append(DecodedTopic(described, info["id"], partial(body, described.id)))
 
     devices = {device.id: device for device in devices_of(manifest["devices"], manifest["channels"])}
@@ -274,7 +274,7 @@ def _events(request: ExportRequest, topic: int, target: ChunkedFile) -> None:
         for event in manifest.get("events", [])
         if "text" in event and request.t0 <= event["time"] <= request.t1 and request.device in ("", event["device"])
     ]
-    target.write_channels({topic: McapChannel(topic, EVENTS, **_protobuf(standard_schemas.Log))})
+    target.write_channels({topic: MessageChannel(topic, EVENTS, **_protobuf(standard_schemas.Log))})
     if inside:
         made = [standard_schemas.logged(event, names.get(event["device"], "")) for event in inside]
         log = np.array([time for time, _ in made], np.int64)

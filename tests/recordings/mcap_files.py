@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 from mcap.reader import make_reader
 
@@ -36,10 +38,15 @@ def read(path: Path) -> list[Message]:
 
 def messages(recording: McapReader) -> list[Message]:
     return [
-        (recording.topics[channel].name, time, bytes(block.data[at : at + size]))
+        (recording.topics[channel].topic, time, bytes(block.data[at : at + size]))
         for block in recording.blocks()
         for channel, time, at, size in block.table[[CHANNEL_ID, TIME, DATA, LENGTH]].T.tolist()
     ]
+
+
+def json_messages(recording: McapReader, topic: str) -> list[tuple[int, dict[str, Any]]]:
+    """Time and body of every message of a channel ("events", "notes", "snapshot/…")."""
+    return [(time, json.loads(body)) for name, time, body in messages(recording) if name == topic]
 
 
 def theirs(path: Path) -> list[Message]:

@@ -22,10 +22,10 @@ from mcap.reader import NonSeekingReader, make_reader
 
 from imuscope.recordings import compaction as packing
 from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_reader import DATA, LENGTH, TIME, McapReader, json_messages
+from imuscope.recordings.mcap_reader import DATA, LENGTH, TIME, McapReader
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from tests.each_row import each_row
-from tests.recordings.mcap_files import ABOUT, Message, messages, read, theirs
+from tests.recordings.mcap_files import ABOUT, Message, json_messages, messages, read, theirs
 
 
 def written(path: Path, chunks: int = 300, size: int = 40) -> list[Message]:

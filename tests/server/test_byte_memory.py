@@ -13,13 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.sources import McapSource
 from imuscope.server.config import Config
 from imuscope.server.devices import byte_memory
 from imuscope.server.devices.byte_memory import ByteMemory, Direction, LinkMemory
 from imuscope.server.links.base import CHUNK_COST, Chunk
 from imuscope.server.streaming.channel_store import ChannelStore
+from tests.recordings.mcap_files import json_messages
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import chunks, recorded, send, settled

@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_reader import McapReader
 from imuscope.server import wire_codec
 from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recorder import RecordingOptions
 from tests.each_row import each_row
+from tests.recordings.mcap_files import json_messages
 from tests.server.control_harness import SILENT, outputs
 from tests.server.recorder_harness import chunks, recorder
 from tests.waiting import until

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from imuscope.recordings import quota
 from imuscope.recordings.compaction import compact, is_uncompacted
 from imuscope.recordings.file_names import free_path, slug
-from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.recording_writer import Limits
 from imuscope.recordings.sources import McapSource
@@ -26,6 +26,7 @@ from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.recorder import RecordingOptions, plan_of
 from tests.bench.tcp_device import TcpDevice
+from tests.recordings.mcap_files import json_messages
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import (
@@ -43,7 +44,7 @@ from tests.waiting import block_until, until
 
 def notes(path: Path) -> list[dict[str, Any]]:
     with McapReader(path) as recording:
-        return [dict(body) for _, body in json_messages(recording, "notes")]
+        return [body for _, body in json_messages(recording, "notes")]
 
 
 # ── over HTTP ────────────────────────────────────────────────────────────────────────────────────────────────────────

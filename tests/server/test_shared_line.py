@@ -17,7 +17,7 @@ from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.sources import McapSource
 from imuscope.server.cli import main
@@ -33,6 +33,7 @@ from imuscope.server.links import LinkError, open_link
 from imuscope.server.links.simulated_device import SharedLine, SimulatorOptions, make_device
 from imuscope.server.links.source_url import SourceUrl
 from tests.each_row import each_row
+from tests.recordings.mcap_files import json_messages
 from tests.server.control_harness import house, outputs, over
 from tests.server.shared_line import SOURCE, both
 from tests.transaction_player import PlayedWire, play

@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.mcap_reader import TIME, McapReader, json_messages
+from imuscope.recordings.mcap_reader import TIME, McapReader
 from imuscope.server.config import Config
 from imuscope.server.extensions.alarms.definitions import RecordingAction
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
+from tests.recordings.mcap_files import json_messages
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import chunks, recorded, send, settled
@@ -77,7 +78,7 @@ def until_told(running: InProcessServer, *parts: str) -> None:
 
 def topics(path: Path, topic: str) -> list[dict[str, Any]]:
     with McapReader(path) as recording:
-        return [dict(body) for _, body in json_messages(recording, topic)]
+        return [body for _, body in json_messages(recording, topic)]
 
 
 def file_of(data: Path, state: dict[str, Any]) -> Path:

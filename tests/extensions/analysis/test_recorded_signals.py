@@ -14,7 +14,7 @@ from scipy import signal
 from imuscope.recordings.column_store import ColumnStore, ExactRows
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.exporters import ExportRequest, export
-from imuscope.recordings.mcap_reader import McapReader, json_messages
+from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.recording_writer import Limits
 from imuscope.recordings.sources import McapSource
 from imuscope.server.devices import protocol_set
@@ -25,6 +25,7 @@ from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.library.signal_definitions import SignalDefinition, SignalDefinitions
 from tests.each_row import each_row
+from tests.recordings.mcap_files import json_messages
 from tests.recordings.recorded_drive import drive
 from tests.server.recorder_harness import recorder
 from tests.waiting import until
