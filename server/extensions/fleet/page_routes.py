@@ -18,7 +18,7 @@ from fastapi import Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from starlette.exceptions import HTTPException
 
-from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.dependencies import TheServices, while_connected
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.static_files import HEADERS as PAGE_HEADERS
 from imuscope.server.api.static_files import serve
@@ -36,7 +36,7 @@ from imuscope.server.extensions.fleet.http_tunnel_server import PageStream
 from imuscope.server.extensions.fleet.robot_routes import TheFleetServer, fleet_server_of
 from imuscope.server.previous_names import path_of
 from imuscope.server.printable import printable
-from imuscope.server.tasks import end_tasks, until_one_ends
+from imuscope.server.tasks import until_one_ends
 
 router = lazy_router(include_in_schema=False)
 
@@ -49,10 +49,6 @@ CODES = (1000, 1001, 1002, 1003, 1008, 1009, 1011, 1012, 1013)
 """Codes below 3000 that may be sent."""
 VERSION_HINT = "Its version may be too new for this fleet server; update the fleet server."
 MAX_MESSAGE = 32 * 1024 * 1024  # bytes of one message of a WebSocket
-
-
-class _ViewerGoneError(Exception):
-    """The viewer has closed the connection."""
 
 
 def _who(role: str, operator: str, peer: str) -> str:
@@ -100,8 +96,8 @@ async def request_to_robot(
             robot, lambda number, boot: msgspec.structs.replace(outgoing, stream=number, boot=boot, body=body)
         )
         try:
-            head = await _head(stream, request)
-            if not isinstance(head, ResponseHead):
+            head = await while_connected(request, stream.next())
+            if not isinstance(head, ResponseHead | None):
                 raise DomainError("refused", "The robot's answer is not valid.", VERSION_HINT)
         except BaseException:
             stream.close()
@@ -110,36 +106,14 @@ async def request_to_robot(
         if changes:
             server.note_command(robot, "warning", f"Command of {log_text}: {error.message}")
         raise
-    except _ViewerGoneError:
+    if head is None:
+        stream.close()
         if changes:
             server.note_command(robot, "warning", f"Command of {log_text}: the viewer left before the answer.")
         return Response(status_code=204)  # the viewer disconnected
     if changes:
         server.note_command(robot, "info", f"Command of {log_text}: answered with {head.status}.")
     return StreamingResponse(_body(stream), head.status, _headers(head))
-
-
-async def _head(stream: PageStream, request: Request) -> ResponseHead | ResponsePart | EndStream:
-    """The beginning of the answer.
-
-    Raises:
-        _ViewerGoneError: the viewer disconnected.
-        DomainError: of the robot.
-    """
-    waiting = asyncio.create_task(stream.next(), name="robot: answer")
-    gone = asyncio.create_task(_until_gone(request), name="browser: gone")
-    try:
-        await asyncio.wait((waiting, gone), return_when=asyncio.FIRST_COMPLETED)
-        if not waiting.done():
-            raise _ViewerGoneError
-        return waiting.result()
-    finally:
-        await end_tasks(waiting, gone)
-
-
-async def _until_gone(request: Request) -> None:
-    while (await request.receive())["type"] != "http.disconnect":
-        pass
 
 
 async def _body(stream: PageStream) -> AsyncIterator[bytes]:
