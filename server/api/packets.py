@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from fastapi import Query
 
 from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.registry import family_of
 from imuscope.recordings.column_store import Base
 from imuscope.recordings.importers import open_file
 from imuscope.server.api.dependencies import TheServices
@@ -137,8 +138,6 @@ def _recorded(
 
 
 def _family(protocol: str) -> ProtocolInfo:
-    from imuscope.protocols.registry import family_of  # imported on first use, because it loads compiled code
-
     family = family_of(protocol)
     if family is None:
         raise DomainError(

@@ -18,6 +18,7 @@ import termios
 from pathlib import Path
 from typing import TextIO
 
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.end_signals import end_signals
 from imuscope.server.errors import UsageError
@@ -45,8 +46,6 @@ def options_of(text: str) -> SimulatorOptions:
 
 def options_of_family(protocol: str) -> set[str]:
     """Names of the decode options of a protocol."""
-    from imuscope.protocols.registry import PROTOCOLS
-
     return {option.name for option in PROTOCOLS[protocol].decoding.options}
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.schema import Command, Setting
 from imuscope.protocols.transactions import RequiresState, Risk, Values
 from imuscope.server.configuration.api_models import FieldProblem
@@ -227,8 +228,6 @@ def risks_of_bytes(controller: DeviceController, data: bytes) -> list[Risk]:
 
 def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
     """Commands that bytes consist of; none if a part of them is not a whole message."""
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
     family = PROTOCOLS[controller.member.info.protocol]
     listing = family.frames.listing(**controller.member.link_session.reading.settings(family.name))
     listing.feed(data)

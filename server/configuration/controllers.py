@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceDriver
 from imuscope.server import previous_names
 from imuscope.server.configuration.device_controller import DeviceController
@@ -33,16 +34,12 @@ log = logging.getLogger("imuscope.controllers")
 
 def driver_of(protocol: str) -> DeviceDriver | None:
     """The driver of a registered protocol; None if it has none."""
-    from imuscope.protocols.registry import PROTOCOLS
-
     row = PROTOCOLS.get(protocol)
     return row.configuration.driver if row is not None else None
 
 
 def decode(protocol: str, frame: bytes, member: LinkMember) -> Mapping[str, Any] | None:
     """The first frame of some bytes as plain values; None if there is none."""
-    from imuscope.protocols.registry import PROTOCOLS
-
     row = PROTOCOLS.get(protocol)
     if row is None:
         return None

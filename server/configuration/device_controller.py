@@ -27,6 +27,7 @@ from typing import Any, TypeVar
 from imuscope.protocols.events import Batch, Event, Reply
 from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.messages.family import NAME as MESSAGES
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.schema import Setting
 from imuscope.protocols.transactions import (
     AT_REST,
@@ -85,8 +86,6 @@ class QueuedJob:
 
 def _is_named(protocol: str) -> bool:
     """True if the stream names the sending device, and commands are addressed by that name."""
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
     return protocol in PROTOCOLS and bool(PROTOCOLS[protocol].device.sender)
 
 

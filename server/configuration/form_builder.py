@@ -71,8 +71,6 @@ def forms_of(
 
 def all_forms() -> list[Forms]:
     """The tables of every protocol that has them, as forms: all products together."""
-    from imuscope.protocols.registry import PROTOCOLS
-
     return [
         forms_of(one.configuration.driver, one.name, DeviceContext())
         for one in PROTOCOLS.values()

@@ -98,7 +98,7 @@ class DecodePipeline:
         self.doubting = decoder if isinstance(decoder, Doubts) else None  # slow, so not in every turn
         about = self._protocols.about(protocol)
         self._restarts.begin(decoder)
-        self._link.flow.keep_datagrams = about.datagrams
+        self._link.flow.keep_datagrams = about.stream.datagrams
         self._link.use_frames(about.frame_size, about.configuration_frames)
         line = LinkTiming.of(self._link)
         self.stream = LinkDecoder(self._sink, self._devices, decoder, line=line, about=about, on_events=self._on_events)

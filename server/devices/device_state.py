@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from imuscope.protocols.clock_sync import ClockSync
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.server import wire
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.ingest import DeviceIdentity
@@ -167,7 +168,5 @@ def _absent(info: wire.DeviceInfo) -> list[str]:
     """Flags of its status words that this product does not have."""
     if not info.protocol or not info.product:
         return []
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
     row = PROTOCOLS.get(info.protocol)
     return list(row.device.absent(info.product)) if row is not None else []

@@ -24,7 +24,7 @@ from imuscope.protocols.capture_clock import CaptureClock
 from imuscope.protocols.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clock_sync import ClockSync, TimedRows
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from imuscope.protocols.family import OutputChanges
+from imuscope.protocols.family import DeviceTraits, StreamTraits
 from imuscope.protocols.framing import REFUSED
 from imuscope.protocols.host_timestamps import StampClock
 from imuscope.protocols.nmea_quantities import NmeaQuantities
@@ -59,23 +59,14 @@ EMBEDDED_NAMES = {"ubx": "u-blox receiver (UBX)", "rtcm3": "RTCM 3 source", "nme
 """Name of a device that sends only such messages, the most specific kind first: any device may send NMEA."""
 
 
-def _nothing(reply: Reply) -> Mapping[str, str]:
-    return {}
-
-
 @dataclass(frozen=True, slots=True)
 class ProtocolTraits:
     """Properties of a protocol for ingest and session, besides its decoder; see registry.ProtocolInfo."""
 
-    identify_request: bytes = b""
-    identity: Callable[[Reply], Mapping[str, str]] = _nothing
+    stream: StreamTraits = StreamTraits()  # noqa: RUF009 - frozen
+    device: DeviceTraits = DeviceTraits()  # noqa: RUF009 - frozen
     protection: Callable[[Batch], str] | None = None
-    sender: str = ""
-    utc: Callable[[Batch], NDArray[np.int64] | None] = lambda batch: None
-    datagrams: bool = False
     frame_size: str = ""
-    stamped: bool = False
-    output_changes: Callable[[], OutputChanges] | None = None
     configuration_frames: str = ""
 
 
@@ -89,7 +80,7 @@ class DeviceIdentity:
         fallback_name: name while the device sends only embedded messages (NMEA, UBX, RTCM); "" to use the protocol.
     """
 
-    read: Callable[[Reply], Mapping[str, str]] = _nothing
+    read: Callable[[Reply], Mapping[str, str]]
     sender: str = ""
     product: str = ""
     serial_number: str = ""
@@ -198,12 +189,12 @@ class Ingest:
         self._sentences = NmeaQuantities()
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last good frame
-        self._changes = about.output_changes() if about.output_changes is not None else None
+        self._changes = about.stream.output_changes() if about.stream.output_changes is not None else None
         self._interruptions: list[tuple[int, tuple[int, str]]] = []  # since the last frame: position, rank and reason
         self._last_offset = -1  # of the last frame of the previous drain
         unknown_ns = NETWORK_NS if is_network(line.kind) else 0
         self.clock: ClockSync = CaptureClock()
-        if about.stamped:
+        if about.stream.stamped:
             self.clock = StampClock()
         elif line.timed:
             self.clock = ClockSync(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
@@ -212,8 +203,8 @@ class Ingest:
         self._breaks: list[float] = []  # restarts of the clock mapping that are not reported yet, unix s
         self._steps_ignored_until = 0.0  # clock steps until then are not reported again, unix s
         self._traits = about
-        self._dating = Dating(about.utc)
-        self.identity = DeviceIdentity(about.identity, about.sender)
+        self._dating = Dating(about.stream.utc)
+        self.identity = DeviceIdentity(about.device.identity, about.device.sender)
         self._kinds: set[str] | None = set()  # of embedded messages, until a message of the protocol itself arrives
         self.samples = 0
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from imuscope.protocols.events import Batch, Event, Text
 from imuscope.protocols.family import PositionFix
+from imuscope.protocols.registry import position_of
 
 
 class PositionTracker:
@@ -22,8 +23,6 @@ class PositionTracker:
     def update(self, event: Event, protocol: str) -> None:
         """Process an event; cheap for those without a position."""
         if isinstance(event, Batch):
-            from imuscope.protocols.registry import position_of  # imported on first use, because it loads compiled code
-
             if position := position_of(protocol, event):
                 self._set_position(position.latitude, position.longitude, position.height, position.satellites)
         elif isinstance(event, Text) and event.protocol == "nmea" and event.name.endswith("GGA"):

@@ -1,33 +1,28 @@
-"""The protocols for a session: the rows of protocols/registry.py, imported on first use.
-
-Importing the registry takes a tenth of a second, which commands that need no protocol save.
-"""
+"""The protocols for a session: the rows of protocols/registry.py."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container
 
 from imuscope.protocols.events import Decoder
 from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.messages.family import MESSAGES
+from imuscope.protocols.registry import PROBLEMS, PROTOCOLS, count_messages, counts_losses, detect, family_of
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.ingest import ProtocolTraits
-from imuscope.server.devices.protocol_detection import ProtocolGuess, ProtocolSet
+from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.links.registry import link_kind
 from imuscope.server.wire import DeviceInfo
 
 
 def protocols() -> dict[str, str]:
     """Name → title of every protocol."""
-    from imuscope.protocols.registry import PROTOCOLS
-
     return {name: info.title for name, info in PROTOCOLS.items()}
 
 
 def sensors_of(protocol: str, product: str) -> SensorProperties:
     """Axes and noise of the sensors of a product, as its family declares them."""
-    from imuscope.protocols.registry import PROTOCOLS
-
     row = PROTOCOLS.get(protocol)
     return row.device.sensors(product) if row is not None else SensorProperties()
 
@@ -38,9 +33,6 @@ def device_counts_losses(device: DeviceInfo, channels: Container[str]) -> bool:
     Args:
         channels: names of what it sends.
     """
-    from imuscope.protocols.messages.family import MESSAGES
-    from imuscope.protocols.registry import counts_losses
-
     if device.protocol == MESSAGES.name:
         kind = link_kind(device.link)
         return kind is not None and kind.counts_messages
@@ -49,7 +41,6 @@ def device_counts_losses(device: DeviceInfo, channels: Container[str]) -> bool:
 
 def problems() -> list[str]:
     """A sentence for each family, exporter, reader and link of another package that cannot be used."""
-    from imuscope.protocols.registry import PROBLEMS
     from imuscope.recordings.exporters import PROBLEMS as OF_EXPORTERS
     from imuscope.recordings.readers.registry import READERS
     from imuscope.server.links.registry import load_links
@@ -64,44 +55,25 @@ def all_protocols() -> ProtocolSet:
         silence = {"arrivals": False} if row.stream.silence and link_kind == "file" else {}
         return row.decoding.decoder(**reading.settings(name), **datagrams, **silence)
 
-    def guess(data: bytes) -> Sequence[ProtocolGuess]:
-        from imuscope.protocols.registry import detect
-
-        return detect(data)
-
     def about(name: str) -> ProtocolTraits:
         row = _family(name)
         return ProtocolTraits(
-            identify_request=row.device.identify_request,
-            identity=row.device.identity,
+            stream=row.stream,
+            device=row.device,
             protection=row.decoding.protection,
-            sender=row.device.sender,
-            utc=row.stream.utc,
-            datagrams=row.stream.datagrams,
-            output_changes=row.stream.output_changes,
             frame_size=row.frames.frame_size,
             configuration_frames=row.frames.configuration_frames,
-            stamped=row.stream.stamped,
         )
 
-    def count_messages(data: bytes) -> Mapping[str, int]:
-        from imuscope.protocols.registry import count_messages
-
-        return count_messages(data)
-
     def title(name: str) -> str:
-        from imuscope.protocols.registry import family_of
-
         family = family_of(name)
         return family.title if family is not None else name
 
-    return ProtocolSet(decoder=decoder, guess=guess, title=title, about=about, count_messages=count_messages)
+    return ProtocolSet(decoder=decoder, guess=detect, title=title, about=about, count_messages=count_messages)
 
 
 def _family(name: str) -> ProtocolInfo:
     """The family of that name; KeyError if unknown."""
-    from imuscope.protocols.registry import family_of
-
     family = family_of(name)
     if family is None:
         raise KeyError(name)

@@ -363,7 +363,7 @@ class Session:
         # else the other program's dialogue may identify it
         is_identified = self._link.kind != "file" and not self._link.other_users
         if stream is not None and not stream.identity.product and is_identified:
-            self._identification.request(self._protocols.about(self.info.protocol).identify_request)
+            self._identification.request(self._protocols.about(self.info.protocol).device.identify_request)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._reporter.report("link", "info", text, data={"kind": "back" if back else "live"})
         self._outage.end(self._pipeline.decoder, self.devices.own, last if back else None)

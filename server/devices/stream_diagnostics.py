@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from imuscope.protocols.events import Doubt
-from imuscope.protocols.family import RejectRemedy
+from imuscope.protocols.registry import PROTOCOLS, remedies
 from imuscope.server.devices.event_reporter import EventReporter
 from imuscope.server.devices.link_stats import LinkStatistics
 from imuscope.server.links.base import Chunk
@@ -47,21 +47,11 @@ REFUSALS: Mapping[str, tuple[str, str]] = {
 
 
 def _refusals() -> Mapping[str, tuple[str, str]]:
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
     own = (reason for family in PROTOCOLS.values() for reason in family.decoding.refusals.items())
     return {**REFUSALS, **dict(own)}
 
 
-def _remedies() -> Mapping[str, RejectRemedy]:
-    from imuscope.protocols.registry import remedies  # imported on first use, because it loads compiled code
-
-    return remedies()
-
-
 def _unprotected(protocol: str) -> tuple[str, str]:
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
     family = PROTOCOLS.get(protocol)
     return family.decoding.unprotected if family is not None else ("", "")
 
@@ -113,7 +103,7 @@ class StreamDiagnostics:
         """Check the rejects so far; True if there is something new to show."""
         if not by_reason:
             return False
-        for reason, one in _remedies().items():
+        for reason, one in remedies().items():
             if by_reason.get(reason) and reason not in self._reported and not (live and one.is_damage):
                 self._reported.add(reason)
                 self._report("warning", f"{one.words} {one.remedy}", {"reason": reason})
@@ -135,7 +125,7 @@ class StreamDiagnostics:
             return self.message, self.hint
         if not new.get(reason):
             return None
-        remedy = _remedies().get(reason)
+        remedy = remedies().get(reason)
         return (remedy.words, remedy.remedy) if remedy is not None else _refusals().get(reason)
 
     def restarted(self, waiting: Mapping[str, str]) -> bool:

@@ -29,6 +29,7 @@ import numpy as np
 
 from imuscope.protocols.events import Doubts, Remarks
 from imuscope.protocols.messages.decoder import MessageDecoder
+from imuscope.protocols.registry import remedies
 from imuscope.recordings import sidecar
 from imuscope.recordings.capture_timing import BLIND_RATE
 from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter
@@ -242,8 +243,6 @@ class _Device:
     def _report_refusals(self) -> None:
         """Report frames that another option would accept, so that missing data is explained."""
         own = self.devices.own
-        from imuscope.protocols.registry import remedies  # imported on first use, because it loads compiled code
-
         for reason, one in remedies().items():
             if count := own.stats.rejects_by.get(reason, 0):
                 text = f"{one.words} {one.remedy_of_file or one.remedy}"

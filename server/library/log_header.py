@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.family import LogHeader
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError
 from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
 from imuscope.server.links.base import LinkError
@@ -54,8 +55,6 @@ class LogHeaderRequest:
 
     def _header(self) -> LogHeader | None:
         """Header of a log in the vendor's format of this device."""
-        from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
         family = PROTOCOLS.get(self._controller.member.info.protocol)
         return family.logs.log_header if family is not None else None
 

@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.server.links.base import Attempt, LinkError, Progress, ScanWindows
 from imuscope.server.links.detection_text import DetectionResult, describe_bytes
 from imuscope.server.links.reader_thread import hung_up
@@ -41,8 +42,6 @@ POLL_S = 0.02
 
 def likely_rates() -> tuple[int, ...]:
     """Rates to listen at, most likely first: factory rates of the families, then others."""
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use: it takes a tenth of a second
-
     delivered = (baud for family in PROTOCOLS.values() for baud in family.device.bauds)
     return tuple(dict.fromkeys((*delivered, *OTHER_RATES)))
 

@@ -15,7 +15,10 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from imuscope.protocols import registry
 from imuscope.protocols.events import Decoder
+from imuscope.protocols.mixed_protocols import MixedProtocolDetector
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.recordings.capture_timing import (
     BLIND_RATE,
     BLOCK_BYTES,
@@ -104,9 +107,6 @@ class FileLink(Link):
 
     def _examine(self) -> None:
         """Add a notice if the file contains frames of another protocol, which playback may not show."""
-        from imuscope.protocols.mixed_protocols import MixedProtocolDetector
-        from imuscope.protocols.registry import PROTOCOLS
-
         mixture = MixedProtocolDetector(self._protocol)
         with contextlib.suppress(OSError), self.path.open("rb") as file:  # playback reports such an error
             while (block := file.read(EXAMINED_BYTES)) and not self._stop.is_set():
@@ -140,8 +140,6 @@ class FileLink(Link):
             inbox.fail(LinkError("gone", f"{self.path} cannot be read any more: {error.strerror}.", "Check the disk."))
 
     def _play_once(self, inbox: ChunkQueue, *, restart: bool) -> None:
-        from imuscope.protocols import registry
-
         decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
         with self.path.open("rb") as file:
             timing = CaptureTiming(file, decoder, LONGEST_PAUSE_NS)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from imuscope.protocols.registry import detect
 from imuscope.server.links.text import grouped
 
 # A checksum matches by chance about once in 10^7 bytes of noise, so a third of the bytes in frames is certain. The
@@ -55,7 +56,5 @@ def describe_bytes(data: bytes) -> DetectionResult:
     """Detect the protocol of `data`; never raises."""
     if not data:
         return DetectionResult()
-    from imuscope.protocols.registry import detect  # imported on first use: it takes a tenth of a second
-
     best = detect(data)[0]
     return DetectionResult(len(data), best.protocol, best.score, best.reason)

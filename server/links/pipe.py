@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable
 from typing import BinaryIO, cast
 
+from imuscope.protocols import registry
 from imuscope.protocols.events import Decoder
 from imuscope.recordings.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
 from imuscope.recordings.mcap_reader import MAGIC
@@ -126,8 +127,6 @@ class PipeLink(FileLink):
 
     def _play(self, pipe: _Pipe, inbox: ChunkQueue) -> None:
         """Queue the received bytes, at once or when they are due."""
-        from imuscope.protocols import registry
-
         decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
         reader = _PipeReader(pipe, lambda data: self._give(inbox, data))
         wait = self._wait_for(inbox)

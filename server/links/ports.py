@@ -20,6 +20,7 @@ from typing import TextIO
 from serial import SerialException
 from serial.tools import list_ports as system_ports
 
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.server.links.base import Attempt, LinkError, ScanWindows
 from imuscope.server.links.baud_scan import scan as scan_rates
 from imuscope.server.links.serial import SerialSettings, gone, holder, lock_of, open_port
@@ -102,8 +103,6 @@ def _info(device: str, description: str, in_use_paths: Collection[str]) -> PortI
 
 def _describe(port: object) -> str:
     """Description of a port, as far as USB provides one: the product if it is known, else maker and product text."""
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use: it takes a tenth of a second
-
     vendor, product = getattr(port, "vid", None), getattr(port, "pid", None)
     if vendor is None:
         text = str(getattr(port, "description", "") or "")

@@ -19,6 +19,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from imuscope.protocols.messages.family import NAME as MESSAGES
+from imuscope.protocols.registry import OF_FILES
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_reader import MAGIC
 from imuscope.recordings.mcap_writer import RecordingError
@@ -101,8 +102,6 @@ class ReplayLink(FileLink):
             raise LinkError("refused", error.message, error.hint or "Give another recording.") from None
         if span is None:
             raise LinkError("ended", f"{self.path.name} holds no bytes of a device.", "Give another recording.")
-        from imuscope.protocols.registry import OF_FILES  # imported on first use, because it loads compiled code
-
         device = self._chosen(file)
         if (known := file.devices.get(device)) is not None and known.protocol in (MESSAGES, *OF_FILES):
             self.protocol = known.protocol

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.ftdi_packets import PACKET
@@ -27,8 +28,6 @@ OPTIONS = (
 
 def simulators() -> Mapping[str, SimulatorInfo]:
     """Available simulated devices, by protocol."""
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use: it takes a tenth of a second
-
     return {name: family.simulator for name, family in PROTOCOLS.items() if family.simulator is not None}
 
 
@@ -146,8 +145,6 @@ def make_device(
     Args:
         decode_options: of the source, as text: a device that encrypts has its key from them, else a random one.
     """
-    from imuscope.protocols.registry import PROTOCOLS
-
     family = simulators()[options.protocol]
     products = family.products()
     own = {option.name: option.default for option in family.options}

@@ -14,6 +14,7 @@ import random
 from collections import deque
 from dataclasses import dataclass
 
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.server.links.baud_mismatch import misread_at
 from imuscope.server.links.ftdi_packets import PACKET, FtdiPacketizer
 
@@ -130,8 +131,6 @@ def frames_of(data: bytes, protocol: str) -> tuple[list[bytes], bytes]:
     Returns:
         The pieces (whole frames, and bytes between them), and the incomplete frame at the end.
     """
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use: it takes a tenth of a second
-
     simulator = PROTOCOLS[protocol].simulator
     assert simulator is not None
     preamble, size_of = simulator.preamble, simulator.frame_size

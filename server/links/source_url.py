@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from urllib.parse import parse_qsl, unquote
 
+from imuscope.protocols.registry import url_options
 from imuscope.server import previous_names
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.registry import link_schemes, source_forms
@@ -57,8 +58,6 @@ def is_host(name: str) -> bool:
 
 def _decode_options() -> str:
     """The options that any source can contain (server/devices/decode_options.py)."""
-    from imuscope.protocols.registry import url_options  # imported on first use, because it takes a moment
-
     *first, last = url_options()
     return f"{', '.join(first)} and {last}" if first else last
 

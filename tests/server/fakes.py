@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
+from imuscope.protocols.family import DeviceTraits
 from imuscope.protocols.schema import Field, Message
 from imuscope.protocols.xbus.device_info import identity
 from imuscope.server.devices.ingest import ProtocolTraits
@@ -200,7 +201,7 @@ SPEECH = ProtocolSet(
     decoder=lambda name, reading, link: FakeDecoder(),
     guess=_guess,
     title=lambda name: "Fake sensor",
-    about=lambda name: ProtocolTraits(identity=identity),
+    about=lambda name: ProtocolTraits(device=DeviceTraits(identity=identity)),
 )
 
 

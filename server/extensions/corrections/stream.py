@@ -32,6 +32,7 @@ from urllib.parse import unquote, urlsplit
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.family import CorrectionInput, PositionFix
 from imuscope.protocols.nmea import sentence
+from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.api_models import Corrections
@@ -398,8 +399,6 @@ class CorrectionForwarder:
         self._message, self._hint = f"Forwarding from {self._public_source}.", ""
 
     def _input(self) -> CorrectionInput | None:
-        from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
         family = PROTOCOLS.get(self._session.info.protocol)
         return family.configuration.corrections if family is not None else None
 
